@@ -1,5 +1,5 @@
-//! Acuity: the highest speed at which a contender's words still read. An eye chart likewise asks for
-//! the smallest letters.
+//! Acuity: the highest speed at which a contender's words still read. An eye chart likewise asks
+//! for the smallest letters.
 //!
 //! In: a study. Every contender flies its words on a ladder of stroke speeds, from four times the
 //! slowest of the scenes up. Each rung has seeds of its own, the same for all contenders. Out:
@@ -7,8 +7,8 @@
 //!
 //! If words read below a speed and not above it, the mean of P(read) over the ladder is the
 //! fraction of rungs below that speed (method of Spearman 1908 and Kärber 1931). So the mean and
-//! its interval give a speed and its interval, without a model of how P(read) falls. The ladder is a
-//! study whose words are its rungs, and [`rank`] compares two contenders flight by flight.
+//! its interval give a speed and its interval, without a model of how P(read) falls. The ladder is
+//! a study whose words are its rungs, and [`rank`] compares two contenders flight by flight.
 //!
 //! Smaller letters would be limited by the lamp: at 8 cm, flights on the true state and on an
 //! estimate differ by 0.12 in P(read), at 2.5 m/s by 0.37. Not done: limits beyond the ladder.
@@ -64,8 +64,8 @@ pub struct Rung {
 }
 
 impl Study {
-    /// Returns the study on each rung of the ladder, the slowest first. The acceleration of the strokes
-    /// rises in proportion to their speed.
+    /// Returns the study on each rung of the ladder, the slowest first. The acceleration of the
+    /// strokes rises in proportion to their speed.
     pub fn ladder(&self) -> Vec<Self> {
         let speeds_m_s = self.contenders.iter().map(|named| named.scene.plan.stroke_speed_m_s);
         let slowest_m_s = speeds_m_s.fold(f64::INFINITY, f64::min);
@@ -135,8 +135,8 @@ pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
     Acuity { limits: limits.collect(), pairs: ranking.pairs }
 }
 
-/// Returns the speed limit by Spearman and Kärber: the first `n · mean P(read)` of n rungs read, and
-/// the limit is half a rung above the last of these.
+/// Returns the speed limit by Spearman and Kärber: the first `n · mean P(read)` of n rungs read,
+/// and the limit is half a rung above the last of these.
 fn limit_m_s(first_rung_m_s: f64, legibility: Estimate) -> Estimate {
     let Estimate { value, low, high } = legibility;
     let [value, low, high] = [value, low, high].map(|mean| {

@@ -1,5 +1,5 @@
-//! Sets `NOCTOGRAPH_SOURCE` to a digest of the source that decides a flight's outcome. Builds of one
-//! source have the same digest, from a clone or an archive, on every system.
+//! Sets `NOCTOGRAPH_SOURCE` to a digest of the source that decides a flight's outcome. Builds of
+//! one source have the same digest, from a clone or an archive, on every system.
 
 #![expect(clippy::disallowed_methods, reason = "the source")]
 

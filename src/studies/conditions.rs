@@ -21,8 +21,8 @@ use noctograph_sim::SimOptions;
 use noctograph_sim::sensors::LighthouseOptions;
 use noctograph_sim::vehicle::{GustOptions, Gusts, VehicleOptions};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), used with gusts if the scene has no
-/// drag.
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), used with gusts if the scene has
+/// no drag.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
 /// Mean time between two radio outages.
@@ -42,13 +42,14 @@ settings! {
     /// %. Of other flights it holds nine tenths under PID, and fewer in y without an integral
     /// (`docs/model.md`).
     pub struct Conditions {
-        /// Mass: σ as a fraction of the scene's mass. 0.5 g of 35 g, for tape or a different battery.
+        /// Mass: σ as a fraction of the scene's mass. 0.5 g of 35 g, for tape or a different
+        /// battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
         /// Center of mass in body x and y: σ, m. A battery of 7 g slides half a millimeter in its
         /// holder. Unequal motors have the same effect: 3 % (σ) act like 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
-        /// Moments of inertia: σ as a fraction of the scene's. Published values for one drone differ
-        /// by a fifth.
+        /// Moments of inertia: σ as a fraction of the scene's. Published values for one drone
+        /// differ by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
         /// Time constant of the rotors on top of the scene's, uniform from 0 to this, s: the lower
         /// half of the published values (0.02 to 0.14 s), since gains that were flown tolerate it.
@@ -59,23 +60,24 @@ settings! {
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
         /// Rotation of the Lighthouse's frame about each axis, rad, and error of its scale: σ. For
         /// the estimation of the geometry (cflib, `multi_bs_geometry_estimation.py`) the drone is
-        /// placed by hand at the origin, one meter along the x-axis, and on the floor. Each position
-        /// has an error of 7.5 mm, the distortion in that data set: 0.0075 √2 of a meter. The data
-        /// set itself was first rotated onto its reference, so it does not contain this error.
+        /// placed by hand at the origin, one meter along the x-axis, and on the floor. Each
+        /// position has an error of 7.5 mm, the distortion in that data set: 0.0075 √2 of a meter.
+        /// The data set itself was first rotated onto its reference, so it does not contain this
+        /// error.
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
         /// Moment of the air per airspeed, added to the scene's, uniform from 0 to this, N m/(m/s):
-        /// it pitches the drone up against its motion. As large as in the log of the reference flight
-        /// ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is measured on
-        /// other drones.
+        /// it pitches the drone up against its motion. As large as in the log of the reference
+        /// flight ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is
+        /// measured on other drones.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
-        /// Gusts: σ, m/s (Ornstein–Uhlenbeck). Those of a ventilated room, or the scene's if these are
-        /// stronger. Uneven air rotates the drone in proportion, as measured at 0.08.
+        /// Gusts: σ, m/s (Ornstein–Uhlenbeck). Those of a ventilated room, or the scene's if these
+        /// are stronger. Uneven air rotates the drone in proportion, as measured at 0.08.
         gust_m_s: f64 = 0.08, in 0.0..=30.0;
         /// Delay of the light commands on top of the scene's, uniform from 0 to this, s: one
         /// repeated radio packet.
         led_delay_s: f64 = 0.05, in 0.0..=5.0;
-        /// Fraction of the charge that the battery has lost, uniform from 0 to this, if the scene has
-        /// a battery.
+        /// Fraction of the charge that the battery has lost, uniform from 0 to this, if the scene
+        /// has a battery.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
         /// Mean duration of a radio outage, one in 10 s (`[radio]`), s. 0: none. With the value of
         /// `evening` the longest of six in a minute lasts 0.73 s, as in the log of the reference
@@ -85,10 +87,10 @@ settings! {
         /// directions would correct it. Value of `evening`: 0.015 °/s/K (data sheet of
         /// the BMI088) times 10 K from calibration to flight.
         yaw_drift_rad_s: f64 = 0.0, in 0.0..=1.0;
-        /// Fraction of its thrust that one motor loses, uniform from 0 to this. Value of `evening`: a
-        /// millimeter less on one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a blade's lift grows
-        /// with r². Small faults begin at 5 % of a blade's length (Baldini et al. 2026, doi
-        /// 10.1007/s10846-026-02369-x).
+        /// Fraction of its thrust that one motor loses, uniform from 0 to this. Value of `evening`:
+        /// a millimeter less on one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a
+        /// blade's lift grows with r². Small faults begin at 5 % of a blade's length (Baldini et
+        /// al. 2026, doi 10.1007/s10846-026-02369-x).
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
         /// Age of the battery, uniform from 0 to this. At 1 it has 80 % of its capacity, where
         /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996). It
@@ -101,8 +103,9 @@ settings! {
 }
 
 impl Conditions {
-    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. Its mass
-    /// differs by a gram of 35, and its motors by 3 %, half of what the reference flight's trim shows.
+    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. Its
+    /// mass differs by a gram of 35, and its motors by 3 %, half of what the reference flight's
+    /// trim shows.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }

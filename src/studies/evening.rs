@@ -165,8 +165,8 @@ pub struct MeanDrone {
 }
 
 impl Evening {
-    /// Reads and identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of logs so
-    /// far.
+    /// Reads and identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of
+    /// logs so far.
     ///
     /// # Errors
     ///
@@ -235,8 +235,8 @@ impl Evening {
         })
     }
 
-    /// Returns the widths of conditions that the sound flights show about their mean, in the order of a
-    /// conditions file. Widths that they do not show are omitted, and remain those of a room.
+    /// Returns the widths of conditions that the sound flights show about their mean, in the order
+    /// of a conditions file. Widths that they do not show are omitted, and remain those of a room.
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
@@ -266,11 +266,11 @@ impl Evening {
         ];
         // With too few flights a width is omitted.
         let enough = conditions.into_iter().filter(|(_, n, least, ..)| n >= least);
-        let found = enough.map(|(key, n, _, value, from)| {
+        let conditions = enough.map(|(key, n, _, value, from)| {
             let flights = if key == "radio_outage_s" { "" } else { &format!(", {n} flights") };
             FoundCondition { key, value, from: format!("{from}{flights}") }
         });
-        found.collect()
+        conditions.collect()
     }
 
     /// Returns a conditions file (TOML) with the given widths and their origin.
@@ -289,8 +289,8 @@ impl Evening {
 }
 
 impl LogFigures {
-    /// Returns the mean outage, estimated from the longest: the longest of n exponential times is on
-    /// average 1 + 1/2 + … + 1/n times their mean.
+    /// Returns the mean outage, estimated from the longest: the longest of n exponential times is
+    /// on average 1 + 1/2 + … + 1/n times their mean.
     fn mean_outage_s(&self) -> f64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
         let n = (self.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
@@ -347,7 +347,8 @@ fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
     within.map(|[start_s, end_s]| end_s - start_s).collect()
 }
 
-/// Returns the figures of a flight from `air`, its samples in the air, or the flaw that prevents it.
+/// Returns the figures of a flight from `air`, its samples in the air, or the flaw that prevents
+/// it.
 fn figures(
     flight: &Flight,
     air: &[FlightSample],
@@ -381,14 +382,14 @@ fn figures(
     })
 }
 
-/// Returns `figure` if it differs from the scene's value by more than three standard deviations, else
-/// the scene's value.
+/// Returns `figure` if it differs from the scene's value by more than three standard deviations,
+/// else the scene's value.
 fn significant(figure: f64, sigma: f64, scene: f64) -> f64 {
     if (figure - scene).abs() > 3.0 * sigma { figure } else { scene }
 }
 
-/// Returns the standard deviation of values, given as (value, σ of its error), after the variance of
-/// the errors is subtracted. 0 for fewer than two values.
+/// Returns the standard deviation of values, given as (value, σ of its error), after the variance
+/// of the errors is subtracted. 0 for fewer than two values.
 fn spread(values: &[(f64, f64)]) -> f64 {
     let n = values.len() as f64;
     let middle = mean(values.iter().map(|(value, _)| value));

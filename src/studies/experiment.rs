@@ -45,7 +45,8 @@ pub struct Trial {
 }
 
 impl Study {
-    /// Checks that there are flights, not too many, with distinct names and words and valid conditions.
+    /// Checks that there are flights, not too many, with distinct names and words and valid
+    /// conditions.
     ///
     /// # Errors
     ///
@@ -96,9 +97,9 @@ impl Study {
         })
     }
 
-    /// Returns the seed of a word's flight number `index`. If the study's seed is public, this is below
-    /// 2^31, as in every release. If it is secret, a keyed hash of 63 bits, as many as a scene file
-    /// holds, so that nobody can find seeds by trial or derive one from another.
+    /// Returns the seed of a word's flight number `index`. If the study's seed is public, this is
+    /// below 2^31, as in every release. If it is secret, a keyed hash of 63 bits, as many as a
+    /// scene file holds, so that nobody can find seeds by trial or derive one from another.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
         // The word is part of the hashed bytes, so that words have different gusts.
         let bytes = index.to_le_bytes().into_iter().chain(word.bytes());
@@ -129,8 +130,8 @@ impl Study {
 /// Flies trials on rayon's threads and returns their records in the order of `trials`, which depend
 /// only on the study. `prepared` is the result of [`Study::prepare`].
 ///
-/// Trials in the store are not flown again, and new ones are stored at once. `done` is called with the
-/// number of finished trials, from any thread. `stop` ends the study between two flights.
+/// Trials in the store are not flown again, and new ones are stored at once. `done` is called with
+/// the number of finished trials, from any thread. `stop` ends the study between two flights.
 ///
 /// # Errors
 ///

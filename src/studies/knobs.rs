@@ -27,7 +27,8 @@ pub enum Turn {
     Choice(Vec<String>),
 }
 
-/// The usual knobs of linear-quadratic regulators whose gain is designed, then of other controllers.
+/// The usual knobs of linear-quadratic regulators whose gain is designed, then of other
+/// controllers.
 const LQR: &str = "
     controller.kind=lqr|lqr-feedforward|lqr-integral
     controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
@@ -63,8 +64,8 @@ const OBSERVER_AND_SPEED: &str = "
     plan.stroke_speed_m_s=0.12..0.4";
 
 impl Knob {
-    /// Returns the usual knobs that have an effect in a scene: weights or gains of its controller, the
-    /// observer's weights of the measured position, and the stroke speed.
+    /// Returns the usual knobs that have an effect in a scene: weights or gains of its controller,
+    /// the observer's weights of the measured position, and the stroke speed.
     pub fn usual(scene: &Scene) -> Vec<Self> {
         let controller = match scene.controller.kind {
             // A fixed gain depends on no weights.
@@ -85,8 +86,8 @@ impl Knob {
         knobs
     }
 
-    /// Sets the knob's keys in a scene to the value at `fraction` of its range, 0 to 1. Refuses a key
-    /// that the scene lacks or whose value is of another kind.
+    /// Sets the knob's keys in a scene to the value at `fraction` of its range, 0 to 1. Refuses a
+    /// key that the scene lacks or whose value is of another kind.
     fn set(&self, scene: &mut toml::Table, fraction: f64) -> Result<()> {
         for key in &self.keys {
             let value = find(scene, key)?;

@@ -2,8 +2,8 @@
 //!
 //! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene.
 //!
-//! 1. A scene that is prepared for a word ([`Prepared`]) flies one seed after the other. Each flight
-//!    is exposed on a small film, at the reader's resolution, and read: one [`Outcome`].
+//! 1. A scene that is prepared for a word ([`Prepared`]) flies one seed after the other. Each
+//!    flight is exposed on a small film, at the reader's resolution, and read: one [`Outcome`].
 //! 2. Only the seed decides gusts, noise and how the drone departs from its scene. So controllers
 //!    are compared flight by flight under common random numbers.
 //! 3. Every outcome goes into a [`Store`] at once, and trials in it are never flown again. An

@@ -29,7 +29,8 @@ pub struct Outcome {
     pub probability: f64,
     /// Its log-odds, −10 to 10: they still change where the probability hardly does.
     pub log_odds: f64,
-    /// Mean probability of the intended letters, 0 to 1. It changes even while the word is illegible.
+    /// Mean probability of the intended letters, 0 to 1. It changes even while the word is
+    /// illegible.
     pub similarity: f64,
     /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]
@@ -153,7 +154,8 @@ impl Outcome {
 }
 
 impl Flown {
-    /// Computes the figures of the flights for one photo. `believed` has the scene's drone and battery.
+    /// Computes the figures of the flights for one photo. `believed` has the scene's drone and
+    /// battery.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;

@@ -81,8 +81,8 @@ pub struct Pair {
 /// Least P(read) with a place. Smaller ones are printed as 0.000.
 const LEAST_READ: f64 = 0.0005;
 
-/// Ranks the contenders of a study. `records` has one for each of its trials, in their order. Panics
-/// if the number differs.
+/// Ranks the contenders of a study. `records` has one for each of its trials, in their order.
+/// Panics if the number differs.
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
     let n_each = (records.len() / study.contenders.len().max(1)).max(1);
@@ -168,7 +168,8 @@ fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     }
 }
 
-/// Returns `value` of one contender's records, word by word, without the records where it is `None`.
+/// Returns `value` of one contender's records, word by word, without the records where it is
+/// `None`.
 fn strata(
     study: &Study,
     mut records: &[Record],
@@ -181,8 +182,8 @@ fn strata(
     words.collect()
 }
 
-/// Computes the measures of one contender from its records, without its place. `first` is the index of
-/// its first record.
+/// Computes the measures of one contender from its records, without its place. `first` is the index
+/// of its first record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // Photos from the worst to the best. A lost drone has none.

@@ -2,8 +2,8 @@
 //!
 //! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
 //! candidate is planned, flown, exposed on the scene's film and read with the scene's seed. Those
-//! that gain are flown with two more seeds, and dropped if they lose with one of these. Settings that
-//! nobody can choose, such as gusts or the radio's delay, are not changed.
+//! that gain are flown with two more seeds, and dropped if they lose with one of these. Settings
+//! that nobody can choose, such as gusts or the radio's delay, are not changed.
 
 use rayon::prelude::*;
 

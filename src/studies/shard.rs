@@ -1,7 +1,7 @@
 //! Shard: a part of a study's flights, flown by any process on any machine.
 //!
-//! Its file is named by the study and the part, depends on nothing else, and appears complete or not
-//! at all. So a shard may be flown twice, or killed and flown again, and the next study may be
+//! Its file is named by the study and the part, depends on nothing else, and appears complete or
+//! not at all. So a shard may be flown twice, or killed and flown again, and the next study may be
 //! divided differently.
 
 use std::path::{Path, PathBuf};
@@ -36,8 +36,8 @@ impl std::str::FromStr for Shard {
 }
 
 impl Shard {
-    /// Flies every `count`th trial of a study and writes the records to a file in `folder`, unless it
-    /// exists already. Returns the file's path and its number of flights.
+    /// Flies every `count`th trial of a study and writes the records to a file in `folder`, unless
+    /// it exists already. Returns the file's path and its number of flights.
     pub fn fly(
         self,
         study: &Study,

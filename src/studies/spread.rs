@@ -1,9 +1,10 @@
 //! Spread: how much the flights of one plan differ, and whether their photos read.
 //!
 //! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
-//! and two [`Band`]s for each drone: one over flights that differ in room and drone, one over flights
-//! of one drone in one room. [`Conditions`] are drawn once for a flight: the drone's mass, trim,
-//! rotors and charge, and the geometry of the base stations. Gusts and sensor noise vary within it.
+//! and two [`Band`]s for each drone: one over flights that differ in room and drone, one over
+//! flights of one drone in one room. [`Conditions`] are drawn once for a flight: the drone's mass,
+//! trim, rotors and charge, and the geometry of the base stations. Gusts and sensor noise vary
+//! within it.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -87,7 +88,7 @@ pub struct Held {
 }
 
 impl Band {
-    /// Creates the band of `position_m` over flights of one plan, with a time every [`STEP_S`].
+    /// Creates the band of `position_m` over flights of one plan, with a time every 0.1 s.
     pub fn new(flights: &[&Flight], position_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
         let mut band = Self { n_flights: flights.len(), ..Self::default() };
         let Some(first) = flights.first() else { return band };
@@ -112,15 +113,15 @@ impl Band {
         band
     }
 
-    /// Returns the fraction of further flights that the band holds: [`BAND_FRAC`], or with fewer than
-    /// [`LEAST_FLIGHTS`] flights that between the extremes of n flights, `(n − 1) / (n + 1)`.
+    /// Returns the fraction of further flights that the band holds: [`BAND_FRAC`], or with fewer
+    /// than [`LEAST_FLIGHTS`] flights that between the extremes of n flights, `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
     }
 
-    /// Returns half its width on each axis: the mean while letters are written, or over all times if
-    /// none are.
+    /// Returns half its width on each axis: the mean while letters are written, or over all times
+    /// if none are.
     pub fn half_width_m(&self) -> Vector3<f64> {
         let has_letters = self.writes.contains(&true);
         let ends_m = self.ends_m.iter().zip(&self.writes);
@@ -132,7 +133,7 @@ impl Band {
     }
 
     /// Compares another flight with the band, at the band's times that have a sample within
-    /// [`NEAR_S`].
+    /// 20 ms.
     pub fn held(&self, samples: &[FlightSample]) -> Held {
         // Distances from the median, divided by that of the band's end on the same side.
         let mut ratios: [Vec<f64>; 3] = Default::default();
@@ -177,8 +178,8 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (rank - rank.floor())
 }
 
-/// Flies a shoot with `n` seeds from the scene's on, each with its own drones and room, and again with
-/// the drones and the room of the first. `done` is called with the number of flights so far.
+/// Flies a shoot with `n` seeds from the scene's on, each with its own drones and room, and again
+/// with the drones and the room of the first. `done` is called with the number of flights so far.
 ///
 /// # Errors
 ///

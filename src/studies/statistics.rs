@@ -91,8 +91,8 @@ pub fn median(values: &mut [f64]) -> f64 {
     if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }
 
-/// Returns the mean of all values with its 95 % interval by Student's t. The variance is that within
-/// strata, or of all values if a stratum has only one. Unbounded for a single value.
+/// Returns the mean of all values with its 95 % interval by Student's t. The variance is that
+/// within strata, or of all values if a stratum has only one. Unbounded for a single value.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let Some(Spread { n, freedom, variance, .. }) = spread(strata) else {
@@ -141,7 +141,8 @@ struct Spread {
 
 impl Spread {
     /// Returns the interval of a mean, within 0 and 1. At its ends Hall's transformation
-    /// `x + λ x²/3 + λ² x³/27 + λ/(6 n)` of `x = (mean - end) / σ`, with the skewness λ, is Student's t.
+    /// `x + λ x²/3 + λ² x³/27 + λ/(6 n)` of `x = (mean - end) / σ`, with the skewness λ, is
+    /// Student's t.
     fn interval(&self, value: f64) -> Estimate {
         let Self { n, freedom, variance, third_moment } = *self;
         let sigma = variance.sqrt();
@@ -259,8 +260,8 @@ fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>)
     (n > 0).then(|| sum / f64::from(n))
 }
 
-/// Returns the 97.5 % quantile of Student's t for `freedom` degrees of freedom (Hill, Communications
-/// of the ACM 13, 1970, algorithm 396).
+/// Returns the 97.5 % quantile of Student's t for `freedom` degrees of freedom (Hill,
+/// Communications of the ACM 13, 1970, algorithm 396).
 fn student_t(freedom: f64) -> f64 {
     // Probability of both tails, and the normal quantile of one of them.
     const BEYOND: f64 = 0.05;

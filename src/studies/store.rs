@@ -2,8 +2,8 @@
 //!
 //! `study.json` names the program that wrote it. `flights.jsonl` holds one JSON object a line,
 //! which `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by
-//! one write of one line. So a killed program leaves at worst half a line at the end, which the next
-//! program removes. One program at a time writes to the folder (`lock`).
+//! one write of one line. So a killed program leaves at worst half a line at the end, which the
+//! next program removes. One program at a time writes to the folder (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -148,7 +148,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// Those of [`Self::read`] and [`Self::put`]. [`Error::Input`] if a flight has another outcome there.
+    /// Those of [`Self::read`] and [`Self::put`]. [`Error::Input`] if a flight has another outcome
+    /// there.
     pub fn take(&mut self, path: &Path) -> Result<()> {
         Self::read(path)?.into_iter().try_for_each(|record| {
             if add(&mut self.known, record.clone(), path)? { self.put(&record) } else { Ok(()) }
@@ -164,9 +165,9 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], for example if the disk is full. The line is then removed again, and those before
-    /// it stay. [`Error::Input`] beyond the flights of the largest study. Panics if another thread
-    /// panicked while writing.
+    /// [`Error::Io`], for example if the disk is full. The line is then removed again, and those
+    /// before it stay. [`Error::Input`] beyond the flights of the largest study. Panics if another
+    /// thread panicked while writing.
     pub fn put(&self, record: &Record) -> Result<()> {
         // Serialized before locking, so that threads wait only for the write.
         let line = line_of(record);
@@ -215,7 +216,8 @@ impl Drop for Store {
 }
 
 impl Log {
-    /// Appends a line, or leaves the file as it was if that fails. Syncs every [`SYNC_EVERY`] flights.
+    /// Appends a line, or leaves the file as it was if that fails. Syncs every [`SYNC_EVERY`]
+    /// flights.
     fn append(&mut self, line: &[u8]) -> std::io::Result<()> {
         if let Err(error) = self.file.write_all(line) {
             // The next record has to follow the last complete line.

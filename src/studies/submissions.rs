@@ -28,8 +28,8 @@ struct Submitted {
 
 /// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
 /// learning platforms export them. A row has the name of its file, after that of the student's
-/// folder. If two rows would have one name, theirs are the ends of the paths that differ. Every other
-/// entry of a folder has a row with the reason, except hidden files, which are only listed.
+/// folder. If two rows would have one name, theirs are the ends of the paths that differ. Every
+/// other entry of a folder has a row with the reason, except hidden files, which are only listed.
 ///
 /// # Errors
 ///
@@ -121,8 +121,8 @@ fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// Returns the shortest end of a path that no other submission has, or the whole path if it is given
-/// twice.
+/// Returns the shortest end of a path that no other submission has, or the whole path if it is
+/// given twice.
 fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
         // First without the file's extension.

@@ -35,7 +35,8 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
-/// Returns CSV with a row for each submission. Marks are 100 times P(read), or 0 if it is not ranked.
+/// Returns CSV with a row for each submission. Marks are 100 times P(read), or 0 if it is not
+/// ranked.
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
@@ -57,8 +58,8 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     table(columns(names), ranked.chain(unranked))
 }
 
-/// Returns CSV with a row for each candidate, in the order of the search, with the value of each key
-/// that a knob varies.
+/// Returns CSV with a row for each candidate, in the order of the search, with the value of each
+/// key that a knob varies.
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     let columns = columns("number flights=n_flights given_up merit legibility")
@@ -86,8 +87,8 @@ fn columns(names: &str) -> impl Iterator<Item = Column> {
     })
 }
 
-/// Returns the columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of its
-/// interval.
+/// Returns the columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of
+/// its interval.
 fn estimate(name: &str, path: &str) -> [Column; 3] {
     [("", "value"), ("_low", "low"), ("_high", "high")]
         .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
@@ -110,9 +111,9 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// Returns a JSON value as a CSV cell. Submissions choose their names, so texts are made harmless: an
-/// apostrophe before `=+-@` keeps a spreadsheet from reading a formula (OWASP, CSV injection), and
-/// control characters, which a terminal would execute, become U+FFFD.
+/// Returns a JSON value as a CSV cell. Submissions choose their names, so texts are made harmless:
+/// an apostrophe before `=+-@` keeps a spreadsheet from reading a formula (OWASP, CSV injection),
+/// and control characters, which a terminal would execute, become U+FFFD.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

@@ -17,10 +17,10 @@ use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
 use noctograph_plan::Plan;
 use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
-/// Height of capitals on the film that is read. The reader resamples it to 32. Fewer pixels blur the
-/// trail, and more cost time. For 20 words, each flown twice, the probability differs from that at
-/// 1920 × 1080 by 0.017 on average, and by 0.21 at most, for Illi. All scenes are compared on this
-/// film.
+/// Height of capitals on the film that is read. The reader resamples it to 32. Fewer pixels blur
+/// the trail, and more cost time. For 20 words, each flown twice, the probability differs from that
+/// at 1920 × 1080 by 0.017 on average, and by 0.21 at most, for Illi. All scenes are compared on
+/// this film.
 const CAP_HEIGHT_PX: f64 = 48.0;
 
 /// A scene that is prepared to fly a word with many seeds.
@@ -93,8 +93,8 @@ impl Prepared {
         &self.scene
     }
 
-    /// Returns a digest of everything that decides an outcome except the seed: program, reader, scene,
-    /// word and conditions. It has 16 hexadecimal digits.
+    /// Returns a digest of everything that decides an outcome except the seed: program, reader,
+    /// scene, word and conditions. It has 16 hexadecimal digits.
     pub fn digest(&self) -> &str {
         &self.digest
     }
@@ -123,8 +123,8 @@ impl Prepared {
         self.shoot(seed).fly(&|_, _| {})
     }
 
-    /// Exposes and reads the flights of a seed. Returns the outcome. If a lamp passes in front of the
-    /// lens there is no photo, and the drone counts as lost.
+    /// Exposes and reads the flights of a seed. Returns the outcome. If a lamp passes in front of
+    /// the lens there is no photo, and the drone counts as lost.
     pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
         let shot = flights.and_then(|flights| {
             let recordings = flights.into_iter().map(Recording::Flight).collect();
@@ -144,8 +144,8 @@ impl Prepared {
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }
     }
 
-    /// Takes the photo of one seed, with capitals `cap_height_px` high or as high as in the scene if that
-    /// is less.
+    /// Takes the photo of one seed, with capitals `cap_height_px` high or as high as in the scene
+    /// if that is less.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();
@@ -188,7 +188,8 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     Ok(())
 }
 
-/// Most readers that are kept for further scenes. Preparing one takes as long as reading ten photos.
+/// Most readers that are kept for further scenes. Preparing one takes as long as reading ten
+/// photos.
 const MAX_READERS: usize = 64;
 
 /// Returns the reader of a word, which is shared by all scenes with these strokes and options.

@@ -2,12 +2,12 @@
 //!
 //! 1. Search: a candidate flies the training words with the training seeds. The objective is its
 //!    mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits.
-//!    After half of its flights a candidate below the median of the others is given up (median rule:
-//!    Golovin et al., "Google Vizier", KDD 2017).
+//!    After half of its flights a candidate below the median of the others is given up (median
+//!    rule: Golovin et al., "Google Vizier", KDD 2017).
 //! 2. Finals: the best few and the original scene fly again with new seeds, since the luckiest of
 //!    many is not the best.
-//! 3. Test: the winner, the luckiest of a few, is compared with the original scene on further seeds.
-//!    It is the result only if it is distinguishably better.
+//! 3. Test: the winner, the luckiest of a few, is compared with the original scene on further
+//!    seeds. It is the result only if it is distinguishably better.
 
 use std::collections::BTreeMap;
 
@@ -84,8 +84,8 @@ impl TuneOptions {
         self.n_final() + LEAST_CANDIDATES * self.n_each()
     }
 
-    /// Compares a tuned scene with the original one, on seeds that neither the search nor the finals
-    /// used. Returns the study and its ranking.
+    /// Compares a tuned scene with the original one, on seeds that neither the search nor the
+    /// finals used. Returns the study and its ranking.
     pub fn test(
         &self,
         [original, tuned]: [&Scene; 2],
@@ -146,7 +146,8 @@ pub struct Candidate {
     pub legible: Estimate,
     /// Mean time of a flight. `None` if every drone was lost.
     pub duration_s: Option<f64>,
-    /// Sum of the excesses over its limits, each as a fraction of the limit. 0 if it keeps all limits.
+    /// Sum of the excesses over its limits, each as a fraction of the limit. 0 if it keeps all
+    /// limits.
     pub broken: f64,
     /// True if it was given up after half of its flights.
     pub given_up: bool,
@@ -194,8 +195,8 @@ impl Tuned {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, if there is no word,
-/// and if the budget is too small. Those of the flights and the store.
+/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, if there is no
+/// word, and if the budget is too small. Those of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -242,8 +243,8 @@ struct Tuning<'a> {
 }
 
 impl Tuning<'_> {
-    /// Flies candidates with the training seeds, after the original scene, until only the finals fit
-    /// into the budget or `watch` returns false. Returns all of them.
+    /// Flies candidates with the training seeds, after the original scene, until only the finals
+    /// fit into the budget or `watch` returns false. Returns all of them.
     fn search(
         &mut self,
         original: Candidate,
@@ -313,8 +314,8 @@ impl Tuning<'_> {
         Ok(candidate)
     }
 
-    /// Flies the best candidates and the original scene with new seeds. Returns the original scene and
-    /// the winner.
+    /// Flies the best candidates and the original scene with new seeds. Returns the original scene
+    /// and the winner.
     fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
         let (original, others) = candidates.split_first().expect("the original scene");
         let mut by_cost: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();

@@ -8,8 +8,8 @@ use noctograph_plan::tracking::{DesignPath, minimize, spread_m2};
 const STEP_S: f64 = 0.02;
 /// Largest time between the designs' first moves after alignment, for lost packets and waiting.
 const MAX_APART_S: f64 = 3.0;
-/// Largest mean square difference (m² per axis) of designs whose clocks are equal: files are rounded
-/// to 1e-6 m.
+/// Largest mean square difference (m² per axis) of designs whose clocks are equal: files are
+/// rounded to 1e-6 m.
 const EQUAL_M2: f64 = 1e-11;
 
 /// Returns the time to add to B's timestamps so that its design agrees best with A's, apart from a

@@ -26,8 +26,8 @@ pub enum Discrepancy {
     Noise(f64),
 }
 
-/// Returns the cause that by itself explains the largest fraction of the mean square distance, and that
-/// fraction. `None` if the flights do not differ.
+/// Returns the cause that by itself explains the largest fraction of the mean square distance, and
+/// that fraction. `None` if the flights do not differ.
 pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
     let differences: Vec<_> = pairs.iter().map(|[a, b]| b.position_m - a.position_m).collect();
     let total = power(&differences);

@@ -120,8 +120,8 @@ fn fit_at(
 }
 
 /// Returns the root mean square distance of pairs, and the rotation and shift of B that minimize it
-/// (orthogonal Procrustes problem about the vertical: Schönemann, Psychometrika 31, 1966). `None` for
-/// fewer than ten pairs.
+/// (orthogonal Procrustes problem about the vertical: Schönemann, Psychometrika 31, 1966). `None`
+/// for fewer than ten pairs.
 fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     if pairs.len() < 10 {
         return None;

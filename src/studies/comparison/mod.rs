@@ -2,10 +2,10 @@
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time. Then B
-//! is interpolated linearly at the times of A's samples. Samples of A are ignored if B's neighbors
-//! are further apart than [`ComparisonOptions::max_gap_s`], for example after lost packets, or if
-//! they are outside the compared part of either flight.
+//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time. Then
+//! B is interpolated linearly at the times of A's samples. Samples of A are ignored if B's
+//! neighbors are further apart than [`ComparisonOptions::max_gap_s`], for example after lost
+//! packets, or if they are outside the compared part of either flight.
 //!
 //! A flight without setpoints, such as a motion capture's, may be in another frame. If only
 //! centimeters remain after a rotation about the vertical and a shift, these are applied

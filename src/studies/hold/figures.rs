@@ -16,7 +16,8 @@ const FROM_S: f64 = 5.0;
 const EVENT_S: f64 = 0.5;
 /// Most runs of a scenario.
 const MAX_RUNS: f64 = 1e4;
-/// Range of the mean squared error over variance of a consistent state: its σ is at most 20 % wrong.
+/// Range of the mean squared error over variance of a consistent state: its σ is at most 20 %
+/// wrong.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
 /// Figures of a scenario over its flights. Root mean squares are over time and flights.
@@ -53,8 +54,8 @@ pub struct HoldFigures {
 pub struct Consistency {
     /// Name of the state.
     pub state: &'static str,
-    /// Mean over time and flights of the squared error over its variance, with its 95 % interval. 1 if
-    /// the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    /// Mean over time and flights of the squared error over its variance, with its 95 % interval. 1
+    /// if the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
     pub error: Estimate,
     /// Its class.
     pub verdict: HoldVerdict,
@@ -101,8 +102,8 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Returns the limits of a scenario. `None` for a floor step during a satellite outage, when only
-    /// the barometer measures the altitude.
+    /// Returns the limits of a scenario. `None` for a floor step during a satellite outage, when
+    /// only the barometer measures the altitude.
     fn new(scenario: HoldScenario) -> Option<Self> {
         let (estimate_m, hold_m) = match scenario {
             HoldScenario::Calm | HoldScenario::Drift => (0.027, 0.056),

@@ -40,8 +40,8 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps: n_steps })
 }
 
-/// Returns the true states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The floor
-/// is the one that the tilted height sensor measures. A steady draft is part of α⁰.
+/// Returns the true states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The
+/// floor is the one that the tilted height sensor measures. A steady draft is part of α⁰.
 fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let (body, vehicle) = (plant.body(), &actual.vehicle);
     let (position_m, down) = (body.position_m, -body.matrix().column(2));

@@ -1,10 +1,10 @@
 //! Altitude hold from three imperfect sensors, with an unknown thrust map.
 //!
 //! A quadcopter measures its altitude with satellites, with a height sensor above an uneven floor,
-//! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes with
-//! the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter)
-//! estimates altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude with
-//! its estimates through [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full
+//! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes
+//! with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
+//! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude with its
+//! estimates through [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full
 //! simulator.
 //!
 //! Limits of the filter: while the throttle is held, α⁰ and α¹ are not observable separately (rank
@@ -54,8 +54,8 @@ settings! {
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`]. [`Error::Input`] for options without an altitude filter, and for a
-/// duration out of range. [`Error::Infeasible`] if the drone does not stay in the air.
+/// Those of [`SimOptions::check`]. [`Error::Input`] for options without an altitude filter, and for
+/// a duration out of range. [`Error::Infeasible`] if the drone does not stay in the air.
 pub fn hold(
     model: HoldModel,
     options: &SimOptions,
@@ -145,7 +145,8 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the height sensor stepped, for at least two samples.
+    /// Returns the times at which the floor below the height sensor stepped, for at least two
+    /// samples.
     pub fn events_s(&self) -> Vec<f64> {
         // State 4 is the height sensor's bias, minus the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);

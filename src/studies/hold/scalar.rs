@@ -1,7 +1,7 @@
 //! Altitude hold in a scalar model.
 //!
-//! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the motors' lag, at 100 Hz. Sensors, filter and controller run
-//! at 10 Hz, as in the lab sheet.
+//! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the motors' lag, at 100 Hz. Sensors, filter and controller
+//! run at 10 Hz, as in the lab sheet.
 
 use super::scenario::{DRONE, GAIN_SPREAD, GUST, HoldScenario, OFFSET_SPREAD_M_S2};
 use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};

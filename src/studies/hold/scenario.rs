@@ -79,8 +79,8 @@ impl HoldScenario {
         if self == Self::Drift { DRIFT_M_S } else { 0.0 }
     }
 
-    /// Returns the options of the drone that actually flies in the full simulator, with the scenario's
-    /// events. `believed` are the filter's and the controller's.
+    /// Returns the options of the drone that actually flies in the full simulator, with the
+    /// scenario's events. `believed` are the filter's and the controller's.
     pub(super) fn applied(self, believed: &SimOptions, seed: u64) -> SimOptions {
         let mut actual = believed.clone();
         // Drawn in the order of the scalar model.
@@ -120,8 +120,8 @@ impl HoldScenario {
 /// Name of the random stream that draws the true drone in both models.
 pub(super) const DRONE: &str = "hold drone";
 
-/// Replaces the battery by one whose lift in hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`]: its charge
-/// lasts that long, and its open-circuit voltage falls linearly.
+/// Replaces the battery by one whose lift in hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`]: its
+/// charge lasts that long, and its open-circuit voltage falls linearly.
 fn drain(options: &mut SimOptions) {
     let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;

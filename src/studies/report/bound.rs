@@ -1,4 +1,5 @@
-//! Draws the bound of position estimates as SVG: the strokes colored by it, and the room from above.
+//! Draws the bound of position estimates as SVG: the strokes colored by it, and the room from
+//! above.
 
 use std::ops::Range;
 
@@ -36,8 +37,8 @@ fn anchor(view: &Window, x_px: f64) -> Anchor {
     if x_px > view.corner_px.x + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
 }
 
-/// Returns an SVG of all drones' strokes colored by the bound, and beside it the anchors from above,
-/// with the best position of one more anchor.
+/// Returns an SVG of all drones' strokes colored by the bound, and beside it the anchors from
+/// above, with the best position of one more anchor.
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],

@@ -1,7 +1,7 @@
 //! Draws lines, cells and text on white or on a photo, as SVG or as pixels.
 //!
-//! Pixels have y down, from the upper left corner. Text has the viewer's sans-serif typeface in SVG,
-//! and single strokes in pixels.
+//! Pixels have y down, from the upper left corner. Text has the viewer's sans-serif typeface in
+//! SVG, and single strokes in pixels.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use kurbo::{Point, Rect, Vec2};
@@ -231,8 +231,8 @@ impl Pixels {
         Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
-    /// Returns the lines of a text from its lower left corner on, and the x of its right end. Characters
-    /// that the font lacks are omitted.
+    /// Returns the lines of a text from its lower left corner on, and the x of its right end.
+    /// Characters that the font lacks are omitted.
     pub(super) fn letters(&self, text: &str, corner: Point, cap_px: f64) -> (Vec<Vec<Point>>, f64) {
         let (mut lines, mut right) = (Vec::new(), 0.0);
         for character in text.chars() {

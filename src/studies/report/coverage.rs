@@ -78,7 +78,8 @@ impl<'a> Map<'a> {
         Self { grid, extent_m, window, errors_m }
     }
 
-    /// Draws a rectangle for each run of equal colors in a row, from midway to midway between places.
+    /// Draws a rectangle for each run of equal colors in a row, from midway to midway between
+    /// places.
     fn draw_cells(&self, canvas: &mut Canvas) {
         let grid = self.grid;
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {

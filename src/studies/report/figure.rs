@@ -219,9 +219,9 @@ impl Panel {
         text(canvas, self.y_name, middle, Anchor::Upward, NAME_EM_PX);
     }
 
-    /// Returns the rectangles of the marks' texts, in pixels from the panel's upper left corner. Each
-    /// mark has the nearest place that is inside the panel and free of earlier marks, and also free of
-    /// curves if there is such a place.
+    /// Returns the rectangles of the marks' texts, in pixels from the panel's upper left corner.
+    /// Each mark has the nearest place that is inside the panel and free of earlier marks, and also
+    /// free of curves if there is such a place.
     fn mark_places(&self) -> Vec<Rect> {
         let (drawn, panel) = (self.drawn_px(), Rect::new(0.0, 0.0, PANEL_WIDTH_PX, self.height_px));
         let mut taken: Vec<Rect> = Vec::new();
@@ -251,7 +251,8 @@ impl Panel {
         taken
     }
 
-    /// Returns points on all curves, [`STEP_PX`] apart, in pixels from the panel's upper left corner.
+    /// Returns points on all curves, [`STEP_PX`] apart, in pixels from the panel's upper left
+    /// corner.
     fn drawn_px(&self) -> Vec<Point> {
         // Equal steps along each line.
         let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
@@ -288,7 +289,8 @@ fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f6
     canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
-/// Returns the range from the least to the largest value. Without values its start is after its end.
+/// Returns the range from the least to the largest value. Without values its start is after its
+/// end.
 pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let empty = f64::INFINITY..f64::NEG_INFINITY;
     values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))

@@ -26,8 +26,8 @@ const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
-/// Returns an SVG of the flights from above, x to the right and y up, over the first trace's design,
-/// with black lines at the edges of the safety corridor. Panics without traces or samples.
+/// Returns an SVG of the flights from above, x to the right and y up, over the first trace's
+/// design, with black lines at the edges of the safety corridor. Panics without traces or samples.
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
@@ -43,8 +43,8 @@ pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
 
-/// Returns an SVG of flown minus design over time, with a panel for each axis. Each flight is compared
-/// with its own design. Panics without traces or samples.
+/// Returns an SVG of flown minus design over time, with a panel for each axis. Each flight is
+/// compared with its own design. Panics without traces or samples.
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
@@ -66,8 +66,8 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     .svg()
 }
 
-/// Returns a panel for each axis with curves of errors over time. All have one scale, about zero, that
-/// reaches at least to `least_m`.
+/// Returns a panel for each axis with curves of errors over time. All have one scale, about zero,
+/// that reaches at least to `least_m`.
 pub(super) fn error_panels(
     time_s: &Range<f64>,
     least_m: f64,
@@ -91,8 +91,8 @@ const LOAD_SAMPLES: usize = 12;
 /// Motor command at full power.
 const FULL_COMMAND: f64 = 65_535.0;
 
-/// Returns an SVG of the drones' load over time: the command of the strongest motor, and the battery's
-/// voltage for drones with a battery.
+/// Returns an SVG of the drones' load over time: the command of the strongest motor, and the
+/// battery's voltage for drones with a battery.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
     let [power, volts]: [Vec<Curve>; 2] = [power_percent, battery_v].map(|value| {
         let curves = flights.iter().enumerate().map(|(index, flight)| {
@@ -121,8 +121,8 @@ pub(super) fn load_over_time(flights: &[Flight]) -> String {
     .svg()
 }
 
-/// Returns the largest motor command in [`LOAD_SAMPLES`] from a sample on, in percent of full power.
-/// Always `Some`, like [`battery_v`].
+/// Returns the largest motor command in [`LOAD_SAMPLES`] from a sample on, in percent of full
+/// power. Always `Some`, like [`battery_v`].
 fn power_percent(flight: &Flight, row: usize) -> Option<f64> {
     let samples = flight.samples[row..].iter().take(LOAD_SAMPLES);
     let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);

@@ -19,8 +19,8 @@ const BAND: Pen = Pen::new(GRAY, 1.0);
 const EDGE_SIGMAS: f64 = 5.0;
 
 /// Returns an SVG with five panels over time: altitude, vertical velocity, thrust map, biases, and
-/// innovations in standard deviations. Bands are two standard deviations. Strokes at the edge of the
-/// last panel are readings that the filter rejected.
+/// innovations in standard deviations. Bands are two standard deviations. Strokes at the edge of
+/// the last panel are readings that the filter rejected.
 pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let set = curve(flight, SET, |_| flight.set_m);
     let thrust = vec![

@@ -29,7 +29,8 @@ pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
         let [corner, center] = [text_px, named_px].map(|[x, y]| Point::new(*x, *y));
         pixels.write(text, corner, CAP_PX, PEN.color);
         let (_, right) = pixels.letters(text, corner, CAP_PX);
-        // The line begins at the nearest point beside the text, above or below it. `up` is in capitals.
+        // The line begins at the nearest point beside the text, above or below it. `up` is in
+        // capitals.
         let (from_x, up) = match center.x {
             x if x < corner.x => (corner.x - 0.5 * CAP_PX, 0.5),
             x if x > right => (right + 0.5 * CAP_PX, 0.5),

@@ -5,8 +5,8 @@
 //! laid over another ([`photos`]).
 //!
 //! Method: curves are thinned to the resolution of pixels and drawn on one canvas. The bytes depend
-//! only on the numbers. Text has the viewer's sans-serif typeface. Colors are those of Okabe and Ito
-//! (2008), which people with any color vision can distinguish.
+//! only on the numbers. Text has the viewer's sans-serif typeface. Colors are those of Okabe and
+//! Ito (2008), which people with any color vision can distinguish.
 //!
 //! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
 //!

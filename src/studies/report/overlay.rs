@@ -1,5 +1,5 @@
-//! Draws a verdict on its photo, as SVG or as a photo: intended, missing and surplus strokes, and each
-//! letter's probability.
+//! Draws a verdict on its photo, as SVG or as a photo: intended, missing and surplus strokes, and
+//! each letter's probability.
 
 use kurbo::{Point, Vec2};
 

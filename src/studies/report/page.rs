@@ -86,8 +86,8 @@ impl Page {
         self.with(&format!("<div class=\"drawings\">\n{figures}</div>\n"))
     }
 
-    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size that the viewer can
-    /// lay over it.
+    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size that the viewer
+    /// can lay over it.
     pub fn photo(self, jpeg: &[u8], alt: &str, overlay: Option<&str>) -> Self {
         let image = image("jpeg", jpeg, alt);
         self.with(&match overlay {
@@ -111,7 +111,8 @@ impl Page {
         self.with(&format!("<div class=\"film\">\n{frames}</div>\n"))
     }
 
-    /// Appends paths in space that rotate under the pointer: points in millimeters, with true if lit.
+    /// Appends paths in space that rotate under the pointer: points in millimeters, with true if
+    /// lit.
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
         let paths = paths_mm.iter().map(|path| {
             path.iter().map(|([x, y, z], lit)| [*x, *y, *z, i32::from(*lit)]).collect()

@@ -155,8 +155,8 @@ fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     (pixels, weight)
 }
 
-/// Overlays the luminance of two pictures of one size: the render is orange, the photo blue, and both
-/// together white. Panics if the sizes differ.
+/// Overlays the luminance of two pictures of one size: the render is orange, the photo blue, and
+/// both together white. Panics if the sizes differ.
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();

@@ -22,8 +22,8 @@ const TRIPOD: Rgb = [86, 180, 233];
 const DRONE: Rgb = [0, 158, 115];
 const STATION: Rgb = [204, 121, 167];
 
-/// Returns SVGs of the shot plan from above (x to the right, y away from the camera) and from the left
-/// (y to the right, z up). Lengths are in meters. The word's plane is y = 0.
+/// Returns SVGs of the shot plan from above (x to the right, y away from the camera) and from the
+/// left (y to the right, z up). Lengths are in meters. The word's plane is y = 0.
 pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2] {
     let things = things(shot, placement);
     [
@@ -132,7 +132,8 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws grid lines with numbers, every meter, or every 10 or 100 in a large room. Those at 0 are solid.
+/// Draws grid lines with numbers, every meter, or every 10 or 100 in a large room. Those at 0 are
+/// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {

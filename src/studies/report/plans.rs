@@ -19,9 +19,9 @@ const DASH_M: f64 = 0.03;
 /// Most strokes whose times are written beside them. More would be illegible.
 const MOST_TIMES: usize = 80;
 
-/// Returns an SVG of a word's plans from the front: lit strokes colored by speed, dark paths dashed,
-/// the time at which each stroke begins, take-offs and landings. `numbers` are a drawing's strokes
-/// with their positions. Panics if there is no setpoint.
+/// Returns an SVG of a word's plans from the front: lit strokes colored by speed, dark paths
+/// dashed, the time at which each stroke begins, take-offs and landings. `numbers` are a drawing's
+/// strokes with their positions. Panics if there is no setpoint.
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();

@@ -30,8 +30,8 @@ const FAST_CAP_HEIGHT_PX: f64 = 70.0;
 /// A row of a sheet: its title, and photos with their captions.
 type Row = (String, Vec<(Photo, String)>);
 
-/// Returns a sheet with the median and the worst photo of each contender. `prepared` is the result of
-/// [`Study::prepare`].
+/// Returns a sheet with the median and the worst photo of each contender. `prepared` is the result
+/// of [`Study::prepare`].
 pub fn study_sheet(
     study: &Study,
     prepared: &[Prepared],
@@ -89,7 +89,7 @@ pub fn acuity_sheet(
     Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
-/// Returns a sheet of photos with captions, [`ROW_PHOTOS`] in a row, below a title.
+/// Returns a sheet of photos with captions, four in a row, below a title.
 pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     let titles = std::iter::once(title).chain(std::iter::repeat(""));
     let rows = titles.zip(photos.chunks(ROW_PHOTOS));

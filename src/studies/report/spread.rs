@@ -11,8 +11,8 @@ const FLIGHT: Pen = Pen::new(BLUE, 0.6);
 const ALL: Pen = Pen { filled: true, ..Pen::new(BLUE, 1.75) };
 const WITHIN: Pen = Pen { filled: true, ..Pen::new(VERMILION, 1.75) };
 
-/// Returns an SVG of the lit strokes of a spread's flights from the front, over their design. Panics
-/// if every flight is lost.
+/// Returns an SVG of the lit strokes of a spread's flights from the front, over their design.
+/// Panics if every flight is lost.
 pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
@@ -41,8 +41,8 @@ fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<
     parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
 }
 
-/// Returns an SVG of both bands of a drone minus the design over time, while it writes, with a panel
-/// for each axis. Panics if a band is empty.
+/// Returns an SVG of both bands of a drone minus the design over time, while it writes, with a
+/// panel for each axis. Panics if a band is empty.
 pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);

@@ -15,7 +15,8 @@ pub(super) const COLORS: [Rgb; 7] =
 const HEIGHT_PX: f64 = 360.0;
 
 /// Returns an SVG of candidates by flight time (s) and P(read) (0 to 1): those within the limits,
-/// `others` that were given up or broke a limit, the Pareto front as a line, and the original scene.
+/// `others` that were given up or broke a limit, the Pareto front as a line, and the original
+/// scene.
 pub fn pareto(
     within: &[(f64, f64)],
     others: &[(f64, f64)],
@@ -62,8 +63,8 @@ fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Cu
     Curve { pen, pieces: strokes.collect() }
 }
 
-/// Returns the range of an axis that holds all values, with a margin of at least half of `least`. 0 to
-/// 1 without values.
+/// Returns the range of an axis that holds all values, with a margin of at least half of `least`. 0
+/// to 1 without values.
 pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let Range { start, end } = range(values);
     if start > end {
