@@ -1,5 +1,5 @@
-//! Advice as flags: the flags that set keys of a scene, and those that mend errors. The library
-//! names keys and facts, and only this file joins them with flags.
+//! Advice on the command line: flags that set a key of the scene, and flags that mend an error. The
+//! library names keys and codes. Only this file knows the flags for them.
 
 use clap::Command;
 
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};
 
-/// Keys that have a flag of their own: key, flag, value.
+/// Keys of the scene with a flag of their own, and the flag's value name.
 const OF_KEYS: [(&str, &str, &str); 8] = [
     ("expose.room_m", "--room", "WxDxH"),
     ("letters.font", "--font", "NAME"),
@@ -22,7 +22,7 @@ const OF_KEYS: [(&str, &str, &str); 8] = [
     ("word", "--word", "WORD"),
 ];
 
-/// A change of a scene within a sentence: as a flag, or as `key = value`.
+/// Writes a change of the scene for use in a sentence: as a flag, or as `key = value`.
 pub(super) fn mentioned(change: &Change) -> String {
     match OF_KEYS.iter().find(|(key, ..)| *key == change.key) {
         Some((_, flag, takes)) => format!("{flag} {}", change.value.as_deref().unwrap_or(takes)),
@@ -30,9 +30,9 @@ pub(super) fn mentioned(change: &Change) -> String {
     }
 }
 
-/// Changes of a scene as command-line arguments.
+/// Writes changes of the scene as command-line arguments.
 pub(super) fn typed(changes: &[Change]) -> String {
-    // A size is two keys and one flag. Any other key is a flag of its own or a setting.
+    // Width and height are one flag, --size. Any other key is a flag of its own or --set.
     if let [Change { key, value: Some(width) }, height] = changes
         && key == "camera.width_px"
     {
@@ -50,8 +50,7 @@ pub(super) fn typed(changes: &[Change]) -> String {
     changes.iter().map(flag_or_setting).collect::<Vec<_>>().join(" ")
 }
 
-/// Flags that mend an error: code or key of the error, flag, effect. A verb without the flag does
-/// not name it.
+/// Flags that mend an error: code or key of the error, flag, effect.
 const FLAGS: [(&str, &str, &str); 19] = [
     ("letter-missing", "font", "names another font: simplex, or a file *.ttf, *.otf or *.strokes"),
     ("word-unseen", "corners", "names the corners of the line instead of a camera"),
@@ -78,9 +77,9 @@ const FLAGS: [(&str, &str, &str); 19] = [
     ("times-missing", "period", "gives a table without times its seconds from row to row"),
 ];
 
-/// Flags and keys that mend an error of a verb.
+/// Returns a sentence for each flag of the verb that may mend the error.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
-    // An error hangs on its code, or on the key where it was found.
+    // Flags are found by the error's code, or by the key that it is about.
     let (code, path) = match error {
         Error::Input { place, .. } => (error.code(), place.key()),
         _ => (error.code(), ""),
@@ -93,7 +92,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
         typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
     }
-    // First what mends this error, then what sets its key. A flag that was typed did not help.
+    // Special flags come first, then the one that sets the key. A flag that was typed did not help.
     let special = FLAGS
         .iter()
         .filter(|(name, flag, _)| [code, path].contains(name) && has(flag) && !is_typed(flag));
@@ -105,7 +104,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     {
         advice.push(format!("`--fallback {}` has {letter}", file.display()));
     }
-    // A key of the scene is set by --set, an option of the verb by the flag of its name.
+    // --set sets a key of the scene. An option of the verb has a flag with its name.
     if paths(Scene::SHAPE.settings()).contains(path) && has("set") {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"
@@ -116,7 +115,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     advice
 }
 
-/// The flag of an option such as `import.max_gap_s`: its name, perhaps without the unit.
+/// Finds the flag for an option such as `import.max_gap_s`: `max-gap-s`, or without its unit.
 fn flag(path: &str, verb: &Command) -> Option<String> {
     let name = path.rsplit('.').next()?.replace('_', "-");
     let flags = || verb.get_arguments().filter_map(clap::Arg::get_long);

@@ -4,12 +4,12 @@
 use std::path::Path;
 use std::process::Command;
 
-/// Digits of a commit.
+/// Hexadecimal digits of the commit that the program shows.
 const DIGITS: usize = 12;
 
 fn main() {
     println!("cargo::rerun-if-env-changed=NOCTOGRAPH_COMMIT");
-    // An archive of the source may lie in the clone of something else.
+    // A source archive may have been unpacked in the clone of another project.
     if Path::new(".git").exists() {
         for name in ["HEAD", "logs/HEAD"] {
             if let Some(path) = git(&["rev-parse", "--git-path", name]) {
@@ -24,7 +24,7 @@ fn main() {
     println!("cargo::rustc-env=NOCTOGRAPH_COMMIT={digits}");
 }
 
-/// The output of git, if it is installed and succeeds.
+/// Returns the output of a git command, if git is installed and succeeds.
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;

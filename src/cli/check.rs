@@ -29,7 +29,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         },
         &|_| Ok(()),
     )?;
-    // The room may be the scene's, and bounds the profile.
+    // The scene may name a room, whose walls bound the profile's volume.
     let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings, placement } = preflight(&shoot, &profile)?;
     let stops = findings.iter().any(Diagnostic::is_stop);
@@ -55,7 +55,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     Ok(report.passes(!stops))
 }
 
-/// The number of findings of a severity in words, unless it is zero.
+/// Counts the findings of a severity, in words. None if there are none.
 fn counted(
     findings: &[Diagnostic],
     severity: Severity,

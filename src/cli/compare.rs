@@ -1,4 +1,4 @@
-//! `noctograph compare`: how far apart two flights are, and each from its design.
+//! `noctograph compare`: distances between two flights, and between each flight and its design.
 
 use std::path::{Path, PathBuf};
 
@@ -60,7 +60,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         },
         max_gap_s: args.flights.max_gap,
     };
-    // Both flights on one clock, and the distance between them.
+    // A bad folder is refused before the flights are read.
     let [a, b] = read(args, &options)?;
     let comparison = compare(&a, &b, &options)?;
     // A flight without a design can still be compared with another one.
@@ -78,7 +78,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         let (cause, change) = in_words(cause);
         json!({ "cause": cause, "change": change, "share": fraction })
     });
-    // The product: the comparison, with each flight's own tracking of its design.
+    // The JSON object: the comparison, and how well each flight tracks its own design.
     let mut product = json!(comparison);
     product["a"] = side(&args.a, &a, &tracking[0]);
     product["b"] = side(&args.b, &b, &tracking[1]);
@@ -86,7 +86,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let sides = sides.into_iter().filter(|(_, tracking)| !tracking.is_null());
     let side = |(name, tracking)| json!({ "name": name, "tracking": tracking });
     let sides: Vec<_> = sides.map(side).collect();
-    // The table of errors, whose rows have three axes in the product, and a fourth column here.
+    // The table of errors has a fourth column beside the three axes: the error in the plane.
     let mut errors = vec![json!({ "name": "A against B", "m": product["rmse_m"] })];
     for (key, what) in [
         ("rmse_m", "against its design"),
@@ -143,8 +143,8 @@ change    {cause.change}
 
 ";
 
-/// Reads both flights. A clock ratio belongs to the drone's clock, so only one of two logs is
-/// stretched.
+/// Reads both flights. `--clock-ratio` belongs to the drone's clock, so it applies to only one of
+/// two logs.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
@@ -155,8 +155,8 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     fn as_stamped(flags: &FlightFlags, path: &Path) -> Result<Flight> {
         import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
     }
-    // Each is read twice, with the ratio and as it is timestamped. A file that is the same both
-    // times has no drone's clock.
+    // Each file is read twice, with the ratio and without. If that makes no difference, the file is
+    // a flight, which has no drone's clock.
     let [a_stamped, b_stamped] = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
     let [a, b] = both;
     // Only a drone logs its motors, rates, estimate and setpoints.
@@ -168,7 +168,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     if a == a_stamped || b == b_stamped || is_a && is_b {
         return Ok([a, b]);
     }
-    // Neither shows it: the ratio belongs to the one that fits clearly better stretched.
+    // Neither is a drone's log by its columns: the ratio applies to the log that then fits better.
     let is_a = if is_a || is_b {
         is_a
     } else {
@@ -192,7 +192,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     Ok(flights)
 }
 
-/// Least ratio of the two RMS distances that shows whose clock the ratio is.
+/// Least ratio of the two RMS distances that decides to which log the clock ratio applies.
 const CLEARLY: f64 = 1.5;
 
 fn plots(
@@ -221,9 +221,9 @@ fn plots(
     folder.keep()
 }
 
-/// A cause of the difference in words, and what to change.
+/// Describes a cause of the difference, and what to change.
 fn in_words(cause: Discrepancy) -> (String, &'static str) {
-    // B is judged by A: a lag is B's, and so are an offset and a scale.
+    // All are said of B, compared with A.
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),

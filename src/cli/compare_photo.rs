@@ -25,14 +25,14 @@ pub(super) struct ComparePhotoArgs {
     output: PathBuf,
 }
 
-/// Most pixels of a photograph's longer side, to which it is shrunk before it is compared.
+/// Longest side of the compared photograph. A larger one is shrunk to it.
 const LONGEST_PX: u32 = 2048;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
     let mut folder = OutputFolder::create(&args.output)?;
-    // Both are read blindly. Corners of equal letters give the similarity transform.
+    // The corners of the letters in both pictures give the similarity transform.
     let [of_render, of_photo] = [read(&render), read(&photo)];
     let pairs = corners(&of_render.letters, &of_photo.letters)?;
     if of_render.text != of_photo.text {
@@ -71,7 +71,11 @@ fit       corners of the letters off by {residual_px:.1} px (RMS)
 FLIP      {mean_flip:.3}, mean difference over the render
 ";
 
-/// Upper left and lower right corners of the letters, each pair from the render to the photo.
+/// Pairs the corners of the letters: in the render, and in the photo.
+///
+/// # Errors
+///
+/// [`Error::Infeasible`] if the pictures do not show equally many letters.
 fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {
     // Letters are paired by their order: both pictures show as many.
     if render.is_empty() || render.len() != photo.len() {

@@ -1,5 +1,5 @@
-//! `noctograph coverage`: a map of where Lighthouse base stations see the drone, and how
-//! accurately. For ultra-wideband ranges, the least error of the drones that write a word.
+//! `noctograph coverage`: a map of the accuracy of Lighthouse base stations. For ultra-wideband
+//! ranges, the least error that is possible along a word.
 
 use std::path::PathBuf;
 
@@ -18,8 +18,9 @@ use crate::sim::{bounds, one_more_anchor, writing_sigma_m};
 use clap::Args;
 use serde_json::json;
 
-/// Margin around the word, and the region of a scene without a word.
+/// Margin around the word in the map.
 const MARGIN_M: f64 = 0.5;
+/// Region of the map for a scene without a word: left, bottom, right, top.
 const ROOM_M: [f64; 4] = [-1.5, 0.0, 1.5, 2.0];
 
 #[derive(Debug, Args)]
@@ -53,7 +54,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
         set_word(&mut scene, word);
     }
-    // Ranges have a bound along a word, sweeps a map of the plane of writing.
+    // Ranging has a bound along the word, Lighthouse a map of the plane of writing.
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
@@ -70,8 +71,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     Ok(described(&grid, scene.sensors.lighthouse.stations.len(), bounds_m).with_files(&[path]))
 }
 
-/// The Cramér–Rao bound of the estimates along the flights that write a word, and the best place
-/// of one more anchor.
+/// Reports the Cramér–Rao bound of the position along the flights that write a word, and the best
+/// position for one more anchor.
 fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = Shoot::new(scene)?;
@@ -104,6 +105,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     Ok(Report::with_layout(product, BOUNDS).with_files(&[path]))
 }
 
+/// Layout of the report on ranges.
 const BOUNDS: &str = "\
 bound     {bound_m*100:.1~-} cm over three axes, 1 σ: the least error that the ranges allow along the strokes
 wanted    an error of at most 5 % of the letters' height on each axis; a slow error may be twice as large
@@ -116,8 +118,9 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 
 ";
 
+/// Reports a map of base stations.
 fn described(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
-    // Errors are those of points that two stations see. There may be none.
+    // Only points that two stations see have an error. There may be none.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);
@@ -153,6 +156,7 @@ mirrors   show a station a second time at {reflected} points
 
 ";
 
+/// Parses left, bottom, right and top.
 fn rectangle(text: &str) -> std::result::Result<[f64; 4], String> {
     numbers(text, &[','])
         .ok_or_else(|| "wanted left,bottom,right,top in meters, such as -1,0,1,2".to_owned())

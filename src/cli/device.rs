@@ -1,5 +1,5 @@
-//! The trial of the graphics driver in a process of its own, so that a driver that hangs or crashes
-//! does not take the program with it. The result is kept for these drivers.
+//! A trial of the graphics driver in a separate process, so that a driver that hangs or crashes
+//! does not take the program with it. The result is cached until the drivers change.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -11,16 +11,17 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
-/// Time after which a driver hangs. A software driver on a busy machine compiles the shader in a
-/// few seconds.
+/// Time after which the driver is said to hang. A software driver on a busy machine needs a few
+/// seconds to compile the shader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The fault if no process can be started. It is not cached.
+/// Fault if no process can be started. It is not cached.
 const UNTRIED: &str = "cannot be tried in a process of its own";
 
 /// Arguments of the process that tries the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];
 
+/// Environment variables that choose the driver.
 const VARIABLES: [&str; 5] = [
     "VK_DRIVER_FILES",
     "VK_ICD_FILENAMES",
@@ -29,8 +30,8 @@ const VARIABLES: [&str; 5] = [
     "LD_LIBRARY_PATH",
 ];
 
-/// Files that change with the drivers: the folders of their lists, and the version of macOS, which
-/// comes with its drivers.
+/// Files that change when a driver is installed: folders of Vulkan's driver lists, and the version
+/// of macOS, which includes the drivers.
 const LISTS: [&str; 4] = [
     "/etc/vulkan/icd.d",
     "/usr/share/vulkan/icd.d",
@@ -38,7 +39,7 @@ const LISTS: [&str; 4] = [
     "/System/Library/CoreServices/SystemVersion.plist",
 ];
 
-/// Folder of Windows' installed drivers, below that of the system.
+/// Folder of installed drivers on Windows, below `SystemRoot`.
 const DRIVER_STORE: &str = r"System32\DriverStore\FileRepository";
 
 /// The backend to expose on: with [`BackendChoice::Auto`], the processor in place of a driver that
@@ -59,13 +60,13 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
         let fault = program.ok().and_then(|mut program| fault(program.args(TRIAL), PATIENCE));
         let fault = fault.unwrap_or_default();
         if let Some(path) = memory.as_ref().filter(|_| fault != UNTRIED) {
-            // Without a memory the next run tries again.
+            // If this fails, the next run tries the driver again.
             let _ = path.parent().map(std::fs::create_dir_all);
             let _ = std::fs::write(path, fault);
         }
         fault.to_owned()
     });
-    // The processor replaces a driver that nobody named. A named one is an error.
+    // With `auto` the processor replaces a faulty driver. With `--backend wgpu` it is an error.
     let is_chosen = choice == BackendChoice::Wgpu;
     if fault.is_empty() || is_chosen && fault == UNTRIED {
         return Ok(choice);
@@ -82,10 +83,10 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     Ok(BackendChoice::Cpu)
 }
 
-/// The fault of a driver as another process sees it. A missing driver, or an error message of its
-/// own, is none.
+/// Runs the trial and returns the driver's fault, if any. A missing driver is not a fault, nor is
+/// an error that the driver reports.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
-    // It is waited for by polling: std has no wait with a time limit.
+    // std cannot wait for a process with a time limit, so this polls.
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let Ok(mut child) = quiet.spawn() else { return Some(UNTRIED) };
     let begun = Instant::now();
@@ -97,18 +98,18 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
         }
     }
     let _ = child.kill();
-    // A process that hangs within the kernel may not end: it is left behind.
+    // A process that hangs in the kernel may never end, so nobody waits for it.
     let _ = child.try_wait();
     Some("hangs")
 }
 
-/// True if a trial ended with its report or its error message. A crash has no exit code on Unix and
-/// one like -1073741819 on Windows. A panic has 101.
+/// True if the trial ended with a report or an error message. A crash has no exit code on Unix and
+/// a code such as -1073741819 on Windows. A panic has 101.
 fn ended_by_itself(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 2))
 }
 
-/// The cache folder of a system, as its environment names it.
+/// Returns the user's cache folder on an operating system, from its environment variables.
 fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     if let Some(folder) = variable("XDG_CACHE_HOME") {
         return Some(folder.into());
@@ -120,12 +121,12 @@ fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<Pa
     }
 }
 
-/// The file that remembers the result for the present drivers.
+/// Returns the path of the cached result for the installed drivers.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn memory() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let folder = cache(std::env::consts::OS, variable)?;
-    // The key of the file is a digest of all that changes with the drivers.
+    // The file's name is a digest of everything that changes with the drivers.
     let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
     for name in VARIABLES {
         drivers += &format!("\n{name}={:?}", variable(name));

@@ -31,7 +31,7 @@ pub(super) fn run(
     for log in &evening.logs {
         warn_of(Path::new(&log.log), &log.warnings);
     }
-    // Conditions that a study would refuse are not written.
+    // The conditions are parsed as a study will parse them, so that a faulty file is never written.
     let mut written = OutputFolder::create(output)?;
     let (rows, mean) = (evening.conditions(), evening.mean_drone(scene));
     let toml = evening.conditions_toml(&rows);
@@ -43,7 +43,7 @@ pub(super) fn run(
             "fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
         ));
     }
-    // A flawed log is in the table, and not in the conditions.
+    // Flawed logs are listed, but do not count for the conditions.
     let flawed = evening.logs.iter().filter(|log| !log.flaws.is_empty()).map(|log| {
         let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
         json!({ "log": log.log, "flaws": flaws.join("; ") })
@@ -51,7 +51,7 @@ pub(super) fn run(
     let names: Vec<&str> = evening.logs.iter().map(|log| log.log.as_str()).collect();
     let words = json!({
         "folder": folder.display().to_string(), "n_logs": evening.logs.len(), "advice": advice,
-        // So that rows keep to 80 columns.
+        // Names are shortened to keep rows within 80 columns.
         "n_sound": evening.sound().count(), "files": shortened(&names, 16),
         "flawed": flawed.collect::<Vec<_>>(),
         "none": rows.is_empty().then_some("no log is sound"),
@@ -83,7 +83,7 @@ conditions  none: {none}
 *advice advice    {}
 ";
 
-/// Settings of a scene with the mean drone of the evening, of values that differ.
+/// Advises settings of the scene that differ from the evening's mean drone.
 fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
     let MeanDrone { k_f_n, center_of_mass_m: [x, y], .. } = *mean;
     let (percent, x_mm, y_mm) = (100.0 * (k_f_n / vehicle.k_f_n - 1.0), 1e3 * x, 1e3 * y);

@@ -48,7 +48,7 @@ pub(super) struct ExportArgs {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
-    // Each form of a trajectory has its own default tolerance.
+    // The default tolerance depends on the form of the trajectory.
     let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
     let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
@@ -156,7 +156,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
-    // Of other warnings `check` tells more. These two change what the files do.
+    // Only two warnings are repeated here, as they change what the files do. `check` has them all.
     let plays = args.to == Format::Cflib && args.mode == Some(Mode::Trajectory);
     for check in checks.iter().filter(|check| check.severity == Severity::Warning) {
         match check.code {

@@ -53,14 +53,14 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
     let backend = tried(args.picture.backend)?;
-    // Flights are exposed without a verdict: `score` judges the file.
+    // The photo is not judged here: `score` does that.
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, backend, keeps_film: false, ..shoot };
     let shot = shoot.take(&watch())?;
     warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(bytes)?;
-    // A light trace needs no word: its colors are its own.
+    // A light trace needs no word, as it has its own colors.
     if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
         let note = "the photo names no word: name one with --word, or after the photo in `score`";
         message("note: ", note);

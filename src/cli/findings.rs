@@ -1,10 +1,10 @@
-//! Findings of a check in words.
+//! Findings of `check` as text and as JSON.
 
 use super::advice::mentioned;
 use super::printer::wrapped;
 use crate::diagnostic::Diagnostic;
 
-/// The table of findings with advice.
+/// Writes the table of findings with advice.
 pub(super) fn table(findings: &[Diagnostic]) -> String {
     let mut text = String::new();
     let rows = findings.iter().map(|finding| finding.cells(mentioned));
@@ -19,14 +19,14 @@ pub(super) fn table(findings: &[Diagnostic]) -> String {
     text
 }
 
-/// A finding as JSON: numbers, sentences and advice.
+/// Converts a finding to JSON: numbers, sentences and advice.
 pub(super) fn json(finding: &Diagnostic) -> serde_json::Value {
     let mut json = serde_json::json!(finding);
     json["change"] = finding.change(mentioned).into();
     json
 }
 
-/// The stops in one line, if there are any.
+/// Writes the findings that stop a flight in one line. None if there are none.
 pub(super) fn stops<'a>(findings: impl IntoIterator<Item = &'a Diagnostic>) -> Option<String> {
     let stops = findings.into_iter().filter(|finding| finding.is_stop());
     let stops: Vec<String> = stops.map(|stop| format!("{} ({stop})", stop.code)).collect();

@@ -1,4 +1,4 @@
-//! Flags of several verbs, and the scene and the plans that they lead to.
+//! Flags of several verbs, and the scene or plans that they select.
 
 use std::path::{Path, PathBuf};
 
@@ -16,13 +16,14 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Limit of plans that fly together. One has some 6 MB an hour.
+/// Limit for the files of plans that fly together. A plan has some 6 MB per hour.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
     hint: "plan with longer plan.setpoint_interval_s, or name fewer plans",
 };
 
+/// Parses `KEY=VALUE`.
 fn setting(text: &str) -> std::result::Result<Setting, String> {
     let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
@@ -66,7 +67,7 @@ impl SceneFlags {
         used: &[&str],
     ) -> Result<Scene> {
         let settings = [more, &self.set.set].concat();
-        // A scene that was named counts, then the one that came with the files, then the default.
+        // A named scene comes first, then the one that came with the files, then the default.
         let mut scene = match (&self.scene, carried) {
             (Some(named), _) => find_scene(named, &settings)?.scene,
             (None, Some(carried)) => {
@@ -133,17 +134,17 @@ impl SceneFlags {
     }
 }
 
-/// A scene by its name with settings laid over it.
+/// Finds a scene by its name, and applies settings to it.
 pub(super) fn find_scene(named: &str, settings: &[Setting]) -> Result<NamedScene> {
     Scene::find(named, &borrowed(settings))
 }
 
-/// Settings as the scene takes them.
+/// Borrows settings in the form that [`Scene`] takes.
 fn borrowed(settings: &[Setting]) -> Vec<(&str, &str)> {
     settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
 }
 
-/// The seed, of verbs that draw noise.
+/// The seed. Only verbs that draw noise have it.
 #[derive(Debug, Args)]
 pub(super) struct SeedFlag {
     /// Seed of all noise [default: the scene's]
@@ -158,7 +159,7 @@ impl SeedFlag {
     }
 }
 
-/// The scene with its letters and its way of flying.
+/// Flags of the scene, its letters and its style of flying.
 #[derive(Debug, Args)]
 pub(super) struct DesignFlags {
     #[command(flatten)]
@@ -196,14 +197,14 @@ impl DesignFlags {
         is_planned: bool,
         more: &[Setting],
     ) -> Result<Scene> {
-        // Typed flags go first: --set may say otherwise.
+        // --set comes last, so that it overrides the other flags.
         let is_height_typed = self.scene.sets("letters.cap_height_m");
         let mut settings = self.letters.settings(is_planned, is_height_typed);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
         settings.extend_from_slice(more);
         let mut scene = self.scene.load_from(carried, &settings, &[])?;
-        // A plan keeps its room where another scene has none.
+        // If the named scene has no room, a plan keeps the one that it was made for.
         if let Some(carried) = carried.filter(|_| is_planned && scene.expose.room_m.is_none()) {
             warn_of_unbound(carried);
             scene.expose.room_m = carried.scene(&[])?.expose.room_m;
@@ -216,7 +217,7 @@ impl DesignFlags {
     }
 }
 
-/// A word, or ready plans, with the scene.
+/// Flags of the subject: a word, or finished plans, with the scene.
 #[derive(Debug, Args)]
 pub(super) struct SubjectFlags {
     /// Word to write, or plans that fly together (*.csv, or their folder) [default: the scene's
@@ -258,7 +259,7 @@ impl SubjectFlags {
 
     /// The scene of a word or drawing, ready to be planned. `change` edits it last.
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
-        // The word comes last, as it decides how large the letters fit into the room.
+        // The word is set before the letters are fitted to the room, as its length matters.
         let mut scene = self.unfitted(None, false)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
@@ -298,7 +299,7 @@ impl SubjectFlags {
         change: impl FnOnce(&mut Scene) -> Result<()>,
         check: &DesignCheck<'_>,
     ) -> Result<Shoot> {
-        // Plans are flown in the scene that came with them, whose room is not changed.
+        // Plans are flown in the scene that came with them, and their room is not changed.
         if let Some(plans) = self.plans()? {
             let carried = self.design.scene.carried(&plans)?;
             if let Some(carried) = &carried {
@@ -324,7 +325,7 @@ impl SubjectFlags {
     }
 }
 
-/// Frames a word from within the room of its scene.
+/// Puts the camera inside the scene's room, if it has one, so that it frames the word.
 pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     match scene.expose.room_m.filter(|_| scene.has_strokes()) {
         Some(room_m) => frame_within(scene, room_m),
@@ -332,7 +333,7 @@ pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     }
 }
 
-/// Reads plans, whose scene was read before.
+/// Reads plans whose scene has been read already, and checks that they still belong together.
 pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> Result<Vec<Plan>> {
     PLANS.check_all(paths)?;
     let plans = paths.iter().map(|path| Plan::read_csv(path)).collect::<Result<_>>()?;
@@ -340,7 +341,7 @@ pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> R
     Ok(plans)
 }
 
-/// Warns of a scene that is not bound to the file beside it.
+/// Warns if nothing shows that a scene belongs to the file beside it.
 fn warn_of_unbound(carried: &CarriedScene) {
     if !carried.is_bound {
         warn([format!(
@@ -351,7 +352,7 @@ fn warn_of_unbound(carried: &CarriedScene) {
     }
 }
 
-/// Limits that a flight is checked against.
+/// Flag of the limits for a flight.
 #[derive(Debug, Args)]
 pub(super) struct ProfileFlags {
     /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s, planned as slowly) or outdoor
@@ -389,7 +390,7 @@ impl ProfileFlags {
     }
 }
 
-/// The files `plan-N.csv` in a folder in order of their numbers, or the input itself.
+/// Lists the files `plan-N.csv` of a folder in order. Any other input is returned as it is.
 ///
 /// # Errors
 ///
@@ -400,7 +401,7 @@ fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     let mut plans: Vec<_> =
         files.into_iter().filter_map(|path| Some((drone_number(&path, "plan")?, path))).collect();
     plans.sort();
-    // Sorted by number, the files are plan-1, plan-2 and so on, each once.
+    // The sorted numbers must be 1, 2, 3 and so on.
     if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
         let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));
         return Err(Error::input(input, actual, wanted, "name the plans that fly together"));
@@ -445,17 +446,17 @@ pub(super) fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
     warn(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
 }
 
-/// Gives a scene a word that was typed, in which the two characters `\n` begin a new line.
+/// Sets the word that was typed. The two characters `\n` in it begin a new line.
 pub(super) fn set_word(scene: &mut Scene, word: &str) {
     scene.set_word(&word.replace("\\n", "\n"));
 }
 
-/// The word of an argument or of `--word`. Only the latter may look like the name of a file.
+/// Returns the word from the argument or from `--word`. Only `--word` may look like a file name.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an argument that is, or looks like, the name of a file: its content may
-/// have been meant.
+/// [`Error::Input`] for an argument that is, or looks like, the name of a file: the user may have
+/// meant its content.
 pub(super) fn typed_word<'a>(
     argument: Option<&'a String>,
     flag: Option<&'a String>,
@@ -482,6 +483,7 @@ fn check_folder(word: &str) -> Result<()> {
     }
 }
 
+/// The error for a file or folder that was typed as a word.
 fn no_word(word: &str, actual: String) -> Error {
     let hint = format!("`--word {}` writes it as a word", shell_word(word.as_ref()));
     let wanted = "a word, or a file *.csv where a plan may be named";

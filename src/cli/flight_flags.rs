@@ -1,4 +1,4 @@
-//! Flags for reading flights and logs, and the shoot of what was flown.
+//! Flags for reading flights and logs, and for photographing them.
 
 use std::path::{Path, PathBuf};
 
@@ -17,14 +17,14 @@ use crate::shoot::{Recording, Shoot};
 use clap::Args;
 use noctograph_core::files::Limit;
 
-/// Flights, logs and light traces that are read together: sixteen drones for six minutes.
+/// Limit for files that are read together, enough for sixteen drones and six minutes.
 pub(super) const FLIGHTS: Limit = Limit {
     bytes: 384 << 20,
     what: "flights",
     hint: "thin them out, cut them to the time of the picture, or read fewer at a time",
 };
 
-/// Flights from files: flights of ours, or logs of real ones.
+/// Flags for reading flights of this program or logs of real flights.
 #[derive(Clone, Debug, Args)]
 pub(super) struct FlightFlags {
     /// Position (and attitude) of a log that counts as the true one
@@ -61,7 +61,7 @@ pub(super) struct FlightFlags {
     pub(super) max_speed: f64,
 }
 
-/// A number, or a fraction of two.
+/// Parses a number, or a fraction such as `84/85`.
 fn ratio(text: &str) -> std::result::Result<f64, String> {
     let number = |text: &str| text.trim().parse::<f64>().ok();
     let ratio = match text.split_once('/') {
@@ -113,7 +113,7 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
-        // Each file is counted before the next one is read, so that memory stays bounded.
+        // The recordings are checked after each file, before the next one needs memory.
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
         for path in paths {
@@ -122,7 +122,7 @@ impl FlightFlags {
             warn_of(path, &warnings);
             match &mut recording {
                 Recording::Flight(flight) if lit && flight.lights.is_empty() => {
-                    crate::shoot::light_all_along(flight, &scene);
+                    crate::shoot::light_while_airborne(flight, &scene);
                 }
                 Recording::Flight(flight) => infer_lights_if_dark(flight, &mut scene, path)?,
                 Recording::Light(_) => {}
@@ -134,13 +134,13 @@ impl FlightFlags {
     }
 }
 
-/// Gives a log without lights those of the scene's word, and says on whose letters it was flown.
+/// Infers the lights of a log without any from the scene's word. Prints a note if a preset's
+/// letters fit the setpoints and the scene's do not.
 pub(super) fn infer_lights_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
     path: &Path,
 ) -> Result<()> {
-    // The letters are known from the scene, or from the preset whose letters fit the setpoints.
     let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| {
         let hint = format!(
             "name the scene whose letters were flown: `noctograph import {} --word {} --scene \

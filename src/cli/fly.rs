@@ -41,7 +41,7 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let files = [&args.plans[..], &args.setpoints].concat();
-    // The scene comes with the files unless one is named. Setpoints of a log belong to no scene.
+    // The scene comes with the plans, unless one is named.
     let carried = args.scene.carried(&files)?;
     let scene = args.scene.load_from(carried.as_ref(), &args.seed.settings(), &[])?;
     let carried = carried.filter(|_| !args.plans.is_empty());
@@ -52,9 +52,8 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
         // A simulated flight, on its own clock, has no firmware to name.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
-            let text = format!(
-                "it names no firmware, and is flown as by release {release} (vehicle.firmware): a guess"
-            );
+            let text =
+                format!("it names no firmware, so release {release} is assumed (vehicle.firmware)");
             warn_of(path, &[text]);
         }
         plans.push(sent(&log.flight)?);
@@ -65,7 +64,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     flights.iter().for_each(|flight| warn(&flight.warnings));
     let scene = Some(&shoot.scene);
     let files = outputs.keep(&flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
-    // One flight is an object, a fleet's flights are a list.
+    // A single flight is an object, several are a list.
     let reports = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
     let reports: Vec<Report> = reports.collect();
     let json = match reports.as_slice() {
@@ -76,7 +75,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     Ok(Report::new(text, json).with_files(&files))
 }
 
-/// The setpoints of a log, as a plan.
+/// Converts the setpoints of a log to a plan, and warns of interpolated ones.
 fn sent(log: &Flight) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {

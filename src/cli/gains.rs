@@ -29,7 +29,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let scene = args.scene.load(&[], &[])?;
     let vehicle_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if vehicle_s > 0.0 { vehicle_s } else { MOTOR_LAG_S };
-    // The design of the LQR and the observer, and the loop of any controller with a lag.
+    // Designs the regulator and the observer, and linearizes the loop of any controller.
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
     let gains = gains(&scene.sim());
@@ -39,12 +39,12 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
         .iter()
         .map(|(name, [p, i, d], unit)| (*name, json!({ "p": p, "i": i, "d": d, "unit": unit })))
         .collect();
-    // Luenberger's observer has nine states, of which the position shows no yaw.
+    // The Luenberger observer has nine states. The yaw cannot be observed from the position.
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let l = is_luenberger.then(|| matrix(&design.l, &observed));
     let is_designed = design.k.is_some() && scene.controller.lqr.k.is_none();
-    // Only matrices that were computed here are called designed.
+    // K and L are called designed only if they were computed here.
     let designs = match (is_designed, is_luenberger) {
         (true, true) => Some("K and L are"),
         (true, false) => Some("K is"),
@@ -108,11 +108,11 @@ bryson    {rule}
 {r}
 ";
 
-/// Gains of the loops of a cascade or geometric controller: name, proportional, integral and
-/// derivative gain, and the unit of the first.
+/// Gains of each loop of a controller: name, [proportional, integral, derivative], and the unit of
+/// the first.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
-/// The gains of the scene's cascade or geometric controller. Others have none.
+/// Returns the gains of the scene's cascade or geometric controller. Other controllers have none.
 fn gains(sim: &SimOptions) -> LoopGains {
     match sim.controller.kind.law() {
         Law::Cascade => {
@@ -147,7 +147,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
     }
 }
 
-/// A row for each state with its name: six decimals, three of large numbers, a dash for zero.
+/// Formats a row for each state: six decimals, three for large numbers, a dash for zero.
 fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
     let rows = rows.iter().zip(m.row_iter()).map(|(name, row)| {
@@ -161,20 +161,20 @@ fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     rows.collect()
 }
 
-/// Poles in words, a conjugate pair as one.
+/// Writes poles as text, a conjugate pair as one.
 fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     let Some(poles) = poles else { return "not found: the iteration did not converge".to_owned() };
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);
     let words = upper.map(|pole| match pole.im {
         0.0 => format!("{:.2}", pole.re),
-        // A pair that is real in two decimals.
+        // The imaginary part is zero in two decimals: two real poles.
         im if im < 0.005 => format!("{:.2}  {:.2}", pole.re, pole.re),
         im => format!("{:.2}±{im:.2}i", pole.re),
     });
     words.collect::<Vec<_>>().join("  ")
 }
 
-/// Margins in words, input by input.
+/// Writes the margins of each input as text.
 fn margins(margins: Option<&[Margins; 4]>) -> Option<Vec<String>> {
     fn in_words(margins: &Margins) -> String {
         let [down, up] = [margins.gain_down, margins.gain_up]
@@ -193,7 +193,7 @@ fn decibels(factor: f64) -> f64 {
     20.0 * libm::log10(factor)
 }
 
-/// The design with the names of its inputs and with decibels.
+/// Converts a design to JSON, with the names of the inputs and gains in decibels.
 fn with_names(design: &Design) -> Value {
     let mut json = json!(design);
     for margins in ["margins", "lagging_margins"] {

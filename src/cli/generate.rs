@@ -38,7 +38,7 @@ enum Kind {
 }
 
 pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
-    // The driver's trial is hidden: `device.rs` runs it in a process of its own.
+    // `device` is hidden: `device.rs` runs it in a separate process.
     let mut command = super::command();
     match &args.kind {
         Kind::Completions { shell, output } => {

@@ -1,4 +1,4 @@
-//! `noctograph hold`: altitude hold from three imperfect sensors, scenario by scenario.
+//! `noctograph hold`: altitude hold with three imperfect sensors.
 
 use std::path::{Path, PathBuf};
 
@@ -50,7 +50,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;
     let (mut outcomes, mut figures) = (Vec::new(), Vec::new());
-    // The figures of all runs, and the first run once more for its table and plot.
+    // The first run of each scenario is flown once more for its table and plot.
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
@@ -68,7 +68,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
         }
     }
     drop(progress);
-    // The JSON, the text and the page have the same figures.
+    // hold.json, the printed text and the page have the same figures.
     let product = json!({
         "filter": options.observer.altitude,
         "hover_throttle": options.believed_hover_throttle(),
@@ -97,11 +97,11 @@ mean squared error over variance of each state: 1 where the covariance holds, co
 
 ";
 
-/// Rows of the states, limits that were missed, and states out of bounds.
+/// Returns the texts of the report: rows of the states, missed limits, inconsistent states.
 fn words(figures: &[HoldFigures]) -> Value {
     let (mut states, mut missed, mut inconsistent) = (Vec::new(), Vec::new(), Vec::new());
     for f in figures {
-        // A row of squared errors over variances, and a row of their 95 % intervals below it.
+        // One row of mean squared errors over variances, and one with their 95 % intervals.
         let name = format!("{}, {}", f.scenario, f.model);
         missed.extend(f.missed.iter().map(|missed| format!("{name}: {missed}")));
         let errors: Vec<String> =

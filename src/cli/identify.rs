@@ -32,7 +32,7 @@ pub(super) struct IdentifyArgs {
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
-    // A pendulum test needs no log, and a log no pendulum test.
+    // A pendulum test and a log are independent: each may be given without the other.
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia_kg_m2 = swing
         .map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s))
@@ -44,7 +44,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));
 
-    // The log does not tell mass and arm: thrust scales with the mass, torque with the arm.
+    // A log does not determine mass and arm: thrust scales with the mass, torque with the arm.
     let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
     let identified = identified.as_ref();
     let lag = identified.and_then(|it| it.lag);
@@ -66,7 +66,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "left_out": identified.map(|it| it.left_out.iter().map(ToString::to_string).collect::<Vec<_>>()),
         "inertia_kg_m2": inertia_kg_m2,
     });
-    // The observer's weights: the yaw, fourth of the states, has none.
+    // Yaw, the fourth state, has no weight.
     let weights = r.map(|[x, y, z, rest @ ..]| {
         [x, y, z].map(Some).into_iter().chain([None]).chain(rest.map(Some)).collect::<Vec<_>>()
     });
@@ -94,7 +94,7 @@ inertia       {inertia_kg_m2:.4e} kg m2
 {states.#}|{:.4}|{weights.#:.1~not observable}
 ";
 
-/// Names the log's file in place of "flight" in an error.
+/// Replaces "flight" as the place of an error by the log's file.
 fn named(error: Error, log: Option<&Path>) -> Error {
     match (error, log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {

@@ -7,7 +7,7 @@ use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::{letters_within, parse_room};
 use clap::Args;
 
-/// The word as it is drawn.
+/// Flags of the letters or the drawing.
 #[derive(Debug, Args)]
 pub(super) struct LetterFlags {
     /// Font of a word: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
@@ -51,10 +51,10 @@ pub(super) struct LetterFlags {
     pub(super) room: Option<[f64; 3]>,
 }
 
-/// Dim colors have twice as many steps without the firmware's correction of brightness.
+/// Plain levels: without the firmware's brightness correction, dim colors have twice as many steps.
 const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
-/// A color as CSS writes it, as the bytes of the color LED deck that show it.
+/// Parses a CSS color, and returns the bytes of the color LED deck that show it.
 fn color(text: &str) -> Result<[u8; 4], String> {
     let wanted = "wanted #rrggbb or a color of CSS, such as red, orange or hotpink";
     let color: svgtypes::Color =

@@ -29,16 +29,16 @@ use noctograph_core::input_error;
 use noctograph_core::statistics::median;
 use serde_json::json;
 
-/// Logs, or references, that are read together.
+/// Limit for logs, or references, that are read together.
 const LOGS: Limit = Limit {
     bytes: 128 << 20,
     what: "logs",
     hint: "cut the logs to one flight, log fewer variables, or locate fewer drones at a time",
 };
-/// Heads of a range log's columns: to anchors, numbered from 0, and to drones, from 1.
+/// Beginnings of a range log's column names: to anchors, numbered from 0, and to drones, from 1.
 const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
-/// Keys of the scene that this verb uses, although a flight without ranges does not.
+/// Scene keys that this verb uses, although a flight without ranging does not.
 const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
@@ -108,7 +108,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     one_for_each("offset", args.offset.len(), "reference", args.reference.len())?;
     crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
     let folder = OutputFolder::create(&args.output)?;
-    // The ranges of all logs on one clock, and the positions that they give.
+    // Positions from the ranges of all logs.
     let anchors_m = scene.sensors.uwb.anchors();
     let options = LocateOptions {
         range_sigma_m: scene.observer.ekf.two_way_sigma_m,
@@ -125,7 +125,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         warn(["the drones are located outside the box of --within: the ranges fit no place in it"]);
     }
 
-    // The errors against references on the same clock, and those of each link's ranges.
+    // Errors of the positions against the references, and of the ranges of each link.
     LOGS.check_all(&args.reference)?;
     let references = args.reference.iter().map(|path| read(args, &scene, path));
     let mut references = references.collect::<Result<Vec<_>>>()?;
@@ -343,7 +343,7 @@ fn by_observer(
     }
 }
 
-/// The first position of a log.
+/// Returns the first position of a log, where the observer starts.
 fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
     first.map(|sample| sample.position_m).ok_or_else(|| {
@@ -353,7 +353,7 @@ fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     })
 }
 
-/// The motion of a log.
+/// Returns the velocities of a log, in the world.
 fn track(log: &Dated<'_>) -> Result<Track> {
     if !log.flight.has(Quantity::Velocity) {
         let hint = "log stateEstimate.vx, vy and vz too, or take --observer smooth";
@@ -363,7 +363,7 @@ fn track(log: &Dated<'_>) -> Result<Track> {
     Ok(Track::new(log.flight.samples.iter().map(|s| (s.time_s + log.offset_s, world(s)))))
 }
 
-/// The ranges of a log. A measurement is a value that differs from the one before.
+/// Returns the ranges of a log. A repeated value is not a new measurement.
 fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     let mut samples = Vec::new();
     let mut has_ranges = false;
@@ -377,7 +377,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
         };
         has_ranges = true;
         let mut before = 0.0;
-        // The log repeats a range until there is a new one.
+        // The firmware logs the last range until it has a new one.
         for (sample, &distance_m) in log.samples.iter().zip(column) {
             // The firmware logs 0 until the first measurement.
             if distance_m.is_nan() || distance_m == before {
@@ -395,7 +395,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     Err(Error::input("columns", "no range", wanted, "log the ranges of the ranging group"))
 }
 
-/// The positions of a drone as a flight, from its first range to its last.
+/// Converts the positions of a drone to a flight, from its first range to its last.
 fn flight(located: &Located, drone: usize) -> Result<Flight> {
     let sample = |index: usize| {
         let position_m = located.position_m[drone][index].map(on_grid);
@@ -410,7 +410,7 @@ fn flight(located: &Located, drone: usize) -> Result<Flight> {
     })
 }
 
-/// Median and greatest standard deviation of the positions over three axes.
+/// Returns the median and the greatest standard deviation of the positions, over all three axes.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let drones = located.covariance_m2.iter().enumerate();
     let heard = drones.flat_map(|(drone, covariances)| &covariances[located.heard(drone)]);
@@ -419,7 +419,7 @@ fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     Some([median(sigmas_m)?, worst_m])
 }
 
-/// The least and the greatest coordinates of a box.
+/// Parses a box: its least and its greatest coordinates.
 fn room(text: &str) -> std::result::Result<Room, String> {
     let room = numbers(text, &[',']).map(|[left, front, bottom, right, back, top]| Room {
         low_m: Vector3::new(left, front, bottom),

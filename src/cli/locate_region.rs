@@ -1,5 +1,5 @@
-//! `noctograph locate --region`: convergence of the observer of two drones with a shared anchor on
-//! a word.
+//! `noctograph locate --region`: how well the shared-anchor observer of two drones converges on a
+//! word.
 
 use nalgebra::Vector3;
 
@@ -10,15 +10,15 @@ use crate::scene::Scene;
 use crate::shoot::Shoot;
 use serde_json::json;
 
-/// Start errors, gains and times of the map.
+/// Start errors, observer gains and observation times of the tables.
 const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 const GAINS: [f64; 3] = [0.003, 0.03, 0.3];
 const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
-/// Time of the map, and its starts for each error.
+/// Simulated time, and number of starts for each start error.
 const MAP_S: f64 = 64.0;
 const STARTS: u32 = 40;
 
-/// The local region of the observer along the scene's word.
+/// Reports the region of convergence and the observability along the scene's word.
 pub(super) fn region(scene: Scene) -> Result<Report> {
     let uwb = scene.sensors.uwb.clone();
     let Some(anchors) = shared_anchor(&uwb.heard) else {
@@ -33,7 +33,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
         let hint = "set plan.drones = 2 and plan.style = \"even\"";
         return Err(Error::input("plan.drones", plans.len(), "two drones", hint));
     };
-    // The drones repeat the word until the time of the map is over.
+    // The drones repeat the word until the simulated time is over.
     let path = |time_s: f64| {
         [first, second]
             .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))

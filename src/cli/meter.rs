@@ -48,7 +48,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let lighting = shoot.lighting(&watch())?;
     let warnings = lighting.problems.iter().filter(|problem| !problem.is_stop());
     warn(warnings.map(|problem| problem.sentence(mentioned)));
-    // For programs: the readings of every lamp with its own advice.
+    // The JSON has the reading of every lamp with its own advice.
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
     let camera = &lighting.camera;
@@ -75,7 +75,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         "floor_stops": floor_stops(&lighting.trace, camera, &scene.expose),
         "lamps": described(&readings),
     });
-    // For people: a ring as one row, and one advice, that of the brightest lamp.
+    // The text has one row for a ring, and the advice for the brightest lamp.
     let rows = grouped(&readings);
     let brightest = rows.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
     let advice = brightest.map(|it| it.advice(camera, target_stops));
@@ -87,7 +87,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let settings = advice.map(|_| if settings.is_empty() { filter } else { settings.join(" or ") });
     let spots = hot_spots(&rows);
     let rows = described(&rows);
-    // Surfaces are rows of the table, too, with a median and no trail.
+    // Surfaces are rows of the same table, with only a median.
     let surfaces = [("ambient", &product["ambient_stops"]), ("floor", &product["floor_stops"])];
     let surfaces = surfaces.map(|(name, stops)| {
         json!({
@@ -109,7 +109,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     Ok(Report::with_words(product, &words, LAYOUT))
 }
 
-/// Most hot spots of a table.
+/// Most hot spots in the table.
 const MOST_SPOTS: usize = 20;
 
 const LAYOUT: &str = "\
@@ -133,8 +133,8 @@ to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
 and {more} more (--json has them all)
 ";
 
-/// Hot spots with their lamps, the brightest first. Below saturation a lamp leaves no blob, however
-/// long it lingers.
+/// Returns the hot spots above saturation with their lamps, brightest first. Below saturation a
+/// lamp leaves no blob, however long it stays.
 fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
@@ -147,14 +147,14 @@ fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     spots.into_iter().map(spot).collect()
 }
 
-/// The readings with the brightest LED of a ring for all of them.
+/// Replaces the readings of a ring's LEDs by that of its brightest one.
 fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
     fn group(reading: &LampReading) -> Option<String> {
         let (group, led) = reading.name.rsplit_once(' ')?;
         led.parse::<u8>().ok()?;
         group.ends_with("ring").then(|| format!("{group}, brightest"))
     }
-    // LEDs of one ring have the same name but for their number.
+    // The names of a ring's LEDs differ only in their number.
     let mut rows: Vec<LampReading> = Vec::new();
     for reading in readings {
         let ring = group(reading);

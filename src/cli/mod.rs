@@ -69,7 +69,7 @@ pub use self::tune::tuning_report;
 pub use outcome::Report;
 pub use started::{starts_as, typed_as};
 
-/// The version with the commit and the digest of the source, which tell two builds apart.
+/// Version with commit and digest of the source, so that two builds can be told apart.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let commit = env!("NOCTOGRAPH_COMMIT");
     let commit = if commit.is_empty() { String::new() } else { format!("commit {commit}, ") };
@@ -189,8 +189,8 @@ verbs! {
     }
 }
 
-/// The command with the verbs by groups, which clap does not have. Only the first group says what
-/// its verbs do, so that the help fits a screen.
+/// Builds the command. Its help lists the verbs by groups, which clap cannot do. Only the first
+/// group explains its verbs, so that the help fits a screen.
 fn command() -> Command {
     let mut command = CommandLine::command();
     let mut verbs = String::new();
@@ -242,7 +242,7 @@ fn run_typed() -> u8 {
         message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
         return 2;
     }
-    // Matches are kept beside the arguments: advice on an error asks which flags its verb has.
+    // The matches are kept beside the arguments, as advice on an error depends on the verb's flags.
     let command = command();
     let typed = command
         .clone()
@@ -305,7 +305,7 @@ pub fn report_of(words: &[String]) -> Result<Report> {
     }
 }
 
-/// The reason for refused arguments.
+/// Returns clap's reason for refusing arguments.
 fn refused(error: &clap::Error) -> String {
     let text = error.render().to_string();
     let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
@@ -325,7 +325,7 @@ fn usage(error: &clap::Error) -> u8 {
     if !error.use_stderr() {
         return print_out(&text).map_or_else(|error| failed(&error, &[]), |()| 0);
     }
-    // clap names a similar argument as a tip, and ends with where help is.
+    // clap calls a similar argument a tip, and ends with a line about --help.
     let text = text.replace("\n  tip: ", "\nhint: ");
     let (text, has_more) = match text.split_once("\nFor more information") {
         Some((text, _)) => (text, true),
@@ -339,13 +339,13 @@ fn usage(error: &clap::Error) -> u8 {
     2
 }
 
-/// Most worker threads: those of the largest machines.
+/// Most worker threads, enough for the largest machines.
 const MAX_THREADS: usize = 1024;
 
-/// Bytes of a thread's stack. The main thread's may be a few pages (`ulimit -s`).
+/// Bytes of a thread's stack. The main thread's stack may be a few pages (`ulimit -s`).
 pub const STACK: usize = 8 << 20;
 
-/// The limit of the main thread's stack in bytes, on Linux.
+/// Returns the limit of the main thread's stack in bytes, on Linux.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn main_stack() -> Option<usize> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
@@ -353,14 +353,14 @@ fn main_stack() -> Option<usize> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Runs work on a number of threads, of which 0 means one for each processor core, or as many as
-/// the system starts. If it starts none, the present thread does the work.
+/// Runs work on a number of threads. 0 means one for each processor core, or fewer if the system
+/// starts fewer. If it starts none, the current thread does the work.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
         return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
-    // A number that was typed is wanted as it is. Else half as many are tried, again and again.
+    // A number that was typed is not lowered. The default is halved until the system starts them.
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
     if threads > 0 {
         let pool = pool(threads).map_err(|error| {
@@ -389,14 +389,15 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     work()
 }
 
-/// Runs a verb for a caller that shows its warnings and notes. If it fails they are printed.
+/// Runs a verb for a caller that shows its warnings and notes itself. If the verb fails, they are
+/// printed.
 fn run_quietly(verb: &Verb) -> Result<Report> {
     let report = quietly(|| run_warned(verb, true));
     warn(take_warnings());
     report
 }
 
-/// Runs a verb, and adds the warnings that it prints to its object.
+/// Runs a verb, and adds its printed warnings to its JSON object.
 fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     take_warnings();
     let mut report = run(verb)?;
@@ -454,7 +455,7 @@ mod tests {
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 
-    /// The verb and the flags of each command of ours in a text.
+    /// Finds the verb and the flags of each of the program's commands in a text.
     fn commands(text: &str) -> Vec<(String, Vec<String>)> {
         let text = text.replace("\\\n", " ");
         let mut examples = Vec::new();

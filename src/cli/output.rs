@@ -44,7 +44,8 @@ impl Outputs {
                 let path = path(format!("{kind}.csv"));
                 let file = Output::create(&path)?;
                 // A device or a pipe has no file beside it.
-                let scene = file.is_staged().then(|| Output::create(&CarriedScene::place(&path)));
+                let scene =
+                    file.is_staged().then(|| Output::create(&CarriedScene::path_beside(&path)));
                 Self::One(file, scene.transpose()?)
             }
             _ => {
@@ -140,5 +141,5 @@ pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf
 
 /// Removes the scene beside a flight or plan whose new scene is elsewhere.
 pub(super) fn forget_scene(path: &Path) {
-    let _ = std::fs::remove_file(CarriedScene::place(path));
+    let _ = std::fs::remove_file(CarriedScene::path_beside(path));
 }

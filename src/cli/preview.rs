@@ -146,7 +146,7 @@ fn planned(args: &PreviewArgs) -> Result<Shoot> {
     warn_of_trailing(&shoot);
     let shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
     // The script of Crazyswarm2, which flies the other form, speeds the trajectory up.
-    Ok(if form == Form::Compressed { shoot.by_its_clock() } else { shoot })
+    Ok(if form == Form::Compressed { shoot.by_firmware_clock() } else { shoot })
 }
 
 /// Warns of a camera that has no place in the room.

@@ -43,13 +43,13 @@ const LAYOUT: &str = "\
 {letter}|{p:.2}
 ";
 
-/// A photo and its reading, turned until its writing, or the word that it should show, is upright.
-/// Mirrored writing is named, and flipped if no word is given.
+/// Reads a photo, rotated until its writing, or `word` if one is given, is upright. Returns the
+/// rotated photo and the reading. A note names mirrored writing, which is flipped without a word.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_edge(&photo) {
         message("note: ", "the photo's border is bright: cut it off, or invert dark writing");
     }
-    // Smaller writing beside the word, such as a credit, is not read.
+    // Smaller writing, such as a credit, is named and ignored.
     let (reading, quarters) = read_any_way_up(&photo, word);
     if !reading.smaller.is_empty() {
         let text = reading.smaller.replace('\n', " ");
@@ -60,7 +60,7 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
         let Some((flipped, turns)) = mirrored_reading else { return (photo, reading) };
         let text = flipped.text.replace('\n', " ");
         message("note: ", &format!("the writing is mirrored: flipped, it reads {text}"));
-        // A word is judged as the photo shows it.
+        // With a word, the photo is judged as it is.
         return if word.is_empty() {
             (quarter_turned(&mirrored(&photo), turns), flipped)
         } else {
@@ -75,7 +75,7 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     (quarter_turned(&photo, quarters), reading)
 }
 
-/// The photo with its line of writing seen square on, if corners or a camera are given.
+/// Rectifies the photo's line of writing, if corners or a camera are given.
 fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Result<Photo> {
     if let Some(Corners(corners_px)) = corners {
         return View::rectified_by_corners(&photo, *corners_px);
@@ -83,7 +83,7 @@ fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Re
     if !flags.is_given() {
         return Ok(photo);
     }
-    // A fixed camera without a word sees all of the plane of writing.
+    // A fixed camera needs no bounds of a word.
     let mut scene = flags.scene()?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     let fixed = matches!(scene.camera.framing, Framing::Fixed(_)) && !scene.has_strokes();

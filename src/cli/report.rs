@@ -31,11 +31,11 @@ const LIMIT: Limit =
 /// Most files that a page shows, and most rows of a table.
 const MAX_FILES: usize = 40;
 const MAX_ROWS: usize = 60;
-/// Columns beyond which a table of few rows is turned.
+/// A table with more columns and fewer rows is transposed.
 const MAX_COLUMNS: usize = 8;
-/// Largest table that a page shows. A flight's table is larger.
+/// Largest table that a page shows. Flights are larger.
 const MAX_TABLE_BYTES: u64 = 200_000;
-/// Longest side of a photo, and its quality.
+/// Longest side of a photo in the page, and its JPEG quality.
 const MAX_PX: u32 = 1920;
 const QUALITY: u8 = 82;
 
@@ -43,7 +43,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
     let title = name(std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
-    // What a page cannot show is named, and so is what it has no room for.
+    // Files that the page does not show are named.
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
     // Photos first, then drawings, settings and tables.
     fn rank(path: &&PathBuf) -> Option<usize> {
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let others = entries_in(&args.folder)?;
     let others = others.iter().filter(|path| !files.contains(path) || !shows(path)).map(name);
     let others: Vec<String> = others.collect();
-    // The most telling files come first, as a page has room for some only.
+    // The page has room for a limited number of files.
     let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
     files.sort_by_key(rank);
     let n_more = files.len().saturating_sub(MAX_FILES);
@@ -93,7 +93,7 @@ fn shows(path: &Path) -> bool {
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
     match &*ending(path) {
         "png" | "svg" => true,
-        // Flights of a study and time series are for programs.
+        // Tables of flights and time series are omitted.
         "csv" => {
             let is_over_time = |table: Vec<u8>| table.starts_with(b"time_s");
             name(path) != "flights.csv" && small() && !LIMIT.read(path).is_ok_and(is_over_time)
@@ -103,7 +103,7 @@ fn shows(path: &Path) -> bool {
     }
 }
 
-/// The verdict of the folder's photo, if there is one.
+/// Returns the verdict on the folder's photo as a sentence, or an empty text.
 fn lead(files: &[PathBuf]) -> Result<String> {
     let Some(path) = files.iter().find(|path| name(path) == "verdict.json") else {
         return Ok(String::new());
@@ -114,7 +114,7 @@ fn lead(files: &[PathBuf]) -> Result<String> {
     Ok(sentence(words, verdict["legible"] == true, readability))
 }
 
-/// Adds a photo, a drawing, a table or a scene.
+/// Adds a file to the page: a photo, a drawing, a table or a scene.
 fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
     Ok(match &*ending(path) {
         "png" => page.photo(&photo::jpeg(&shrink(photo::read(path)?, MAX_PX), QUALITY), name, None),

@@ -53,8 +53,8 @@ pub(super) struct ScoreArgs {
     /// name was chosen by the author of the photo
     #[arg(long)]
     trust: bool,
-    /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones
-    /// (pink), other light (yellow) and the probability of each letter
+    /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones (pink),
+    /// other light (yellow) and the probability of each letter
     #[arg(short, long, value_name = "FILE", alias = "overlay")]
     output: Option<PathBuf>,
 }
@@ -64,7 +64,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let output = args.output.as_deref().map(Output::create).transpose()?;
     let (mut photo, notes) = photo::read_with_notes(&args.photo)?;
 
-    // The scene: the one that was named, or the one in the photo, whose files need --trust.
+    // The scene is the named one, or the one in the photo, whose files are opened only with
+    // --trust.
     let inside = photo.scene_toml.clone().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
@@ -77,14 +78,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     })?;
     let foreign = foreign_file(args, &scene).filter(|_| inside.is_some());
     args.camera.apply(&mut scene)?;
-    // A photo without a camera is turned until its writing is upright.
+    // Without a camera the photo is rotated until its writing is upright.
     let mut reading = None;
     if !has_camera && args.corners.is_none() {
         let upright = read_upright(photo, word.unwrap_or_default());
         (photo, reading) = (upright.0, Some(upright.1));
     }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
-    // The camera framed the word that was flown, even if another one is searched now.
+    // The camera framed the word that was flown, even if another word is searched for.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     if let Some(flown) = flown.as_ref().filter(|_| foreign.is_some()) {
         check_strokes(flown, notes.strokes_sha256.as_deref(), file)?;
@@ -102,7 +103,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
             .map_err(|error| error.in_file(path.display(), None))?;
     }
 
-    // Where the word is: at the corners, at the writing, or where the camera framed it.
+    // The word is at the given corners, at the writing that was read, or where the camera framed
+    // it.
     let located = match (&args.corners, &reading) {
         (Some(Corners(corners_px)), _) => {
             let size_px = [photo.width_px, photo.height_px];
@@ -120,12 +122,12 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         }
     };
 
-    // What is known of the flight makes the reasons better: its speed, its lag, its gaps.
+    // Speed, lag and gaps of the flight explain faults better than the photo does.
     let mut flights = Vec::new();
     FLIGHTS.check_all(&args.flight)?;
     for path in &args.flight {
         let mut flight = args.flights.read(path, Some(&scene))?;
-        // The photo of a log shows inferred lights, too.
+        // Lights are inferred as `expose` does it.
         infer_lights_if_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);
     }
@@ -146,7 +148,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     }
     let json = show::verdict_json(Some(&verdict), flight_sha256(&flights));
     let mut report = Report::new(show::verdict_table(&verdict), json);
-    // A scene of unknown origin is not flown here.
+    // The scene in a photo is of unknown origin, so it is not flown here.
     if inside.is_some() && !verdict.legible {
         let again = format!("`noctograph preview --scene {}`", shell_word(&args.photo));
         let text = format!("{again} flies its scene again, and names settings that help");
@@ -165,12 +167,13 @@ fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Res
     Err(Error::input(file, actual, format!("that of digest {digest}"), hint))
 }
 
-/// The key of a file that the photo's scene names, unless it was typed.
+/// Returns the first key of the photo's scene that names a file, if it was not typed.
 fn foreign_file(args: &ScoreArgs, scene: &Scene) -> Option<&'static str> {
     scene.letters.files().map(|(key, _)| key).find(|key| !args.scene.sets(key))
 }
 
-/// Refuses a photo's own scene if it names a font or a drawing. Its background is not needed.
+/// Refuses the scene in a photo if it names a font or a drawing. Drops its background, which is not
+/// needed.
 fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     scene.photo.background.clear();
     let Some(key) = foreign_file(args, scene) else { return Ok(()) };
@@ -179,7 +182,7 @@ fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     Err(Error::input(key, "the path of a file", wanted, hint).in_file(file, None))
 }
 
-/// Refuses flights whose digests the photo does not have, if it has any.
+/// Refuses flights that the photo does not show, by the digests in the photo, if it has any.
 fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> Result<()> {
     let Some(shown) = shown else { return Ok(()) };
     for (flight, path) in flights.iter().zip(&args.flight) {
@@ -194,7 +197,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
     Ok(())
 }
 
-/// Locates a word in a photo without a camera.
+/// Locates the word by its light, in a photo without a camera. Prints a note.
 fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let view = find_word(photo, reading, strokes);
     let text = match view {

@@ -70,14 +70,14 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     // The page begins with this scene, and each visitor changes a copy of it.
     let named = args.scene.as_deref().unwrap_or(Preset::default().name());
     let mut scene = Scene::find(named, &[])?.scene;
-    // A scene that cannot be flown is refused now, not at every visitor's photo. Its typeface may
-    // lack this letter, and have the visitors'.
+    // A scene that cannot be flown is refused now, not at each visitor's photo. A typeface of
+    // another script may lack this letter.
     scene.set_word("A");
     match Shoot::new(scene.clone()) {
         Ok(_) | Err(Error::Letter { .. }) => {}
         Err(error) => return Err(error),
     }
-    // Browsers cannot read files of this machine: then all photos are made here.
+    // Browsers cannot read files of this machine, so a scene with files makes all photos here.
     let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {
@@ -97,20 +97,21 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses, has_room))
 }
 
-/// The command line that was typed.
-fn typed() -> Option<CommandLine> {
+/// Parses the arguments that were typed.
+fn parsed_command_line() -> Option<CommandLine> {
     CommandLine::try_parse_from([OsString::from("noctograph")].into_iter().chain(words())).ok()
 }
 
-/// This program as a worker, with the scene that the page begins with.
+/// Returns the command that starts this program as a worker, with the same scene.
 fn worker() -> std::io::Result<Command> {
     let mut command = program()?;
     command.args(["serve", "--worker"]);
     // The Python package starts workers by its own command.
-    let Some(CommandLine { verb: Verb::Serve(args), .. }) = typed() else {
+    let Some(CommandLine { verb: Verb::Serve(args), .. }) = parsed_command_line() else {
         return Ok(command);
     };
-    // It means the same from every folder.
+    // The path is made absolute, as the worker may run in another folder. A name that is not a path
+    // is that of a preset.
     if let Some(scene) = args.scene {
         let path = std::path::absolute(&scene)?;
         command.arg("--scene").arg(if path.exists() { path.into() } else { OsString::from(scene) });
@@ -126,7 +127,7 @@ fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
 /// Prints the addresses, and opens the page if asked to.
 fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<()> {
     let page = if args.kiosk { &addresses.kiosk } else { &addresses.visitors };
-    match typed().is_some_and(|typed| typed.json) {
+    match parsed_command_line().is_some_and(|typed| typed.json) {
         true => print_out(&format!("{}\n", object(page, addresses)))?,
         false => print_out(&table(args, page, addresses, has_room))?,
     }
@@ -136,16 +137,16 @@ fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<(
     Ok(())
 }
 
-/// The addresses for programs.
+/// Returns the addresses as JSON.
 fn object(page: &str, addresses: &Addresses) -> Value {
     let [visitors, kiosk] =
         addresses.network.as_ref().map_or([None; 2], |both| both.each_ref().map(Some));
     json!({ "page": page, "network": visitors, "kiosk": kiosk, "operator": addresses.operator })
 }
 
-/// The addresses for people.
+/// Returns the addresses as text.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
-    // The network's address comes with what it allows.
+    // The address for the network comes with a line on what it allows.
     let mut text = line("page", page);
     if args.network && addresses.network.is_none() {
         text += &line("network", "none: connect this machine to one, and start again");
@@ -169,7 +170,7 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
     if let Some([visitors, kiosk]) =
         addresses.network.as_ref().filter(|_| std::io::stdout().is_terminal())
     {
-        // For the tablets' cameras: phones scan that of the wall.
+        // The code is for the cameras of tablets. Phones scan the one on the wall.
         text += &printed_code(if args.kiosk { kiosk } else { visitors });
     }
     text

@@ -12,9 +12,9 @@ use crate::shoot::Shot;
 use crate::tracking::{Part, Tracking, track};
 use serde_json::{Value, json};
 
-/// The verdict as text: lines for the word, a row for each letter, advice.
+/// Writes the verdict: lines for the word, a row for each letter, advice.
 pub fn verdict_table(verdict: &Verdict) -> String {
-    // The second opinion is that of the reader who does not know the word.
+    // The second opinion is a reading without knowledge of the word.
     let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
     let words = json!({
         "sentence": verdict_sentence(verdict),
@@ -45,7 +45,7 @@ pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
 
-/// A word, its reading, and the verdict in one sentence.
+/// Writes a word, its reading and the verdict as one sentence.
 pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> String {
     let [word, read] = words.map(in_one_line);
     let legible = if legible { "legible" } else { "NOT legible" };
@@ -74,13 +74,13 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
     text.to_owned()
 }
 
-/// The strokes of a drawing, and those left out by its detail. Empty for a word.
+/// Reports the strokes of a drawing, and those omitted by `letters.detail`. Empty for a word.
 pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
     let Some(strokes) = strokes.filter(|strokes| strokes.font.is_none()) else {
         return Report::with_layout(json!({}), "");
     };
     let left_out = json!({ "strokes": strokes.left_out.strokes, "share": strokes.left_out.share });
-    // Text names what was left out only if something was.
+    // The text names omitted strokes only if there are any.
     let mut drawing = json!({
         "strokes": strokes.n_strokes(), "length_m": strokes.length_m(), "left_out": left_out,
     });
@@ -94,9 +94,9 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
     Report::with_words(json!({ "drawing": drawing }), &words, layout)
 }
 
-/// Figures of a flight: its time, its tracking error over the letters, or in the air if there are
-/// none, the last values of the simulator's own columns, its digest. The error is null for a drone
-/// that never left the floor. `known` is the tracking if it was computed before.
+/// Reports a flight: its duration, its tracking error over the letters, or in the air if there are
+/// none, final values of the simulator's columns, and its digest. The tracking error is null if the
+/// drone never left the floor. `known` is the tracking if it has been computed already.
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
     let (mut figures, mut words) = match &tracking {
@@ -117,7 +117,7 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
             )
         }
     };
-    // The duration counts from the first sample: a flight has its own clock.
+    // A flight has its own clock: its duration counts from its first sample.
     let begins_s = flight.samples.first().map_or(0.0, |first| first.time_s);
     let lasts_s = flight.samples.last().map_or(0.0, |last| on_grid(last.time_s - begins_s));
     figures["duration_s"] = lasts_s.into();
@@ -127,14 +127,14 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
         }
     }
     figures["sha256"] = sha256.into();
-    // Figures that not every flight has are null in the layout.
+    // Not every flight has these figures. The layout omits those that are null.
     for key in ["rmse_after_lag_m", "least_cap_height_m", BATTERY_V, ENERGY_J] {
         words[key] = json!(figures.get(key));
     }
     Report::with_words(figures, &words, FLIGHT)
 }
 
-/// A lag below this is called a lead. It is 4 mm of a stroke.
+/// A lag below this is called a lead: it is 4 mm of a stroke.
 pub(super) const LEAD_S: f64 = -0.02;
 
 const FLIGHT: &str = "\
@@ -146,7 +146,7 @@ battery   {battery_v:.2} V at the end, {energy_j:.0} J used
 digest    {sha256}
 ";
 
-/// Aperture and sensitivity, with the meter's readings if it set them.
+/// Reports aperture and sensitivity, with the meter's readings if it set them.
 pub(super) fn camera(shot: &Shot) -> Report {
     let Camera { f_number, iso, .. } = shot.camera;
     let why = "so that a long exposure leaves the room dark";
@@ -162,13 +162,13 @@ pub(super) fn camera(shot: &Shot) -> Report {
     Report::with_words(product, &words, layout)
 }
 
-/// The device that computed the exposure.
+/// Reports the device that computed the exposure.
 pub(super) fn backend(shot: &Shot) -> Report {
     let product = json!({ "backend": shot.backend.name(), "adapter": shot.adapter });
     Report::with_layout(product, "exposed   by {backend} on {adapter}")
 }
 
-/// Figures of tracking for programs.
+/// Converts tracking figures to JSON.
 pub(super) fn tracking_json(tracking: &Tracking) -> Value {
     let mut json = json!(tracking);
     json["in_plane_rmse_m"] = tracking.in_plane_rmse_m().into();
@@ -177,8 +177,8 @@ pub(super) fn tracking_json(tracking: &Tracking) -> Value {
     json
 }
 
-/// A verdict as in verdict.json and in every `--json`: see docs/reference/verdict.md. A drawing has
-/// none, and none of its keys.
+/// Converts a verdict to JSON, as in verdict.json (docs/reference/verdict.md). A drawing has no
+/// verdict and none of its keys.
 pub(super) fn verdict_json(verdict: Option<&Verdict>, flight_sha256: Option<String>) -> Value {
     let mut json = serde_json::to_value(verdict).expect("a verdict is plain data");
     json["flight_sha256"] = flight_sha256.into();

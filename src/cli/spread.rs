@@ -26,7 +26,7 @@ pub(super) struct SpreadFlags {
     conditions: String,
 }
 
-/// The addition of a spread to a preview.
+/// What a spread adds to a preview.
 pub(super) struct Shown {
     pub(super) report: Report,
     /// The band, from the front and over time (SVG).
@@ -34,7 +34,7 @@ pub(super) struct Shown {
 }
 
 impl SpreadFlags {
-    /// The conditions, which are read before the long work.
+    /// Reads the conditions, before the long work.
     pub(super) fn conditions(&self) -> Result<Conditions> {
         Conditions::find(&self.conditions)
     }
@@ -46,7 +46,7 @@ impl SpreadFlags {
         conditions: &Conditions,
         folder: &mut OutputFolder,
     ) -> Result<Option<Shown>> {
-        // Bands of the drones, seen from the front and over time, and the photos of all flights.
+        // Pictures: the bands from the front and over time, and the photos of all flights.
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
@@ -79,7 +79,7 @@ impl SpreadFlags {
 }
 
 fn described(spread: &Spread, title: &str) -> Report {
-    // A flight may lose its drone, and then has no photo. A drawing has no verdict.
+    // A flight that lost its drone has no photo. A drawing has no verdict.
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
         Err(lost) => json!({ "seed": seed, "lost": lost }),
         Ok(shot) => {
@@ -92,7 +92,7 @@ fn described(spread: &Spread, title: &str) -> Report {
         }
     });
     let flights: Vec<Value> = flights.collect();
-    // Lost flights are counted, and have no part in the quantiles.
+    // Lost flights are counted separately, not in the quantiles.
     let mut readability: Vec<f64> =
         flights.iter().filter_map(|flight| flight["readability"].as_f64()).collect();
     readability.sort_by(f64::total_cmp);
@@ -116,7 +116,7 @@ spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, medi
 *bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
 ";
 
-/// How many flights a band holds, in words.
+/// Describes how many flights a band holds.
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
     match band.holds_frac() < BAND_FRAC {

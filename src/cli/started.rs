@@ -18,7 +18,7 @@ pub fn typed_as(words: Vec<OsString>) {
     let _ = WORDS.set(words);
 }
 
-/// This program once more, without arguments.
+/// Returns the command that starts this program again, without arguments.
 pub(super) fn program() -> std::io::Result<Command> {
     let Some([program, arguments @ ..]) = PROGRAM.get().map(Vec::as_slice) else {
         return std::env::current_exe().map(Command::new);
@@ -28,7 +28,7 @@ pub(super) fn program() -> std::io::Result<Command> {
     Ok(command)
 }
 
-/// The arguments that were typed.
+/// Returns the arguments that were typed.
 pub(super) fn words() -> Vec<OsString> {
     WORDS.get().cloned().unwrap_or_else(|| std::env::args_os().skip(1).collect())
 }

@@ -1,4 +1,4 @@
-//! Flags and tables of the verbs that make studies.
+//! Flags and tables of `rank` and `tune`.
 
 use crate::photo;
 use std::collections::HashSet;
@@ -46,10 +46,10 @@ pub(super) struct StudyFlags {
 }
 
 impl StudyFlags {
-    /// A scene with the keys that were set.
+    /// Finds a scene, applies `--set`, and warns of keys without effect.
     pub(super) fn scene(&self, named: &str, conditions: &Conditions) -> Result<NamedScene> {
         let named = find_scene(named, &self.set.set)?;
-        // Conditions may bring a radio that loses packets.
+        // The conditions may add packet loss, with which radio keys have an effect.
         let radio = conditions.draw(&named.scene, 0, 0).sim.radio;
         warn_of_unused_keys(&Scene { radio, ..named.scene.clone() }, &[]);
         Ok(named)
@@ -59,9 +59,9 @@ impl StudyFlags {
         Conditions::find(&self.conditions)
     }
 
-    /// The words with their numbers of seeds, or the default number.
+    /// Returns the words with their numbers of seeds, `usual` by default.
     pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
-        // A word is a word unless a file has its name. A name of a missing file is an error.
+        // The name of an existing file is a list of words. The name of a missing file is an error.
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
@@ -102,7 +102,7 @@ const LIST: Limit = Limit {
     hint: "split it, or shorten it",
 };
 
-/// Opens a study's folder of flights, and says how many are there already.
+/// Opens the store of flights in a folder. Prints a note if it has some already.
 pub(super) fn open_store(folder: &Path) -> Result<Store> {
     let store = Store::open(folder)?;
     if store.n_known() > 0 {
@@ -118,7 +118,7 @@ pub(super) fn open_results(folder: &Path, names: &[impl AsRef<Path>]) -> Result<
     results.check_writable(names).map(|()| results)
 }
 
-/// A progress bar that any thread may call with the number of `total` that are done.
+/// Returns a progress bar as a function, which any thread may call with the number that is done.
 pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync {
     let progress = Mutex::new(Progress::new(what));
     move |done| {
@@ -157,14 +157,14 @@ pub(super) fn write_ranking(
     folder.keep()
 }
 
-/// A ranking for people and for programs.
+/// Reports a ranking as text and JSON.
 pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Report {
     let product = json!({
         "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
         "least_flights": ranking.least_flights, "unranked": ranking.unranked,
         "acuity": ranking.acuity,
     });
-    // Pairs that cannot be told apart are named, as many as a page has room for.
+    // The text names the first pairs that cannot be told apart.
     let n_words = study.words.len();
     let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
     let pairs = &ranking.pairs;
@@ -180,7 +180,7 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let has_lead = flown.any(|flown| flown.lag_s.value < LEAD_S);
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
-    // Of the ladder of speeds, each scene's limit beside its contour error.
+    // With --acuity: each scene's fastest readable stroke speed, beside its contour error.
     let acuity = ranking.acuity.as_ref();
     let contour = |limit: &SpeedLimit| {
         let measures = ranking.measures.iter().find(|it| it.contender == limit.contender)?;
@@ -241,18 +241,17 @@ NOT distinguishable ({differ} in P(read), interval for all pairs together):
 
 ";
 
-/// Most pairs that the table names: thirty scenes have 435.
+/// Most pairs that the text names: thirty scenes have 435.
 const MOST_PAIRS: usize = 30;
 
-/// Names of scenes in columns of `width`, no two alike.
+/// Shortens the names of scenes to a column of `width`, so that no two are alike.
 fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
-    // The end of a path tells two scenes apart better than its beginning.
+    // One column stays free as a gap.
     let names: Vec<&str> = ranking.measures.iter().map(|m| m.contender.as_str()).collect();
     shortened(&names, width - 1)
 }
 
-/// Distinct names of at most `n` characters: the ends of longer names, numbered if two ends are
-/// equal.
+/// Shortens names to at most `n` characters: to their ends, with numbers if two ends are equal.
 pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     let ends: Vec<String> = names.iter().map(|name| end_of(name, "…", n)).collect();
     if ends.iter().collect::<HashSet<_>>().len() == ends.len() {
@@ -261,7 +260,7 @@ pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     (1..).zip(names).map(|(number, name)| end_of(name, &format!("{number}…"), n)).collect()
 }
 
-/// The end of a name behind a head, where it has more than `n` characters.
+/// Returns the name, or `head` and the end of a name of more than `n` characters.
 fn end_of(name: &str, head: &str, n: usize) -> String {
     match name.chars().count() {
         all if all <= n => name.to_owned(),

@@ -1,5 +1,5 @@
-//! The terminal: results on stdout, messages on stderr. Warnings are kept for the object of the
-//! running verb.
+//! The terminal: results on stdout, messages on stderr. Warnings are also kept for the JSON object
+//! of the running verb.
 
 use std::cell::{Cell, RefCell};
 use std::io::Write;
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// Prints a result on stdout. It is not an error if the reader went away, as `head` does.
 pub(super) fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    // Flushed here, as an error in a destructor would be lost.
+    // Flushed here, as an error on exit would be lost.
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::write("standard output".as_ref(), source))
@@ -19,13 +19,13 @@ pub(super) fn print_out(text: &str) -> Result<()> {
     }
 }
 
-/// Text with its control characters as escapes.
+/// Escapes the control characters of a text.
 pub(super) fn printable(text: &str) -> String {
     escaped(text, |code| format!("\\u{{{code:x}}}"))
 }
 
-/// Text with its control characters as escapes, also those that reverse the direction of writing:
-/// names from foreign files must not steer a terminal. Line ends and tabs stay.
+/// Escapes control characters, and characters that change the direction of writing, by `escape`:
+/// names from foreign files must not control a terminal. Line ends and tabs stay.
 pub(super) fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
     let steers = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')
@@ -34,17 +34,17 @@ pub(super) fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
     text.chars().map(|c| if steers(c) { escape(c.into()) } else { c.to_string() }).collect()
 }
 
-/// Head of a warning.
+/// Prefix of a warning.
 const WARNING: &str = "warning: ";
 
 thread_local! {
     /// Warnings of the running verb.
     static WARNED: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
-    /// True if warnings are only kept in its object, for a caller that shows them.
+    /// True if messages are kept and not printed, for a caller that shows them.
     static IS_QUIET: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Takes the warnings so far.
+/// Returns the warnings so far, and forgets them.
 pub(super) fn take_warnings() -> Vec<String> {
     WARNED.take()
 }

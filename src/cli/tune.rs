@@ -64,7 +64,7 @@ pub(super) struct TuneArgs {
     output: PathBuf,
 }
 
-/// Flights and time that may be spent.
+/// Parses a budget: a number of flights, or a time.
 fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
     let budget = match text.strip_suffix("min") {
         Some(minutes) => {
@@ -90,7 +90,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     if let Some(longest_s) = args.longest {
         crate::error::within("longest", longest_s, 1.0, 3600.0)?;
     }
-    // Training seeds choose among candidates, and the test on new ones decides about the best.
+    // The best candidate on the training seeds must also win on four times as many new ones.
     let options = TuneOptions {
         knobs: match args.knob.as_slice() {
             [] => Knob::usual(&base.scene),
@@ -107,7 +107,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let store = open_store(&args.output)?;
     let mut results = open_results(&args.output, &FILES)?;
 
-    // A budget in minutes ends the search by the clock, one in flights by their number.
+    // A budget in minutes is checked by the clock, one in flights by counting.
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
     let mut watch = |n_flights: usize, best: &Candidate| {
@@ -146,7 +146,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))
 }
 
-/// Origin of a tuned scene, as the head of its file.
+/// Returns comment lines for the top of the tuned scene: where it comes from.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     let what = if tuned.helped() { "Tuned from" } else { "Nothing better was found than" };
     format!(
@@ -175,8 +175,8 @@ fn plot(tuned: &Tuned) -> String {
     pareto(&within, &others, &front, Some(pace_and_legibility(start)))
 }
 
-/// The Pareto front of time and legibility, the best candidate's changes, and its results on new
-/// seeds and new words, `others`.
+/// Reports the Pareto front of time and legibility, the best candidate's changes, and its tests on
+/// new seeds and, in `others`, on new words.
 pub fn tuning_report(
     options: &TuneOptions,
     tuned: &Tuned,
@@ -187,7 +187,7 @@ pub fn tuning_report(
         "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
         "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
-    // Changes are those of the best candidate, if it did better than the scene as it was.
+    // The changes are shown only if the best candidate beat the original scene.
     let changes = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
         let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
         json!({ "key": key, "before": before, "after": after })
@@ -199,7 +199,7 @@ pub fn tuning_report(
         "kept": (tuned.test.is_some() && !tuned.helped()).then_some("the scene as it was"),
     });
     let mut report = Report::with_words(product, &words, LAYOUT);
-    // Candidates were chosen on their own seeds: only new seeds and words judge them fairly.
+    // The training seeds favor the best candidate, so the tests use new seeds and new words.
     let mut tests = Vec::new();
     for (new, test) in [("seeds", tuned.test.as_ref()), ("words and seeds", others)] {
         let Some((study, ranking)) = test else { continue };
@@ -225,7 +225,7 @@ best      not better on new seeds: scene.toml holds {kept}; try a larger budget,
 
 ";
 
-/// A value of a scene's key, to four digits.
+/// Formats the value of a scene's key, a number with four digits.
 fn shown(value: &toml::Value) -> String {
     match value.as_float() {
         Some(number) if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) => {
@@ -237,7 +237,7 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// The test of a tuned scene on words that it was not trained on, if there are any.
+/// Tests the tuned scene on words that it was not trained on, if there are any.
 fn other_words(
     args: &TuneArgs,
     options: &TuneOptions,
@@ -245,7 +245,7 @@ fn other_words(
     tuned: &Tuned,
     store: &Store,
 ) -> Result<Option<(Study, Ranking)>> {
-    // A word of the training does not test.
+    // Training words are not test words.
     let words =
         args.test_words.iter().filter(|word| options.words.iter().all(|(known, _)| known != *word));
     let words: Vec<_> = words.map(|word| (word.clone(), args.test_seeds)).collect();

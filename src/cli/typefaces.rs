@@ -1,4 +1,4 @@
-//! Typefaces of this machine, among which is one with the letters that a font lacks.
+//! Finds a typeface on this machine that has the letters which a font lacks.
 
 use std::path::{Path, PathBuf};
 
@@ -23,8 +23,8 @@ const MAX_BYTES: usize = 1 << 30;
 const LIMIT: Limit =
     Limit { bytes: 64 << 20, what: "a typeface", hint: "name a smaller font file" };
 
-/// File of a typeface that has all of some characters, from the system's folders: an upright and
-/// light one if possible, whose center lines are nearest to its strokes.
+/// Finds a typeface file on this machine that has all the characters. Upright and light typefaces
+/// come first, as their center lines are nearest to their strokes.
 pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     let home = std::env::home_dir().unwrap_or_default();
     let folders = FOLDERS.iter().map(|folder| match folder.strip_prefix('~') {
@@ -34,17 +34,17 @@ pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     first_with(&folders.collect::<Vec<PathBuf>>(), characters)
 }
 
-/// The first file of folders that has some characters, in the order of [`rank`].
+/// Finds the first file in the folders that has all the characters, in the order of [`rank`].
 fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     let mut files = Vec::new();
     for folder in folders {
         gather(folder, DEEPEST, &mut files);
     }
-    // The most likely files are read first, as all of them together may be gigabytes.
+    // The files may be gigabytes together, so the best ones are read first.
     files.sort_by_cached_key(|path| (rank(path), path.clone()));
     let mut n_bytes = 0;
     files.into_iter().find(|path| {
-        // An unreadable file cannot be the hint, and is skipped.
+        // Unreadable files are skipped, as this is only for a hint.
         let file = if n_bytes < MAX_BYTES { LIMIT.read(path).ok() } else { None };
         n_bytes += file.as_ref().map_or(0, Vec::len);
         file.is_some_and(|file| characters.iter().all(|c| has_outline(&file, *c)))
@@ -66,7 +66,7 @@ fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Order of typefaces by the names of their files: upright before slanted, light before heavy.
+/// Sort key of a typeface by its file name: upright before slanted, light before heavy.
 fn rank(path: &Path) -> (bool, usize) {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let any = |words: &[&str]| words.iter().any(|word| name.contains(word));

@@ -82,7 +82,7 @@ impl Diagnostic {
         Self::new(code, Severity::Warning, message)
     }
 
-    /// Warnings with one code.
+    /// A warning for each message, all with one code.
     pub fn warnings(
         code: &'static str,
         messages: impl IntoIterator<Item: Into<String>>,
@@ -113,36 +113,37 @@ impl Diagnostic {
         self.with_some(name, Some(figure))
     }
 
+    /// Adds a figure if there is one.
     fn with_some(mut self, name: &'static str, figure: Option<impl Into<Figure>>) -> Self {
         self.figures.extend(figure.map(|figure| (name, figure.into())));
         self
     }
 
-    /// The limit of the value.
+    /// Adds the limit of the value.
     #[must_use]
     pub fn within(self, limit: f64) -> Self {
         self.with("limit", limit)
     }
 
-    /// When the value occurs.
+    /// Adds the time at which the value occurs.
     #[must_use]
     pub fn timed(self, time_s: impl Into<Option<f64>>) -> Self {
         self.with_some("time_s", time_s.into())
     }
 
-    /// Where the value occurs.
+    /// Adds the position at which the value occurs.
     #[must_use]
     pub fn positioned(self, position_m: impl Into<Option<[f64; 3]>>) -> Self {
         self.with_some("position_m", position_m.into())
     }
 
-    /// The value's subject, or a reason, or none if it is empty.
+    /// Adds the value's subject or a reason, unless the text is empty.
     #[must_use]
     pub fn detailed(self, detail: impl Into<String>) -> Self {
         self.with_some("detail", Some(detail.into()).filter(|detail| !detail.is_empty()))
     }
 
-    /// What was found, what is wanted, and help.
+    /// Sets the message (what was found), what is wanted, and the help.
     #[must_use]
     pub fn say(
         self,
@@ -153,20 +154,20 @@ impl Diagnostic {
         Self { message: message.into(), wanted: wanted.into(), help: Help::from(help), ..self }
     }
 
-    /// What to do. Keys of the scene stand in braces, see [`Help`].
+    /// Sets the help. A literal has keys of the scene in braces, see [`Help`].
     #[must_use]
     pub fn helped(self, help: impl Into<Help>) -> Self {
         Self { help: help.into(), ..self }
     }
 
-    /// The same of one of several drones.
+    /// Names the drone, if there are several, at the beginning of the place.
     #[must_use]
     pub fn of_drone(mut self, drone: impl Into<Option<DroneIndex>>) -> Self {
         self.place.0.splice(..0, drone.into().map(Segment::Drone));
         self
     }
 
-    /// The same in a file.
+    /// Names the file at the beginning of the place.
     #[must_use]
     pub fn in_file(mut self, file: impl fmt::Display) -> Self {
         self.place.0.splice(..0, Place::file(file).0);
@@ -178,7 +179,7 @@ impl Diagnostic {
         self.severity == Severity::Stop
     }
 
-    /// A figure that is a number.
+    /// The figure of this name, or `None` if it is missing or not a number.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.figures.get(name) {
             Some(Figure::Number(number)) => Some(*number),
@@ -194,26 +195,29 @@ impl Diagnostic {
         }
     }
 
-    /// What to do, with each change as `typed` writes it, or empty for a passed check.
-    pub fn change(&self, typed: impl Fn(&Change) -> String) -> String {
-        if self.severity == Severity::Fine { String::new() } else { self.help.sentence(typed) }
+    /// The help as a sentence, with changes formatted by `format_change`. Empty for a passed check.
+    pub fn change(&self, format_change: impl Fn(&Change) -> String) -> String {
+        match self.severity {
+            Severity::Fine => String::new(),
+            _ => self.help.sentence(format_change),
+        }
     }
 
-    /// Mark of severity, name of the check, and finding. What is wanted and what to do, with each
-    /// change as `typed` writes it, are empty for a passed check.
-    pub fn cells(&self, typed: impl Fn(&Change) -> String) -> [String; 5] {
+    /// The row of a table of checks: severity, name, message, what is wanted, and help. The last
+    /// two are empty for a passed check.
+    pub fn cells(&self, format_change: impl Fn(&Change) -> String) -> [String; 5] {
         let (mark, wanted) = match self.severity {
             Severity::Fine => ("ok", ""),
             Severity::Unknown => ("?", &*self.wanted),
             Severity::Warning => ("warn", &*self.wanted),
             Severity::Stop => ("STOP", &*self.wanted),
         };
-        [mark.into(), self.code.into(), self.to_string(), wanted.into(), self.change(typed)]
+        [mark.into(), self.code.into(), self.to_string(), wanted.into(), self.change(format_change)]
     }
 
-    /// One line: the message with its place, and help with each change as `typed` writes it.
-    pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
-        match (self.change(typed), self.severity) {
+    /// One line: place, message and help, with changes formatted by `format_change`.
+    pub fn sentence(&self, format_change: impl Fn(&Change) -> String) -> String {
+        match (self.change(format_change), self.severity) {
             (help, _) if help.is_empty() => self.to_string(),
             (help, Severity::Stop) => format!("{self}: {help}"),
             (help, _) => format!("{self} ({help})"),
@@ -265,7 +269,7 @@ pub struct Warned<T> {
 }
 
 impl<T> Warned<T> {
-    /// The same beside a product that is made of it.
+    /// Makes another product of the product, and keeps the warnings.
     pub fn map<U>(self, make: impl FnOnce(T) -> U) -> Warned<U> {
         Warned { product: make(self.product), warnings: self.warnings }
     }
@@ -311,7 +315,7 @@ enum Part {
 }
 
 impl Help {
-    /// The keys that it names, in order.
+    /// The changes that the sentence names, in order.
     pub fn changes(&self) -> impl Iterator<Item = &Change> {
         self.0.iter().filter_map(|part| match part {
             Part::Words(_) => None,
@@ -319,11 +323,11 @@ impl Help {
         })
     }
 
-    /// The sentence with each change as `typed` writes it.
-    pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
+    /// The sentence, with changes formatted by `format_change`.
+    pub fn sentence(&self, format_change: impl Fn(&Change) -> String) -> String {
         self.0.iter().fold(String::new(), |text, part| match part {
             Part::Words(words) => text + words,
-            Part::Change(change) => text + &typed(change),
+            Part::Change(change) => text + &format_change(change),
         })
     }
 
@@ -334,7 +338,7 @@ impl Help {
 }
 
 impl From<&'static str> for Help {
-    /// A literal of the program, which has keys in braces.
+    /// Parses a literal, which has keys in braces: `raise {camera.iso}`.
     fn from(text: &'static str) -> Self {
         // Every second part is within braces.
         let parts = text.split(['{', '}']).enumerate().map(|(index, part)| {
@@ -349,7 +353,7 @@ impl From<&'static str> for Help {
 }
 
 impl From<String> for Help {
-    /// Only words: braces in them are braces.
+    /// Takes a text as words only. Braces in it have no meaning.
     fn from(words: String) -> Self {
         Self(if words.is_empty() { Vec::new() } else { vec![Part::Words(words)] })
     }

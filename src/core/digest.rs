@@ -4,35 +4,36 @@ use std::io::Write;
 
 use sha2::Digest as _;
 
-/// Takes a product in piece by piece.
+/// SHA-256 of a product that is added piece by piece.
 #[derive(Clone, Debug, Default)]
 pub struct Digest(sha2::Sha256);
 
 impl Digest {
-    /// Bytes as they are.
+    /// Adds bytes.
     pub fn add(&mut self, bytes: impl AsRef<[u8]>) {
         self.0.update(bytes);
     }
 
-    /// Numbers as their bits, the lowest byte first.
+    /// Adds the bits of numbers, the lowest byte first.
     pub fn add_numbers(&mut self, numbers: &[f64]) {
-        // Many at a time: a call for each costs as much as the digest itself.
-        let mut bytes = [0; 8 * 64];
-        for numbers in numbers.chunks(64) {
-            for (bytes, number) in bytes.chunks_exact_mut(8).zip(numbers) {
+        // 64 numbers at a time: a call for each costs as much as the digest itself.
+        const CHUNK: usize = 64;
+        let mut buffer = [0; 8 * CHUNK];
+        for chunk in numbers.chunks(CHUNK) {
+            for (bytes, number) in buffer.chunks_exact_mut(8).zip(chunk) {
                 bytes.copy_from_slice(&number.to_le_bytes());
             }
-            self.0.update(&bytes[..8 * numbers.len()]);
+            self.0.update(&buffer[..8 * chunk.len()]);
         }
     }
 
-    /// 64 hexadecimal digits.
+    /// The digest as 64 hexadecimal digits.
     pub fn hex(self) -> String {
         self.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }
 
-/// Bytes that are written to it.
+/// Writing adds the bytes.
 impl Write for Digest {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.add(bytes);
@@ -54,7 +55,7 @@ pub struct Digested<W> {
 }
 
 impl<W: Write> Digested<W> {
-    /// Nothing is written yet.
+    /// Wraps a writer, and takes the digest of what is written from now on.
     pub fn new(to: W) -> Self {
         Self { to, digest: Some(Digest::default()) }
     }
@@ -74,7 +75,7 @@ impl<W: Write> Write for Digested<W> {
     }
 }
 
-/// Digest of some bytes.
+/// SHA-256 of some bytes, in hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
     let mut digest = Digest::default();
     digest.add(bytes);
@@ -83,20 +84,23 @@ pub fn sha256(bytes: &[u8]) -> String {
 
 /// HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes.
 pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32] {
-    fn sha256_of(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
-        let mut padded = [padding; 64];
-        padded.iter_mut().zip(key).for_each(|(padded, key)| *padded ^= key);
-        sha2::Sha256::new().chain_update(padded).chain_update(message).finalize().into()
+    // Outer and inner padding, as RFC 2104 names them: the key is XORed into a block of it.
+    const OPAD: u8 = 0x5c;
+    const IPAD: u8 = 0x36;
+    fn keyed_sha256(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
+        let mut block = [padding; 64];
+        block.iter_mut().zip(key).for_each(|(byte, key)| *byte ^= key);
+        sha2::Sha256::new().chain_update(block).chain_update(message).finalize().into()
     }
     let message: Vec<u8> = message.into_iter().collect();
-    sha256_of(0x5c, key, &sha256_of(0x36, key, &message))
+    keyed_sha256(OPAD, key, &keyed_sha256(IPAD, key, &message))
 }
 
-/// FNV-1a, 64 bits (Fowler, Noll, Vo): names streams of random numbers.
+/// FNV-1a hash, 64 bits (Fowler, Noll, Vo). Streams of random numbers are named by it.
 pub fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
-    bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
+    const PRIME: u64 = 0x0100_0000_01b3;
+    bytes.into_iter().fold(OFFSET_BASIS, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(PRIME))
 }
 
 #[cfg(test)]

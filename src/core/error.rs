@@ -76,7 +76,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Its name.
+    /// Name of the error, such as `file`, to which help and other languages refer.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Io { .. } => "file",
@@ -87,7 +87,7 @@ impl Error {
         }
     }
 
-    /// The same error with a name.
+    /// Sets the name of an error of an input or of what cannot be carried out.
     #[must_use]
     pub fn coded(mut self, name: &'static str) -> Self {
         if let Self::Input { code, .. } | Self::Infeasible { code, .. } = &mut self {
@@ -96,7 +96,7 @@ impl Error {
         self
     }
 
-    /// An input that is well formed, but cannot be carried out.
+    /// The error of an input that is well formed, but cannot be carried out.
     pub fn infeasible(what: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Infeasible { code: "infeasible", what: what.into(), hint: hint.into() }
     }
@@ -127,15 +127,15 @@ impl Error {
         self
     }
 
-    /// The same error in a file, and in its line. A file that it already names is a part of this
-    /// one.
+    /// Names the file, and its line, before the error's place. A file that the place already names
+    /// is a part of this one.
     #[must_use]
     pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
         self.inside([file].into_iter().chain(line.into().map(Segment::Line)))
     }
 
-    /// The same error of one of several drones, of a flight that cannot be carried out.
+    /// Names the drone in the error of a flight that cannot be carried out.
     #[must_use]
     pub fn of_drone(mut self, drone: DroneIndex) -> Self {
         if let Self::Infeasible { what, .. } = &mut self {
@@ -144,13 +144,14 @@ impl Error {
         self
     }
 
-    /// The same error of an item of a list.
+    /// Names the item of a list before the error's place.
     #[must_use]
     pub fn of_item(self, list: &str, index: usize) -> Self {
         let list = Place::from(list).0;
         self.inside(list.into_iter().chain([Segment::Index(index)]))
     }
 
+    /// Puts segments before the place of an input.
     fn inside(mut self, outer: impl IntoIterator<Item = Segment>) -> Self {
         if let Self::Input { place, .. } = &mut self {
             place.0.splice(..0, outer);
@@ -158,13 +159,13 @@ impl Error {
         self
     }
 
-    /// A file that cannot be read.
+    /// The error of a file that cannot be read.
     pub fn read(path: &Path, source: std::io::Error) -> Self {
         let hint = "name a file or folder that exists and is readable".into();
         Self::Io { path: path.into(), source, hint }
     }
 
-    /// A file or folder that cannot be written.
+    /// The error of a file or folder that cannot be written.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
         // On Windows, a forbidden name fails with an error that does not name the reason.
@@ -182,7 +183,7 @@ impl Error {
         Self::Io { path: path.into(), source, hint: hint.into() }
     }
 
-    /// A value that cannot be used.
+    /// The error of a value that cannot be used.
     pub fn input(
         place: impl Into<Place>,
         found: impl std::fmt::Display,
@@ -218,7 +219,7 @@ macro_rules! input_error {
     };
 }
 
-/// A text that ends with an ellipsis where it is too long to print: 1e308 has 309 digits.
+/// The text, cut with an ellipsis if it is too long to print: 1e308 has 309 digits.
 fn shortened(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(LONGEST_FOUND) {
         text.truncate(end);

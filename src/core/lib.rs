@@ -22,7 +22,7 @@ pub mod srgb;
 pub mod statistics;
 pub mod strokes;
 
-/// Does work in the widest registers of this processor. WebAssembly has one width.
+/// Runs work compiled for the widest registers of this processor. WebAssembly has one width.
 #[inline(always)]
 pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     #[cfg(target_family = "wasm")]
@@ -31,7 +31,7 @@ pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     pulp::Arch::new().dispatch(work)
 }
 
-/// [`dispatch()`] of a closure that is known to be called once.
+/// Runs a closure by [`dispatch()`], for the macro of the same name.
 #[inline(always)]
 pub fn once<Output>(work: impl FnOnce() -> Output) -> Output {
     dispatch(work)

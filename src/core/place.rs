@@ -28,7 +28,7 @@ impl Place {
         Self(vec![Segment::File(name.to_string())])
     }
 
-    /// The key in the innermost file, without indices and what follows them.
+    /// The first key in the innermost file, or empty if there is none.
     pub fn key(&self) -> &str {
         let is_file = |segment: &Segment| matches!(segment, Segment::File(_) | Segment::Line(_));
         match &self.0[self.0.iter().rposition(is_file).map_or(0, |file| file + 1)..] {
@@ -39,6 +39,7 @@ impl Place {
 }
 
 impl std::fmt::Display for Place {
+    /// Writes the place as in `scene.toml:40: light.fixtures[2].name`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         // A key within a key or an item has a dot before it, other names a colon.
         let mut outer: Option<&Segment> = None;
@@ -49,12 +50,12 @@ impl std::fmt::Display for Place {
                 Segment::Drone(drone) => write!(f, "drone {drone}")?,
                 Segment::File(name) | Segment::Key(name) => {
                     let is_nested = matches!(segment, Segment::Key(_));
-                    let gap = match outer {
+                    let separator = match outer {
                         None => "",
                         Some(Segment::Key(_) | Segment::Index(_)) if is_nested => ".",
                         Some(_) => ": ",
                     };
-                    write!(f, "{gap}{name}")?;
+                    write!(f, "{separator}{name}")?;
                 }
             }
             outer = Some(segment);
@@ -64,7 +65,7 @@ impl std::fmt::Display for Place {
 }
 
 impl From<String> for Place {
-    /// A key, or no place at all if it is empty.
+    /// A place with this key, or an empty place for an empty key.
     fn from(key: String) -> Self {
         Self(if key.is_empty() { Vec::new() } else { vec![Segment::Key(key)] })
     }

@@ -42,7 +42,7 @@ impl<T: Rules> Valid<T> {
         Self::new(data).unwrap_or_else(|error| broken(&error))
     }
 
-    /// Changes the data.
+    /// Changes the data by `change`, and returns its result.
     ///
     /// # Panics
     ///
@@ -53,13 +53,13 @@ impl<T: Rules> Valid<T> {
         changed
     }
 
-    /// The data, to be changed or taken apart.
+    /// The data without the guarantee.
     pub fn into_data(self) -> T {
         self.0
     }
 }
 
-/// Ends a stage that made what cannot be.
+/// Panics with the rule that a stage's product breaks.
 fn broken(error: &Error) -> ! {
     panic!("a product breaks its rules: {error}")
 }
@@ -75,12 +75,12 @@ impl<T> Deref for Valid<T> {
 const FINITE_HINT: &str = "give one row for each time, with finite numbers in SI units";
 
 /// Checks that a column is as long as the times.
-pub(crate) fn check_length(name: &str, rows: usize, times: usize) -> Result<()> {
-    if rows == times {
+pub(crate) fn check_length(name: &str, n_rows: usize, n_times: usize) -> Result<()> {
+    if n_rows == n_times {
         return Ok(());
     }
-    let wanted = format!("{times} rows, as time_s");
-    Err(Error::input(name, format_args!("{rows} rows"), wanted, FINITE_HINT))
+    let wanted = format!("{n_times} rows, as time_s");
+    Err(Error::input(name, format_args!("{n_rows} rows"), wanted, FINITE_HINT))
 }
 
 /// True if a number is finite, and within the world of a drone.
@@ -88,7 +88,7 @@ pub(crate) fn is_number(value: f64) -> bool {
     value.abs() <= MAX_QUANTITY
 }
 
-/// The error of a number that is not.
+/// The error of a number for which [`is_number`] is false.
 pub(crate) fn odd_number(name: &str, row: usize, value: f64) -> Error {
     let wanted = format!("a number within ±{MAX_QUANTITY}");
     Error::input(name, format_args!("{value} in row {row}"), wanted, FINITE_HINT)
@@ -98,7 +98,7 @@ pub(crate) fn odd_number(name: &str, row: usize, value: f64) -> Error {
 pub(crate) fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> {
     let mut last_s = f64::NEG_INFINITY;
     for (row, time_s) in times_s.into_iter().enumerate() {
-        // Not a number, too, is no time after the last.
+        // NaN fails the comparison.
         if !(time_s.is_finite() && time_s >= last_s) {
             let actual = format!("{time_s} after {last_s} in row {row}");
             return Err(Error::input("time_s", actual, "rising times", "sort the rows by time"));
@@ -108,9 +108,9 @@ pub(crate) fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> 
     Ok(())
 }
 
-/// Checks a column of light levels.
-pub(crate) fn check_levels(name: &str, levels: &[f64], times: usize) -> Result<()> {
-    check_length(name, levels.len(), times)?;
+/// Checks that a column has a light level from 0 to 1 for each time.
+pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result<()> {
+    check_length(name, levels.len(), n_times)?;
     match levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
         None => Ok(()),
         Some(row) => {
@@ -121,15 +121,15 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], times: usize) -> Result<(
     }
 }
 
-/// Checks the size of a picture, whose size in values for each pixel is `channels`.
-pub fn check_picture(size_px: [u32; 2], values: usize, channels: usize) -> Result<()> {
+/// Checks that a picture has at least one pixel, and `n_channels` values for each.
+pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> Result<()> {
     let [width_px, height_px] = size_px;
-    let wanted = width_px as usize * height_px as usize * channels;
-    if wanted > 0 && values == wanted {
+    let n_wanted = width_px as usize * height_px as usize * n_channels;
+    if n_wanted > 0 && n_values == n_wanted {
         return Ok(());
     }
-    let actual = format!("{values} values for {width_px} x {height_px} pixels");
-    let wanted = format!("one pixel or more, and {channels} values for each: {wanted}");
+    let actual = format!("{n_values} values for {width_px} x {height_px} pixels");
+    let wanted = format!("one pixel or more, and {n_channels} values for each: {n_wanted}");
     Err(Error::input(
         "picture",
         actual,

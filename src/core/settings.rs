@@ -99,7 +99,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The settings of a group.
+    /// The settings of a group. Panics for another shape.
     pub const fn settings(self) -> &'static [Setting] {
         match self {
             Self::Group(settings) => settings,
@@ -123,7 +123,7 @@ pub trait Described {
     }
 }
 
-/// The names of a choice.
+/// The names of a choice, or none for another shape.
 pub fn names(shape: Shape) -> impl Iterator<Item = &'static str> {
     let variants: &[Variant] = match shape {
         Shape::Names(variants) | Shape::Tagged(variants) => variants,
@@ -138,7 +138,7 @@ pub fn joined(path: &str, key: &str) -> String {
     format!("{path}{dot}{key}")
 }
 
-/// The dotted keys of all settings, but of the groups themselves.
+/// The dotted keys of all settings, without the keys of groups.
 pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     let mut keys = BTreeSet::new();
     for Setting { key, shape, .. } in settings {
@@ -156,7 +156,7 @@ pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     keys
 }
 
-/// The settings of a choice's kind, or none if its table names no kind that there is.
+/// The settings of the kind that a choice's table names, or none for an unknown kind.
 pub fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] {
     let kind = table.get("kind").and_then(toml::Value::as_str);
     let variant = variants.iter().find(|variant| Some(variant.name) == kind);
@@ -172,18 +172,19 @@ pub fn suggestion<'a>(
     similar(name, candidates).map_or_else(otherwise, |similar| format!("did you mean {similar}?"))
 }
 
-/// The candidate most like a name that does not exist, if any is alike.
+/// The candidate with the smallest edit distance from an unknown name, or `None` if that is more
+/// than a quarter of its length plus one.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // The edit distance is at least the difference in length, which decides on a huge name at once.
     let n_letters = name.chars().count();
     let distances = candidates.into_iter().filter_map(|candidate| {
-        let most = 1 + candidate.len() / 4;
-        let may_be_near = n_letters.abs_diff(candidate.len()) <= most;
+        let max_distance = 1 + candidate.len() / 4;
+        let may_be_near = n_letters.abs_diff(candidate.len()) <= max_distance;
         let distance = may_be_near.then(|| strsim::damerau_levenshtein(name, candidate))?;
-        Some((distance, most, candidate))
+        Some((distance, max_distance, candidate))
     });
-    let (distance, most, nearest) = distances.min_by_key(|(distance, ..)| *distance)?;
-    (distance <= most).then_some(nearest)
+    let (distance, max_distance, nearest) = distances.min_by_key(|(distance, ..)| *distance)?;
+    (distance <= max_distance).then_some(nearest)
 }
 
 /// The error for a name that a choice does not have.
@@ -236,6 +237,7 @@ impl<T: Described, const N: usize> Described for [T; N] {
     }
 }
 
+/// Checks each item of a list.
 fn check_items(items: &[impl Described], place: &str, range: Option<[f64; 2]>) -> Result<()> {
     let mut items = items.iter().enumerate();
     items.try_for_each(|(i, item)| item.check("", range).map_err(|error| error.of_item(place, i)))

@@ -8,7 +8,7 @@ pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b
 }
 
-/// The same of a picture's light.
+/// [`luminance`] in single precision, for pictures.
 #[inline(always)]
 pub fn luminance_f32([r, g, b]: [f32; 3]) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "weights up to 1")]
@@ -28,7 +28,7 @@ pub fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
 }
 
-/// Linear sRGB of XYZ. Colors out of gamut have negative parts.
+/// Linear sRGB from XYZ. Colors out of gamut have negative components.
 pub fn rgb_from_xyz(xyz: [f64; 3]) -> [f64; 3] {
     RGB_FROM_XYZ.map(|[x, y, z]| x * xyz[0] + y * xyz[1] + z * xyz[2])
 }

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-/// Median: of an even number of values, the upper of the two in the middle.
+/// Median of values, the upper of the two in the middle for an even number. `None` without values.
 pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Option<T> {
     let mut values: Vec<T> = values.into_iter().collect();
     let middle = values.len() / 2;
@@ -14,14 +14,15 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
     Some(*median)
 }
 
-/// Weighted quantile of pairs of a value and its weight, which are sorted.
+/// Weighted quantile of pairs of a value and its weight: the least value at which the weights up to
+/// it reach a fraction of their sum. Sorts the pairs. `None` without pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
-    let mut sum = 0.0;
+    let mut cumulative = 0.0;
     for (value, weight) in pairs {
-        sum += *weight;
-        if sum >= wanted {
+        cumulative += *weight;
+        if cumulative >= wanted {
             return Some(*value);
         }
     }

@@ -117,6 +117,7 @@ pub struct Move {
 }
 
 impl Rules for StrokesData {
+    /// Checks that there is a color for each glyph or none, and that all numbers are finite.
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {
@@ -140,7 +141,7 @@ impl Rules for StrokesData {
 }
 
 impl StrokesData {
-    /// SHA-256 of all moves, in hexadecimal.
+    /// SHA-256 of the word and all moves, in hexadecimal.
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
         digest.add(&self.word);
@@ -152,7 +153,7 @@ impl StrokesData {
         digest.hex()
     }
 
-    /// Number of its strokes: lit moves without a dark move between them.
+    /// Number of strokes: runs of lit moves that each begin where the one before ends.
     pub fn n_strokes(&self) -> usize {
         let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
@@ -161,13 +162,13 @@ impl StrokesData {
         n_runs.sum()
     }
 
-    /// Length of its strokes.
+    /// Total length of the lit moves.
     pub fn length_m(&self) -> f64 {
         let lit = self.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
         lit.map(|step| distance(step.from_m, step.to_m)).sum()
     }
 
-    /// The box around all cells and ink: `[left, bottom, right, top]` in the plane of the word.
+    /// The box `[left, bottom, right, top]` around all cells and lit moves.
     pub fn bounds_m(&self) -> [f64; 4] {
         let corners = self.glyphs.iter().flat_map(|glyph| {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;
@@ -178,7 +179,7 @@ impl StrokesData {
         bounds(corners)
     }
 
-    /// The glyphs of each line, from the topmost line on: ranges of [`Self::glyphs`].
+    /// Ranges of [`Self::glyphs`] that form the lines of text, from the top.
     pub fn lines(&self) -> Vec<std::ops::Range<usize>> {
         let mut begin = 0;
         let lines =

@@ -1,1 +1,1 @@
-//! Features: none of the code, only features of packages; see Cargo.toml.
+//! No code: Cargo.toml selects features of packages, so that all builds have the same.

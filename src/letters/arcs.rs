@@ -5,16 +5,16 @@
 
 use kurbo::{Point, Vec2};
 
-use super::vector::{counts, length, unit};
+use super::vector::{integers_below, length, unit};
 
 /// Cosine of the turn from which a vertex is a corner. The curves of the Hershey fonts turn by up
 /// to 53° at a vertex (s), their corners by 63° (?) and more.
 const CORNER_COS: f64 = 0.5;
 
-/// Length of a move, in cap heights, from which it is a stem, not a piece of a curve, if it is
-/// `STEM` times as long as a neighbor: the stem of J. The longest pieces of a curve are 0.24 (O).
-const LONG: f64 = 5.5 / 21.0;
-const STEM: f64 = 1.8;
+/// Least length of a stem in cap heights, and by the shorter of its neighbors: the stem of J. The
+/// longest pieces of a curve are 0.24 cap heights (O).
+const STEM_LENGTH: f64 = 5.5 / 21.0;
+const STEM_RATIO: f64 = 1.8;
 
 /// Largest turn between two moves of a curve: one of the O lies within 0.3 mm a meter of its
 /// height.
@@ -24,12 +24,13 @@ const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 struct Chord {
     direction: Vec2,
     length: f64,
-    /// The moves before and after it.
+    /// Indices of the chords before and after it.
     neighbors: [Option<usize>; 2],
 }
 
-/// A run of points with its curves through all of them. A closed run stays closed.
-pub(super) fn rounded(points: &[Point]) -> Vec<Point> {
+/// The polyline of a run of samples with arcs inserted between them, except at corners and along
+/// stems. It passes through all samples. A closed run stays closed.
+pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     let (n, closed) = (points.len() - 1, points[0] == points[points.len() - 1]);
     let chords = Vec::from_iter((0..n).map(|index| {
         let along = points[index + 1] - points[index];
@@ -41,8 +42,9 @@ pub(super) fn rounded(points: &[Point]) -> Vec<Point> {
         return points.to_vec();
     }
     let is_stem = Vec::from_iter(chords.iter().map(|chord| {
-        let beside = chord.neighbors.into_iter().flatten().map(|index| chords[index].length);
-        chord.length >= LONG && chord.length >= STEM * beside.fold(f64::INFINITY, f64::min)
+        let lengths = chord.neighbors.into_iter().flatten().map(|index| chords[index].length);
+        let shorter = lengths.fold(f64::INFINITY, f64::min);
+        chord.length >= STEM_LENGTH && chord.length >= STEM_RATIO * shorter
     }));
     let tangents = Vec::from_iter((0..n).map(|index| tangent(index, &chords, &is_stem)));
     let mut curve = vec![points[0]];
@@ -52,21 +54,21 @@ pub(super) fn rounded(points: &[Point]) -> Vec<Point> {
         let end = tangents[index];
         let mirrored = [begin, end]
             .map(|tangent| tangent.map(|t| -t + chord.direction * (2.0 * t.dot(chord.direction))));
-        let ends = begin.or(mirrored[1]).zip(end.or(mirrored[0]));
-        if let Some(ends) = ends.filter(|_| !is_stem[index]) {
-            add_arc(&mut curve, chord, ends);
+        let end_tangents = begin.or(mirrored[1]).zip(end.or(mirrored[0]));
+        if let Some(end_tangents) = end_tangents.filter(|_| !is_stem[index]) {
+            add_arc(&mut curve, chord, end_tangents);
         }
         curve.push(points[index + 1]);
     }
     curve
 }
 
-/// The tangent at the end of a chord. `None` at a corner and at the end of the run.
+/// The unit tangent at the end of a chord. `None` at a corner and at the end of the run.
 fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     let (chord, after) = (&chords[index], chords[index].neighbors[1]?);
     let next = &chords[after];
     let is_corner = chord.direction.dot(next.direction) <= CORNER_COS
-        || (chord.length >= LONG && next.length >= LONG);
+        || (chord.length >= STEM_LENGTH && next.length >= STEM_LENGTH);
     match (is_stem[index], is_stem[after]) {
         _ if is_corner => None,
         (true, true) => None,
@@ -78,20 +80,21 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     }
 }
 
-/// Adds the points within the cubic along a chord, given the tangents at its ends.
+/// Adds the inner points of the cubic over the next chord, given the tangents at its ends.
 fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
     let from = curve[curve.len() - 1];
     let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));
     let turn = turns[0] + turns[1];
+    // The slack keeps rounding from adding a piece.
     let n_pieces = (turn / STEP_RAD - 1e-6).ceil();
     // Tangents of this length give the cubic the middle of an arc.
-    let reach = chord.length / libm::pow(libm::cos(0.25 * turn), 2.0);
-    for t in counts(n_pieces).skip(1).map(|k| k / n_pieces) {
+    let tangent_length = chord.length / libm::pow(libm::cos(0.25 * turn), 2.0);
+    for t in integers_below(n_pieces).skip(1).map(|k| k / n_pieces) {
         // The Hermite basis: h01 of the end, h10 and h11 of the tangents.
         let (h01, h10, h11) =
             (t * t * (3.0 - 2.0 * t), t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0));
         let on_chord = from + chord.direction * (h01 * chord.length);
-        curve.push(on_chord + begin * (h10 * reach) + end * (h11 * reach));
+        curve.push(on_chord + begin * (h10 * tangent_length) + end * (h11 * tangent_length));
     }
 }
 
@@ -105,26 +108,26 @@ mod tests {
             let (sin, cos) = libm::sincos(f64::from(k % 12) * std::f64::consts::TAU / 12.0);
             Point::new(0.4 * cos, 0.4 * sin)
         }));
-        let curve = rounded(&run);
+        let curve = with_arcs(&run);
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
         let radial_error = |p: &Point| (length(p.to_vec2()) - 0.4).abs();
         assert!(curve.iter().map(radial_error).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
         // Four of its points are an arc: an open end goes on as the curve does.
-        assert!(rounded(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
+        assert!(with_arcs(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
     }
 
     #[test]
     fn corners_stems_and_dots_stay() {
         let seven = [(0.7, 1.0), (0.2, 0.0), (0.9, 0.0)].map(Point::from);
-        assert_eq!(rounded(&seven), seven, "a corner");
+        assert_eq!(with_arcs(&seven), seven, "a corner");
         let y = [(0.0, 1.0), (0.38, 0.52), (0.38, 0.0)].map(Point::from);
-        assert_eq!(rounded(&y), y, "a bend of two long strokes");
+        assert_eq!(with_arcs(&y), y, "a bend of two long strokes");
         let dot = [(0.1, 0.01), (0.1, 0.0)].map(Point::from);
-        assert_eq!(rounded(&dot), dot);
+        assert_eq!(with_arcs(&dot), dot);
         // J: a straight stem, then a hook.
         let j =
             [(0.57, 1.0), (0.57, 0.24), (0.52, 0.1), (0.48, 0.05), (0.38, 0.0)].map(Point::from);
-        let curve = rounded(&j);
+        let curve = with_arcs(&j);
         assert_eq!(curve[..2], j[..2], "the stem");
         assert!(curve.len() > j.len() + 3 && curve[2].x > 0.565, "tangent to it: {curve:?}");
         assert!(j.iter().all(|point| curve.contains(point)), "through all points");

@@ -6,8 +6,8 @@ use kurbo::{BezPath, PathEl, Point};
 
 use super::vector::{Lines, coordinates, pairs};
 
-/// Polylines along each subpath. A closed one repeats its first point. `None` for more than
-/// `max_points`, or a point that is not finite.
+/// A polyline along each subpath, within a tolerance of its curves. A closed one repeats its first
+/// point. `None` if they have more than `max_points`, or a point is not finite.
 pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     if !path.is_finite() {
         return None;
@@ -38,11 +38,13 @@ pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Op
     (n_points <= max_points).then_some(lines)
 }
 
-/// Polylines of a path with their points on a grid, except those of the path itself. Kurbo divides
-/// a curve by the platform's powers, whose last bits differ: a browser would have other strokes.
+/// The polylines of a path with their points rounded to a grid, except the path's own. Kurbo
+/// divides curves by the platform's `pow`, whose last bits differ: a browser would have other
+/// strokes.
 pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<Vec<[f64; 2]>> {
-    let ends = path.elements().iter().filter_map(PathEl::end_point);
-    let exact: BTreeSet<[u64; 2]> = ends.map(bits).collect();
+    let end_points = path.elements().iter().filter_map(PathEl::end_point);
+    let exact: BTreeSet<[u64; 2]> = end_points.map(bits).collect();
+    // A thousandth of the tolerance: far above the last bits, and too small to see.
     let step = tolerance / 1024.0;
     for point in lines.iter_mut().flatten().filter(|point| !exact.contains(&bits(**point))) {
         let [x, y] = coordinates(*point).map(|value| (value / step).round() * step);
@@ -51,12 +53,13 @@ pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<V
     pairs(lines)
 }
 
+/// The bits of a point's coordinates, which have an order.
 fn bits(point: Point) -> [u64; 2] {
     coordinates(point).map(f64::to_bits)
 }
 
-/// The subpaths of a path: the point where each begins, and its other elements. After a closed one
-/// the next begins at the same point.
+/// The subpaths of a path: the first point and the other elements of each. After a closed subpath
+/// without a move, the next begins at the same first point.
 pub(super) fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
     let mut subpaths: Vec<(Point, Vec<PathEl>)> = Vec::new();
     for element in path.elements() {

@@ -11,32 +11,34 @@ use noctograph_core::error::Result;
 pub(super) type Joined = (usize, f64, Arc<Shape>);
 
 /// Letters of a line, or why it cannot be set.
-pub(super) type Line = std::result::Result<Vec<Joined>, Unset>;
+pub(super) type ShapedLine = std::result::Result<Vec<Joined>, Unset>;
 
 /// The characters of a font: strokes as they are stored, or a typeface.
 pub(super) trait Face {
-    /// Its characters, in the order of their codes.
+    /// All characters that the font has, in the order of their codes.
     fn characters(&self) -> Box<dyn Iterator<Item = char> + '_>;
 
-    /// A character's strokes, if the font has it.
+    /// The strokes of a character. `None` if the font lacks it.
     fn shape(&self, character: char) -> Option<Arc<Shape>>;
 
+    /// True if the font has a character.
     fn has(&self, character: char) -> bool {
         self.shape(character).is_some()
     }
 
+    /// How the characters are placed in their cells.
     fn fit(&self) -> Fit {
         Fit::Proportional
     }
 
-    /// A letter with one more combining mark. `None` for a font without this mark, or one that
-    /// shapes marks itself.
-    fn marked(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
+    /// A letter with another combining mark. `None` if the font lacks it, or shapes marks itself.
+    fn with_mark(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
         None
     }
 
-    /// A line of letters that are shaped, from left to right. `None` for a font that shapes none.
-    fn line(&self, _line: &str, _space: f64) -> Option<Line> {
+    /// The shaped letters of a text from left to right, with `space` as the advance of a space that
+    /// the font lacks. `None` for a font that shapes none.
+    fn shaped_line(&self, _text: &str, _space: f64) -> Option<ShapedLine> {
         None
     }
 
@@ -45,7 +47,7 @@ pub(super) trait Face {
         0.0
     }
 
-    /// Checks that all characters so far were drawn within the budget.
+    /// Checks that all characters so far were drawn within the budget. The error names the limit.
     fn check_work(&self) -> Result<()> {
         Ok(())
     }

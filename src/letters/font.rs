@@ -26,6 +26,7 @@ const STROKES: Limit = Limit { bytes: 4 << 20, what: "a stroke font", hint: SMAL
 #[cfg(not(target_family = "wasm"))]
 const TYPEFACE: Limit = Limit { bytes: 64 << 20, what: "a typeface", hint: SMALLER };
 
+/// Hint for a file that is too large.
 const SMALLER: &str = "name a smaller font file";
 
 /// A font, ready to draw. Its clones draw from one cache of traced characters.
@@ -95,7 +96,7 @@ impl Font {
         self.face.check_work()
     }
 
-    /// True if it has a character, or its capital.
+    /// True if the font has a character, or its capital.
     pub(super) fn draws(&self, character: char) -> bool {
         [Some(character), capital(character)].into_iter().flatten().any(|c| self.face.has(c))
     }
@@ -107,7 +108,7 @@ impl fmt::Debug for Font {
     }
 }
 
-/// The capital of a letter, if it is one character.
+/// The capital of a letter. `None` if it is more than one character.
 pub(super) fn capital(letter: char) -> Option<char> {
     let mut upper = letter.to_uppercase();
     upper.next().filter(|_| upper.len() == 0)
@@ -125,7 +126,7 @@ pub(super) fn is_shipped(name: &str) -> bool {
     FONTS.iter().any(|(shipped, _)| *shipped == name)
 }
 
-/// The kind of font that the name of a key refers to. Opens no file.
+/// The source of a font by its name, without opening it. The error names the setting `key`.
 pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(shipped, _)| *shipped == name) {
         return Ok(Kind::Shipped(text));

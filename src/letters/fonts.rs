@@ -16,33 +16,36 @@ pub(super) struct Fonts(Vec<Font>);
 pub(super) type Part<'a> = (&'a Font, Range<usize>);
 
 impl Fonts {
+    /// Opens the font of the options and its substitutes.
     pub(super) fn open(options: &LetterOptions) -> Result<Self> {
         let names = std::iter::once(&options.font).chain(&options.fallback);
         Ok(Self(names.map(|name| Font::open(name, options.trace)).collect::<Result<_>>()?))
     }
 
+    /// The font that the options name first.
     pub(super) fn main(&self) -> &Font {
         &self.0[0]
     }
 
+    /// Checks that the characters so far were drawn within the budgets of the faces.
     pub(super) fn check_work(&self) -> Result<()> {
         self.0.iter().try_for_each(Font::check_work)
     }
 
-    /// The longest stroke of its typeface that a drawn character lost, if it lost one.
-    pub(super) fn lost(&self, character: char) -> Option<f64> {
+    /// Length of a stroke that tracing a character lost, in cap heights. `None` if it lost none.
+    pub(super) fn lost_length(&self, character: char) -> Option<f64> {
         let shape = self.0.iter().find(|font| font.face.has(character))?.face.shape(character)?;
-        Some(shape.lost).filter(|length| *length > 0.0)
+        Some(shape.lost_length).filter(|length| *length > 0.0)
     }
 
-    /// The parts of a line in one font each, in reading order. Characters without a font are in the
-    /// first.
+    /// The parts of a line in one font each, in reading order. A character goes to the first font
+    /// that draws it, or to the main font if none does.
     pub(super) fn parts(&self, line: &str) -> Vec<Part<'_>> {
         let mut parts: Vec<(usize, Range<usize>)> = Vec::new();
         for (start, character) in line.char_indices() {
             let end = start + character.len_utf8();
             let mut fonts = self.0.iter();
-            let first =
+            let chosen =
                 fonts.position(|font| character != ' ' && font.draws(character)).unwrap_or(0);
             match parts.last_mut() {
                 // Spaces, marks and signs go with the letters before them.
@@ -50,31 +53,32 @@ impl Fonts {
                     if character == ' '
                         || is_mark(character)
                         || !character.is_alphabetic() && self.0[*font].face.has(character)
-                        || *font == first =>
+                        || *font == chosen =>
                 {
                     part.end = end;
                 }
                 // Spaces at the beginning go with the first letter.
                 Some((font, part)) if line[part.clone()].trim().is_empty() => {
-                    (*font, part.end) = (first, end);
+                    (*font, part.end) = (chosen, end);
                 }
-                _ => parts.push((first, start..end)),
+                _ => parts.push((chosen, start..end)),
             }
         }
         parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()
     }
 
-    /// The parts from left to right, each with true if it is read from right to left.
+    /// The parts of a line from left to right, each with true if it is read from right to left.
     pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
         let parts = self.parts(line);
         let mut ordered = Vec::new();
         for (run, leftward) in visual_runs(line) {
-            let within = parts.iter().filter_map(|(font, part)| {
-                let shared = part.start.max(run.start)..part.end.min(run.end);
-                (shared.start < shared.end).then_some(((*font, shared), leftward))
+            // The parts of the run in reading order, which is reversed from right to left.
+            let parts_in_run = parts.iter().filter_map(|(font, part)| {
+                let overlap = part.start.max(run.start)..part.end.min(run.end);
+                (overlap.start < overlap.end).then_some(((*font, overlap), leftward))
             });
             let begin = ordered.len();
-            ordered.extend(within);
+            ordered.extend(parts_in_run);
             if leftward {
                 ordered[begin..].reverse();
             }

@@ -23,65 +23,76 @@ const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
 
 /// Most bytes of a glyph's charstring with its subroutines. A Chinese glyph needs a few thousand.
-const MAX_CODE: usize = 100_000;
+const MAX_CHARSTRING_BYTES: usize = 100_000;
 
-/// Steps of reading an outline, and of each point or byte of code of it.
-const STEPS: [usize; 2] = [20_000, 100];
+/// Budget steps of an outline, and of each of its points or bytes of code.
+const STEPS_PER_OUTLINE: usize = 20_000;
+const STEPS_PER_POINT: usize = 100;
 
-/// The outline of a glyph in font units, y up, every contour closed. `None` for a glyph without
-/// one, of too many points, or beyond the budget.
+/// The outline of a glyph in font units, y up, every contour closed. `None` if the glyph has none
+/// or too many points, or the budget is spent.
 pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<BezPath> {
-    budget.spend_steps(STEPS[0]).then_some(())?;
+    spend(budget, STEPS_PER_OUTLINE)?;
     let mut elements: Vec<PathElement> = Vec::new();
     match face.outline_glyphs_with(SOURCES).get(glyph)? {
         OutlineGlyph::Cff(cff) => {
-            let code = draw_charstring(&cff, &mut elements);
-            budget.spend_steps(STEPS[1] * code.unwrap_or(MAX_CODE)).then_some(())?;
-            code?;
+            // Known only afterward. A charstring that fails counts as the longest.
+            let n_bytes = draw_charstring(&cff, &mut elements);
+            spend(budget, STEPS_PER_POINT * n_bytes.unwrap_or(MAX_CHARSTRING_BYTES))?;
+            n_bytes?;
         }
         // The points of a composite glyph are known before they are drawn.
         OutlineGlyph::Glyf(glyf) if glyf.plan().num_points as usize <= MAX_POINTS => {
-            budget.spend_steps(STEPS[1] * glyf.plan().num_points as usize).then_some(())?;
+            spend(budget, STEPS_PER_POINT * glyf.plan().num_points as usize)?;
             let options = DrawOptions::new().with_contour_start(PathContourStart::ScanForward);
             OutlineGlyph::Glyf(glyf).draw(&options, DrawMemory::Scratch, &mut elements).ok()?;
         }
         _ => return None,
     }
     let path = BezPath::from_iter(elements.into_iter().map(to_kurbo));
-    let n = path.elements().len();
-    ((1..=MAX_POINTS).contains(&n) && path.is_finite()).then_some(path)
+    let n_elements = path.elements().len();
+    ((1..=MAX_POINTS).contains(&n_elements) && path.is_finite()).then_some(path)
 }
 
-/// Draws a charstring and counts the bytes of its code.
+/// Takes steps off a budget. `None` once it is spent.
+fn spend(budget: &Budget, n_steps: usize) -> Option<()> {
+    budget.spend_steps(n_steps).then_some(())
+}
+
+/// Draws a glyph's charstring into `elements`. Returns the bytes of the code that it ran, called
+/// subroutines included. `None` if it is broken or longer than [`MAX_CHARSTRING_BYTES`].
 fn draw_charstring(glyph: &CffGlyph<'_>, elements: &mut Vec<PathElement>) -> Option<usize> {
-    let (face, part) = (glyph.cff_font(), glyph.subfont());
-    let local = match part.subrs_offset() as usize {
+    let (face, subfont) = (glyph.cff_font(), glyph.subfont());
+    let local = match subfont.subrs_offset() as usize {
         0 => Index::Empty,
         offset => Index::new(face.data().get(offset..)?, face.version() == 2).ok()?,
     };
-    let code = face.charstrings().get(glyph.glyph().to_u32() as usize)?;
-    let called = Subroutines { global: face.global_subrs(), local, code: Cell::new(code.len()) };
+    let charstring = face.charstrings().get(glyph.glyph().to_u32() as usize)?;
+    let global = face.global_subrs();
+    let subroutines = Subroutines { global, local, n_bytes: Cell::new(charstring.len()) };
     let store = face.var_store().cloned();
-    let blend = store.and_then(|store| BlendState::new(store, &[], part.vs_index()).ok());
-    let mut sink = TransformSink::new(elements, face.transform(part, None));
-    evaluate(&called, blend, code, &mut sink).ok()?;
-    Some(called.code.get())
+    let blend = store.and_then(|store| BlendState::new(store, &[], subfont.vs_index()).ok());
+    let mut sink = TransformSink::new(elements, face.transform(subfont, None));
+    evaluate(&subroutines, blend, charstring, &mut sink).ok()?;
+    Some(subroutines.n_bytes.get())
 }
 
-/// The subroutines of a face, and the bytes of all that were called.
+/// The subroutines of a face, and the bytes of code that were run so far.
 struct Subroutines<'a> {
     global: &'a Index<'a>,
     local: Index<'a>,
-    code: Cell<usize>,
+    n_bytes: Cell<usize>,
 }
 
 impl<'a> Subroutines<'a> {
+    /// The code of a subroutine by its number, to which a bias is added (Adobe Technical Note
+    /// 5177). Fails if there is none, or all code run so far is too long.
     fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
-        let biased = number.checked_add(index.subr_bias());
-        let biased = biased.and_then(|number| usize::try_from(number).ok());
-        let code = biased.and_then(|number| index.get(number)).ok_or(Error::Malformed)?;
-        self.code.set(self.code.get() + code.len());
-        if self.code.get() > MAX_CODE { Err(Error::LimitExceeded) } else { Ok(code) }
+        let place = number.checked_add(index.subr_bias());
+        let place = place.and_then(|place| usize::try_from(place).ok());
+        let code = place.and_then(|place| index.get(place)).ok_or(Error::Malformed)?;
+        self.n_bytes.set(self.n_bytes.get() + code.len());
+        if self.n_bytes.get() > MAX_CHARSTRING_BYTES { Err(Error::LimitExceeded) } else { Ok(code) }
     }
 }
 
@@ -104,6 +115,7 @@ impl CharstringContext for Subroutines<'_> {
     }
 }
 
+/// The same element of a path, in the type of kurbo.
 fn to_kurbo(element: PathElement) -> PathEl {
     match element {
         PathElement::MoveTo { x, y } => PathEl::MoveTo((x, y).into()),

@@ -16,6 +16,7 @@ use unicode_normalization::char::is_combining_mark;
 /// Longest text, in characters: an hour of flight at 14 s a letter.
 const MAX_LETTERS: usize = 256;
 
+/// Most characters of a font that an error lists.
 const MOST_LISTED: usize = 40;
 
 /// The font that writes most scripts in single lines.
@@ -34,7 +35,7 @@ const SPACE: f64 = 16.0 / 21.0;
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;
-    let word = spaced(word);
+    let word = with_plain_spaces(word);
     if word.trim().is_empty() {
         let hint = "name the word to write";
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
@@ -59,44 +60,44 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     })
 }
 
-/// A text scaled to its canvas, with more lines if that keeps its letters larger.
+/// Lays out a text scaled to its canvas, with more line breaks if that keeps its letters larger.
 fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]) -> Strokes {
-    let most = match options.fit {
+    let max_scale = match options.fit {
         Fitting::Shrink => 1.0,
         Fitting::Fill => f64::INFINITY,
     };
     let (mut best, mut best_scale) = (String::new(), 0.0);
     // From few line breaks to many: more of them have to leave the letters larger.
-    for breaks in 0..=word.matches(' ').count() {
-        let text = broken(word, breaks);
-        let scale = canvas_scale(&lay_out(&text, fonts, options), canvas_m).min(most);
+    for n_breaks in 0..=word.matches(' ').count() {
+        let text = with_line_breaks(word, n_breaks);
+        let scale = canvas_scale(&lay_out(&text, fonts, options), canvas_m).min(max_scale);
         if scale > best_scale {
             (best, best_scale) = (text, scale);
         }
-        if scale >= most {
+        if scale >= max_scale {
             break;
         }
     }
     lay_out(&best, fonts, &options.scaled(best_scale))
 }
 
-/// A text with spaces as its only white space besides line ends.
-fn spaced(text: &str) -> String {
+/// The text with each white space other than a line end replaced by a space.
+fn with_plain_spaces(text: &str) -> String {
     text.chars().map(|c| if c.is_whitespace() && c != '\n' { ' ' } else { c }).collect()
 }
 
 /// A pasted text as it is seen: white space other than line ends becomes spaces, and format
 /// characters are dropped.
 pub fn plain(text: &str) -> String {
-    let mut before = ' ';
-    let mut plain = spaced(text);
+    let mut previous = ' ';
+    let mut plain = with_plain_spaces(text);
     plain.retain(|c| {
         if is_format(c) {
             return false;
         }
         // Joiners shape the letters of scripts that join, from Arabic to those of India.
-        let joins = matches!(before, '\u{600}'..='\u{1cff}');
-        before = c;
+        let joins = matches!(previous, '\u{600}'..='\u{1cff}');
+        previous = c;
         joins || !matches!(c, '\u{200c}' | '\u{200d}')
     });
     plain
@@ -117,29 +118,29 @@ fn canvas_scale(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
 }
 
-/// A text with `breaks` more line ends in place of spaces: each time the longest line is broken at
-/// the space nearest to its middle.
-fn broken(text: &str, breaks: usize) -> String {
+/// The text with up to `n_breaks` spaces replaced by line ends: each time the longest line is
+/// broken at the space nearest to its middle.
+fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
-    for _ in 0..breaks {
-        // Of equally long lines the first one.
+    for _ in 0..n_breaks {
+        // The longest line with a space, the first one if several are as long.
         let breakable = (0..lines.len()).filter(|index| lines[*index].trim().contains(' '));
         let longest =
             breakable.max_by_key(|index| (lines[*index].chars().count(), lines.len() - index));
         let Some(longest) = longest else { break };
         let line = lines[longest].trim().to_owned();
         let parts = line.match_indices(' ').map(|(space, _)| [&line[..space], &line[space + 1..]]);
-        let evenest = parts.min_by_key(|parts| {
+        let halves = parts.min_by_key(|parts| {
             let [before, after] = parts.map(|part| part.chars().count());
             before.abs_diff(after)
         });
-        let parts = evenest.expect("the line has a space").map(|part| part.trim().to_owned());
-        lines.splice(longest..=longest, parts);
+        let halves = halves.expect("the line has a space").map(|part| part.trim().to_owned());
+        lines.splice(longest..=longest, halves);
     }
     lines.join("\n")
 }
 
-/// The text in characters that the fonts have.
+/// The text with letters that no font has replaced by their capitals. Fails without these, too.
 fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     let mut drawn = String::new();
     for (index, line) in word.split('\n').enumerate() {
@@ -152,11 +153,12 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     Ok(drawn)
 }
 
-/// A part of a line in characters that its font has. The text has `n_before` characters before it.
+/// A part of a line with letters that its font lacks replaced by their capitals. It is preceded by
+/// `n_before` characters of the text, for the positions in errors.
 fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
     // A typeface shapes the part as a whole: no character is replaced by its capital.
     if is_shaped(part)
-        && let Some(line) = font.face.line(part, SPACE)
+        && let Some(line) = font.face.shaped_line(part, SPACE)
     {
         return match line {
             Ok(_) => Ok(part.to_owned()),
@@ -165,12 +167,13 @@ fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
     }
     let drawn = part.chars().enumerate().map(|(index, typed)| {
         let mut forms = [Some(typed), capital(typed)].into_iter().flatten();
-        let drawn = forms.find(|character| is_drawn(font, *character));
-        drawn.ok_or_else(|| missing(part, font, n_before + index + 1, typed))
+        let form = forms.find(|character| is_drawn(font, *character));
+        form.ok_or_else(|| missing(part, font, n_before + index + 1, typed))
     });
     drawn.collect()
 }
 
+/// True for a space, and for a character that has strokes in a font.
 fn is_drawn(font: &Font, character: char) -> bool {
     character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
 }
@@ -200,16 +203,17 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
     }
 }
 
-/// The error of a letter that a font lacks. Its hint depends on what would have the letter.
+/// The error of a letter that a font lacks. Its hint names a font that has the letter.
 fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
-    let single = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
+    let single_line = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
     let hint = if is_shaped(part) {
         format!("name a typeface of this script in letters.fallback: {} has none", font.name())
-    } else if single.is_some_and(|single| single.face.shape(letter).is_some()) {
+    } else if single_line.is_some_and(|font| font.face.shape(letter).is_some()) {
         format!("name the font {SINGLE_LINE}, which has it, or have it in letters.fallback")
     } else {
         "name a typeface that has it in letters.fallback, such as one of the Noto fonts".to_owned()
     };
+    // A short font is listed, without its characters that draw nothing.
     let characters = font.characters();
     let wanted = match characters.chars().count() {
         ..=MOST_LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),
@@ -218,28 +222,29 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     Error::Letter { position, letter, wanted, hint }
 }
 
-/// Lays out the lines of a text, the last one on the baseline.
+/// Lays out the lines of a text below each other, the last one on the baseline.
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let lines: Vec<&str> = word.split('\n').collect();
     let mut glyphs = Vec::new();
     let line_gap_m = options.line_gap_m.unwrap_or(0.5 * options.cap_height_m);
-    for (line, below) in lines.iter().zip((0..lines.len()).rev()) {
-        let up_m = (options.cap_height_m + line_gap_m) * below as f64;
+    for (line, n_lines_below) in lines.iter().zip((0..lines.len()).rev()) {
+        let up_m = (options.cap_height_m + line_gap_m) * n_lines_below as f64;
         glyphs.extend(lay_line(line, fonts, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
     let characters = glyphs.iter().map(|glyph| glyph.character);
-    let lost = characters.filter_map(|c| Some((c, fonts.lost(c)?))).collect();
+    let lost = characters.filter_map(|c| Some((c, fonts.lost_length(c)?))).collect();
     let (font, order) = (Some(file_name(fonts.main().name())), StrokeOrder::Free);
     Strokes::made(StrokesData { word, font, lost, glyphs, order, ..StrokesData::default() })
 }
 
+/// The glyphs of a line on a baseline, aligned as the options say.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
     let cells = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
-    let begin_m = cells.first().map_or(0.0, |cell| cell.at_m);
-    let end_m = cells.last().map_or(0.0, |cell| cell.at_m + cell.width_m);
+    let begin_m = cells.first().map_or(0.0, |cell| cell.offset_m);
+    let end_m = cells.last().map_or(0.0, |cell| cell.offset_m + cell.width_m);
     let left_m = match options.align {
         // A product, not a sum: rounded as in the reference flight.
         Align::Ae483 if is_box => -0.5 * options.box_width_m() * cells.len() as f64,
@@ -248,15 +253,16 @@ fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64)
         Align::Center => -0.5 * (begin_m + end_m),
         Align::Right => -end_m,
     };
-    let glyphs = cells.into_iter().filter_map(|Placed { character, shape, at_m, width_m, fit }| {
-        let cap_height_m = options.cap_height_m;
-        let cell = Cell { left_m: left_m + at_m, baseline_m, width_m, cap_height_m };
-        Some(shape?.glyph(character, cell, fit))
-    });
+    let glyphs =
+        cells.into_iter().filter_map(|Placed { character, shape, offset_m, width_m, fit }| {
+            let cap_height_m = options.cap_height_m;
+            let cell = Cell { left_m: left_m + offset_m, baseline_m, width_m, cap_height_m };
+            Some(shape?.glyph(character, cell, fit))
+        });
     glyphs.collect()
 }
 
-/// The characters of a line from left to right.
+/// The characters of a line from left to right, placed from the line's beginning on.
 fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let parts = fonts.parts(line);
     // One font sets the whole line, spaces included.
@@ -279,23 +285,25 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
         }
         pen_m += spaces_m[0];
         let (inner, end_m) = cells_in(part.trim_matches(' '), font, options);
-        cells.extend(inner.into_iter().map(|cell| Placed { at_m: cell.at_m + pen_m, ..cell }));
+        cells.extend(
+            inner.into_iter().map(|cell| Placed { offset_m: cell.offset_m + pen_m, ..cell }),
+        );
         pen_m += end_m + spaces_m[1];
     }
     cells
 }
 
-/// The characters of a part in one font, and the end of the last one.
+/// The characters of a part of a line in one font, placed from its beginning on, and its end.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     if is_shaped(line)
-        && let Some(letters) = font.face.line(line, SPACE)
+        && let Some(letters) = font.face.shaped_line(line, SPACE)
     {
         // The line ends with its rightmost letter: marks may come after it.
         let (letters, size_m) = (letters.expect("the text is drawable"), options.cap_height_m);
-        let ends = letters.iter().map(|(_, pen, shape)| pen + shape.ink()[2]);
-        let end = ends.fold(0.0, f64::max);
+        let right_edges = letters.iter().map(|(_, pen, shape)| pen + shape.ink_bounds()[2]);
+        let end = right_edges.fold(0.0, f64::max);
         let cells = letters.into_iter().map(|(byte, pen, shape)| {
-            placed(line[byte..].chars().next().unwrap_or(' '), pen, shape, size_m)
+            proportional(line[byte..].chars().next().unwrap_or(' '), pen, shape, size_m)
         });
         return (cells.collect(), end * size_m);
     }
@@ -305,56 +313,58 @@ fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
     }
 }
 
-/// A character, where its box begins and how wide it is. A space has no shape.
+/// A character, the offset of its box from the beginning of the line, and the width of the box. A
+/// space has no shape.
 struct Placed {
     character: char,
     shape: Option<Arc<Shape>>,
-    at_m: f64,
+    offset_m: f64,
     width_m: f64,
     fit: Fit,
 }
 
-/// A proportional character at the pen's place in cap heights.
-fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
+/// A proportional character whose pen begins at a place in cap heights.
+fn proportional(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
     let (left, width) = shape.cell();
-    let (at_m, width_m) = ((pen + left) * size_m, width * size_m);
-    Placed { character, shape: Some(shape), at_m, width_m, fit: Fit::Proportional }
+    let (offset_m, width_m) = ((pen + left) * size_m, width * size_m);
+    Placed { character, shape: Some(shape), offset_m, width_m, fit: Fit::Proportional }
 }
 
+/// The characters of a part in boxes of equal width and distance, and the end of the part.
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, step_m) = (options.box_width_m(), options.box_width_m() + options.box_gap_m());
     let cells = Vec::from_iter(line.chars().enumerate().map(|(index, character)| {
         let shape = font.face.shape(character).filter(|_| character != ' ');
-        Placed { character, shape, at_m: step_m * index as f64, width_m, fit: Fit::Box }
+        Placed { character, shape, offset_m: step_m * index as f64, width_m, fit: Fit::Box }
     }));
     let end_m = step_m * cells.len() as f64;
     (cells, end_m)
 }
 
-/// Characters that keep their proportions, each at the advance of the one before it.
+/// The characters of a part side by side by their advances and kerning, and the end of the part.
 fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let size_m = options.cap_height_m;
-    let (mut pen, mut last_pen, mut before) = (0.0, 0.0, None);
+    let (mut pen, mut base_pen, mut previous) = (0.0, 0.0, None);
     let mut cells: Vec<Placed> = Vec::new();
     for character in line.chars() {
-        // A mark without a composed letter in Unicode goes on the letter before it.
+        // A mark without a composed letter in Unicode goes on the letter previous it.
         let last = cells.last_mut().filter(|_| is_combining_mark(character));
         if let Some(last) = last
             && let Some(base) = &last.shape
-            && let Some(marked) = font.face.marked(base, character)
+            && let Some(marked) = font.face.with_mark(base, character)
         {
-            *last = placed(last.character, last_pen, marked, size_m);
+            *last = proportional(last.character, base_pen, marked, size_m);
             continue;
         }
-        pen += before.map_or(0.0, |before| font.face.kern([before, character]));
-        last_pen = pen;
+        pen += previous.map_or(0.0, |previous| font.face.kern([previous, character]));
+        base_pen = pen;
         let shape = font.face.shape(character);
         let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
         // A space only moves the pen.
         let inked = shape.filter(|_| character != ' ');
-        cells.extend(inked.map(|shape| placed(character, pen, shape, size_m)));
+        cells.extend(inked.map(|shape| proportional(character, pen, shape, size_m)));
         pen += advance + options.spacing_m / size_m;
-        before = Some(character);
+        previous = Some(character);
     }
     (cells, pen * size_m)
 }

@@ -2,15 +2,19 @@
 
 use std::ops::RangeInclusive;
 
-use super::vector::{between, counts, cross, minus};
+use super::vector::{between, cross, integers_below, minus};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, distance};
 
 /// A closed contour without its first point repeated.
 pub(super) type Contour = Vec<[f64; 2]>;
 
-/// Steps of testing an edge.
-const STEPS: usize = 2;
+/// Budget steps of testing an edge, and the edges that finding a bin costs as much as.
+const STEPS_PER_EDGE: usize = 2;
+const EDGES_PER_BIN: usize = 10;
+
+/// Slack of the ends of segments that cross, as a fraction of their length, for rounding.
+const END_SLACK: f64 = 1e-9;
 
 /// Most samples of an outline. A longer one is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
@@ -27,15 +31,17 @@ pub(super) struct Filled<'a> {
 }
 
 impl<'a> Filled<'a> {
+    /// The area within contours. Once the budget is spent, edges are missing from it.
     pub(super) fn new(contours: &[Contour], budget: &'a Budget) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
         let edges: Vec<_> = contours.iter().flat_map(|contour| edges(contour)).collect();
+        // About four edges begin in a bin.
         let n_bins = (edges.len() / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
         let mut ink = Self { budget, bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
         for (index, edge) in (0..).zip(&ink.edges) {
             let bins = ink.bins_of(*edge);
-            if !budget.spend_steps(STEPS * bins.clone().count()) {
+            if !budget.spend_steps(STEPS_PER_EDGE * bins.clone().count()) {
                 break;
             }
             ink.bins[bins].iter_mut().for_each(|bin| bin.push(index));
@@ -43,12 +49,12 @@ impl<'a> Filled<'a> {
         ink
     }
 
-    /// The budget that its queries are taken off.
+    /// The budget that queries take their steps from.
     pub(super) fn budget(&self) -> &Budget {
         self.budget
     }
 
-    /// True if a point is in the ink. False once the budget is spent.
+    /// True if a point is inside the area. False once the budget is spent.
     pub(super) fn holds(&self, point: [f64; 2]) -> bool {
         self.winding(point) != 0
     }
@@ -57,7 +63,7 @@ impl<'a> Filled<'a> {
     pub(super) fn winding(&self, [x, y]: [f64; 2]) -> i32 {
         let mut winding = 0;
         let bin = &self.bins[self.bin(y)];
-        if !self.budget.spend_steps(STEPS * (bin.len() + 10)) {
+        if !self.budget.spend_steps(STEPS_PER_EDGE * (bin.len() + EDGES_PER_BIN)) {
             return 0;
         }
         // Edges that cross the ray to the right, upward ones positive (Sunday 2001).
@@ -78,8 +84,8 @@ impl<'a> Filled<'a> {
     pub(super) fn crossings(&self, segment: [[f64; 2]; 2], fractions: &mut Vec<f64>) {
         let along = minus(segment[1], segment[0]);
         let bins = &self.bins[self.bins_of(segment)];
-        let n: usize = bins.iter().map(|bin| bin.len() + 10).sum();
-        if !self.budget.spend_steps(STEPS * n) {
+        let n_edges: usize = bins.iter().map(|bin| bin.len() + EDGES_PER_BIN).sum();
+        if !self.budget.spend_steps(STEPS_PER_EDGE * n_edges) {
             return;
         }
         for index in bins.iter().flatten() {
@@ -88,30 +94,31 @@ impl<'a> Filled<'a> {
             let (edge, gap) = (minus(b, a), minus(a, segment[0]));
             let area = cross(along, edge);
             let (t, u) = (cross(gap, edge) / area, cross(gap, along) / area);
-            if [t, u].iter().all(|fraction| (-1e-9..=1.0 + 1e-9).contains(fraction)) {
+            if [t, u].iter().all(|fraction| (-END_SLACK..=1.0 + END_SLACK).contains(fraction)) {
                 fractions.push(t.clamp(0.0, 1.0));
             }
         }
     }
 
-    /// The bins of the heights of a segment.
+    /// The indices of the bins that a segment spans.
     fn bins_of(&self, [from, to]: [[f64; 2]; 2]) -> RangeInclusive<usize> {
         self.bin(from[1].min(to[1]))..=self.bin(from[1].max(to[1]))
     }
 
+    /// The index of the bin of a height, the nearest bin outside of the outline.
     #[expect(clippy::cast_possible_truncation, reason = "bins are few")]
     fn bin(&self, y: f64) -> usize {
         (((y - self.bottom) / self.bin_height).max(0.0) as usize).min(self.bins.len() - 1)
     }
 }
 
-/// The edges of a contour, its last point to its first included.
+/// The edges of a contour, including the one from its last point to its first.
 fn edges(contour: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
     (0..contour.len()).map(|i| [contour[i], contour[(i + 1) % contour.len()]])
 }
 
-/// The edge of the ink: runs of samples along the contours where there is ink on one side only.
-/// Samples are at most `spacing` apart. Closed runs repeat their first point.
+/// The edges of the ink: runs of samples along the contours, at most `spacing` apart, where only
+/// one side has ink. Closed runs repeat their first point.
 pub(super) fn ink_edges(
     contours: &[Contour],
     ink: &Filled<'_>,
@@ -120,38 +127,45 @@ pub(super) fn ink_edges(
     let spacing = spacing.max(length(contours) / MAX_SAMPLES);
     let mut runs = Vec::new();
     for contour in contours {
-        let mut samples: Vec<[f64; 2]> = Vec::new();
-        for [a, b] in edges(contour).filter(|[a, b]| a != b) {
-            let n_pieces = (distance(a, b) / spacing).ceil().max(1.0);
-            samples.extend(counts(n_pieces).map(|k| between(a, b, k / n_pieces)));
-        }
+        let mut samples = sampled(contour, spacing);
         if samples.len() < 3 {
             continue;
         }
         // Edges within the ink, where contours overlap, are dropped.
         let n = samples.len();
-        let kept = Vec::from_iter((0..n).map(|index| {
-            let (a, b) = (samples[index], samples[(index + 1) % n]);
-            let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
-            // A hundredth of an edge to either side.
-            let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
-            ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
-        }));
-        let Some(first_gap) = kept.iter().position(|kept| !kept) else {
+        let is_edge = Vec::from_iter(edges(&samples).map(|edge| has_ink_on_one_side(edge, ink)));
+        let Some(first_gap) = is_edge.iter().position(|is_edge| !is_edge) else {
             samples.push(samples[0]);
             runs.push(samples);
             continue;
         };
         // From a gap on no run goes over the contour's beginning.
-        let around: Vec<usize> = (first_gap..first_gap + n).map(|edge| edge % n).collect();
-        for run in around.chunk_by(|a, b| kept[*a] == kept[*b]).filter(|run| kept[run[0]]) {
-            let ends = run.iter().copied().chain([run[run.len() - 1] + 1]);
-            runs.push(ends.map(|index| samples[index % n]).collect());
+        let cycle: Vec<usize> = (first_gap..first_gap + n).map(|edge| edge % n).collect();
+        for run in cycle.chunk_by(|a, b| is_edge[*a] == is_edge[*b]).filter(|run| is_edge[run[0]]) {
+            let indices = run.iter().copied().chain([run[run.len() - 1] + 1]);
+            runs.push(indices.map(|index| samples[index % n]).collect());
         }
     }
     runs
 }
 
+/// Points along a closed contour, at most `spacing` apart, without its first point repeated.
+fn sampled(contour: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
+    let pieces = edges(contour).filter(|[a, b]| a != b).flat_map(|[a, b]| {
+        let n_pieces = (distance(a, b) / spacing).ceil().max(1.0);
+        integers_below(n_pieces).map(move |k| between(a, b, k / n_pieces))
+    });
+    pieces.collect()
+}
+
+/// True if there is ink a hundredth of an edge beside its middle, on one side only.
+fn has_ink_on_one_side([a, b]: [[f64; 2]; 2], ink: &Filled<'_>) -> bool {
+    let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
+    let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
+    ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
+}
+
+/// Length of all contours, including their closing edges.
 fn length(contours: &[Contour]) -> f64 {
     contours.iter().flat_map(|contour| edges(contour)).map(|[a, b]| distance(a, b)).sum()
 }

@@ -35,27 +35,29 @@ pub(super) struct Shape {
     /// None for a space.
     pub(super) runs: Vec<Run>,
     /// Length in cap heights of a stroke of the face that the center lines lost, or 0.
-    pub(super) lost: f64,
+    pub(super) lost_length: f64,
 }
 
 impl Shape {
-    /// The box of its points, or the advance of a space: left, bottom, right, top.
-    pub(super) fn ink(&self) -> [f64; 4] {
+    /// The bounds of its points, or those of the advance of a space: left, bottom, right, top.
+    pub(super) fn ink_bounds(&self) -> [f64; 4] {
         let ink = bounds(self.runs.iter().flat_map(|run| &run.points).copied().map(coordinates));
         if ink[0] <= ink[2] { ink } else { [0.0, 0.0, self.advance, 0.0] }
     }
 
+    /// Number of points of all runs.
     pub(super) fn n_points(&self) -> usize {
         self.runs.iter().map(|run| run.points.len()).sum()
     }
 
     /// Left edge and width of a proportional character's cell, in cap heights.
     pub(super) fn cell(&self) -> (f64, f64) {
-        let [left, _, right, _] = self.ink();
+        let [left, _, right, _] = self.ink_bounds();
         let width = (right - left).max(NARROWEST);
         (0.5 * (left + right - width), width)
     }
 
+    /// The glyph of the character in a cell.
     pub(super) fn glyph(&self, character: char, cell: Cell, fit: Fit) -> Glyph {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = cell;
         let y_m = |p: Point| baseline_m + p.y * cap_height_m;
@@ -66,7 +68,7 @@ impl Shape {
                 self.runs.iter().flat_map(|run| moves(run, place)).collect()
             }
             Fit::Proportional => {
-                let [left, _, right, _] = self.ink();
+                let [left, _, right, _] = self.ink_bounds();
                 let (middle, middle_m) = (0.5 * (left + right), left_m + 0.5 * width_m);
                 let x_m = |p: Point| middle_m + (p.x - middle) * cap_height_m;
                 pen_moves(&self.runs, |p| Point::new(x_m(p), y_m(p)))
@@ -76,20 +78,22 @@ impl Shape {
     }
 }
 
-/// The moves of lit runs: the pen goes to the first, and from each to the next, in the dark.
+/// The moves along lit runs, with dark moves to the first one and from each to the next. `place`
+/// maps a point of a run to the plane of the word.
 pub(super) fn pen_moves(runs: &[Run], place: impl Fn(Point) -> Point) -> Vec<Move> {
-    let mut pen: Vec<Move> = Vec::new();
+    let mut all_moves: Vec<Move> = Vec::new();
     for run in runs {
         let to_m = coordinates(place(run.points[0]));
-        let from_m = pen.last().map_or(to_m, |last| last.to_m);
-        if pen.is_empty() || from_m != to_m {
-            pen.push(Move { from_m, to_m, lit: false, pace: 1.0 });
+        let from_m = all_moves.last().map_or(to_m, |last| last.to_m);
+        if all_moves.is_empty() || from_m != to_m {
+            all_moves.push(Move { from_m, to_m, lit: false, pace: 1.0 });
         }
-        pen.extend(moves(run, &place));
+        all_moves.extend(moves(run, &place));
     }
-    pen
+    all_moves
 }
 
+/// The moves along one run.
 fn moves(run: &Run, place: impl Fn(Point) -> Point) -> impl Iterator<Item = Move> {
     run.points.windows(2).map(move |pair| {
         let [from_m, to_m] = [pair[0], pair[1]].map(|point| coordinates(place(point)));
@@ -109,7 +113,7 @@ mod tests {
     fn a_box_letter_fills_its_cell() {
         let dark = Run { lit: false, ..run(&[(0.0, 1.0), (0.0, 1.0)]) };
         let lit = run(&[(0.0, 1.0), (0.0, 0.0), (1.0, 0.0)]);
-        let shape = Shape { advance: 1.0, runs: vec![dark, lit], lost: 0.0 };
+        let shape = Shape { advance: 1.0, runs: vec![dark, lit], lost_length: 0.0 };
         let cell = Cell { left_m: 2.0, baseline_m: 0.5, width_m: 0.3, cap_height_m: 0.4 };
         let glyph = shape.glyph('L', cell, Fit::Box);
         assert_eq!(glyph.moves.len(), 3, "one dark and two lit moves");
@@ -121,7 +125,7 @@ mod tests {
     #[test]
     fn a_proportional_letter_stands_in_the_middle_and_is_reached_in_the_dark() {
         let shape = Shape {
-            lost: 0.0,
+            lost_length: 0.0,
             advance: 0.4,
             runs: vec![run(&[(0.2, 1.0), (0.2, 0.0)]), run(&[(0.2, 0.5), (0.2, 0.6)])],
         };

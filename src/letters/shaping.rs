@@ -14,7 +14,7 @@ use unicode_normalization::char::is_combining_mark;
 /// Most points of a character's outline: the time of tracing grows with the square.
 pub(super) const MAX_POINTS: usize = 8_000;
 
-/// Blocks of the scripts that are shaped, of characters without width, and of the marks of emoji.
+/// Blocks of the scripts that are shaped, and of characters without width.
 const SHAPED: [std::ops::RangeInclusive<char>; 8] = [
     '\u{0590}'..='\u{0DFF}',
     '\u{0E00}'..='\u{109F}',
@@ -25,14 +25,15 @@ const SHAPED: [std::ops::RangeInclusive<char>; 8] = [
     '\u{FB1D}'..='\u{FEFF}',
     '\u{10800}'..='\u{11FFF}',
 ];
+/// Skin tones of emoji.
 const SKIN: std::ops::RangeInclusive<char> = '\u{1F3FB}'..='\u{1F3FF}';
 
-/// True if a composed text has characters that cannot be set side by side.
+/// True if a composed text has characters that must be shaped, not only placed side by side.
 pub(super) fn is_shaped(text: &str) -> bool {
     text.chars().any(|c| is_mark(c) || SHAPED.iter().any(|block| block.contains(&c)))
 }
 
-/// True if a character belongs to the one before it.
+/// True for a combining mark or a skin tone, which belong to the character before them.
 pub(super) fn is_mark(character: char) -> bool {
     is_combining_mark(character) || SKIN.contains(&character)
 }
@@ -57,17 +58,18 @@ pub(super) enum Unset {
     TooLarge(usize, usize),
 }
 
-/// The glyphs of a line from left to right.
+/// The placed glyphs of a line from left to right. `space` is the advance between two words.
 #[cfg(not(target_family = "wasm"))]
-pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
+pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
         // Words from left to right, each with its first byte.
-        let mut end = run.start;
+        let mut next_start = run.start;
         let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
-            end += word.len() + 1;
-            (end - word.len() - 1, word)
+            let start = next_start;
+            next_start += word.len() + 1;
+            (start, word)
         }));
         if leftward {
             words.reverse();
@@ -76,25 +78,26 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
             if index > 0 {
                 pen = pen.saturating_add(space);
             }
-            let buffer = shaped_word(&face, word, leftward).ok_or(Unset::Unshaped(start))?;
+            let buffer = shape_word(&face, word, leftward).ok_or(Unset::Unshaped(start))?;
             // The shaper lists the glyphs from left to right, too.
-            for (info, step) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
+            for (info, position) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
                 let (glyph, byte) = (GlyphId::new(info.glyph_id), start + info.cluster as usize);
                 if glyph == GlyphId::NOTDEF {
                     return Err(Unset::Missing(byte));
                 }
-                let units = [pen.saturating_add(step.x_offset), step.y_offset];
+                let units = [pen.saturating_add(position.x_offset), position.y_offset];
                 placed.push(Placed { glyph, units, byte });
-                pen = pen.saturating_add(step.x_advance);
+                pen = pen.saturating_add(position.x_advance);
             }
         }
     }
     Ok(placed)
 }
 
-/// The glyphs of a word. `None` beyond the limits of the shaper.
+/// The shaped glyphs of a word, which is read from right to left if `leftward`. `None` if it
+/// exceeds the limits of the shaper.
 #[cfg(not(target_family = "wasm"))]
-fn shaped_word(face: &ShaperFont<'_, '_>, word: &str, leftward: bool) -> Option<Buffer> {
+fn shape_word(face: &ShaperFont<'_, '_>, word: &str, leftward: bool) -> Option<Buffer> {
     let mut buffer = Buffer::new();
     buffer.push_str(word);
     buffer.set_direction(match leftward {
@@ -102,8 +105,8 @@ fn shaped_word(face: &ShaperFont<'_, '_>, word: &str, leftward: bool) -> Option<
         false => Direction::LeftToRight,
     });
     buffer.guess_segment_properties();
-    let shaped = shape(face, &mut buffer, ShapeOptions::new());
-    (shaped.is_ok() && buffer.allocation_successful()).then_some(buffer)
+    let result = shape(face, &mut buffer, ShapeOptions::new());
+    (result.is_ok() && buffer.allocation_successful()).then_some(buffer)
 }
 
 /// The runs of a line from left to right, each with true if it is read from right to left.
@@ -125,24 +128,24 @@ mod tests {
     #[test]
     fn letters_that_join_are_one_stroke_and_run_from_right_to_left() {
         let face = Typeface::read(small_face(), Trace::CenterLine, "small.ttf").unwrap();
-        let arabic = face.set("نر", 0.5).unwrap();
+        let arabic = face.shape_line("نر", 0.5).unwrap();
         assert_eq!((arabic.len(), arabic[0].0), (1, 0), "joined");
         assert_eq!(arabic[0].2.runs.len(), 1, "a stroke through both: {:?}", arabic[0].2);
-        let apart = face.set("ر ن", 0.5).unwrap();
+        let apart = face.shape_line("ر ن", 0.5).unwrap();
         assert_eq!(apart.iter().map(|letter| letter.0).collect::<Vec<_>>(), [3, 0], "no joins");
-        let hebrew = face.set("אר H", 0.5).unwrap();
+        let hebrew = face.shape_line("אר H", 0.5).unwrap();
         let bytes: Vec<usize> = hebrew.iter().map(|letter| letter.0).collect();
         assert_eq!(bytes, [5, 2, 0], "the first letter stands on the right");
         assert!(hebrew.windows(2).all(|pair| pair[0].1 < pair[1].1), "from left to right");
-        assert_eq!(face.set("אx", 0.5).unwrap_err(), Unset::Missing(2), "its byte");
+        assert_eq!(face.shape_line("אx", 0.5).unwrap_err(), Unset::Missing(2), "its byte");
     }
 
     #[test]
     fn letters_that_touch_and_are_too_many_points_are_not_missing() {
         let face = Typeface::read(small_face(), Trace::CenterLine, "small.ttf").unwrap();
         // A letter has four points.
-        assert_eq!(face.set(&"ש".repeat(20), 0.5).unwrap().len(), 1, "one shape");
-        let error = face.set(&"ש".repeat(2001), 0.5).unwrap_err();
+        assert_eq!(face.shape_line(&"ש".repeat(20), 0.5).unwrap().len(), 1, "one shape");
+        let error = face.shape_line(&"ש".repeat(2001), 0.5).unwrap_err();
         assert_eq!(error, Unset::TooLarge(0, 2001));
     }
 

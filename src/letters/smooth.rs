@@ -3,24 +3,27 @@
 //! The line z through evenly spaced points p minimizes Σ |z − p|² + λ Σ |z″|² (Whittaker 1923,
 //! Eilers 2003). λ is the largest of a ladder that moves no point farther than the error allows.
 
-use super::vector::{ahead, between, counts};
+use super::vector::{ahead, between, integers_below};
 use noctograph_core::geometry::{arc_lengths, distance, simplify};
 
 /// Ladder of λ, from stiff to loose.
 const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 
+/// Most pieces into which a line is divided.
 pub(super) const MAX_POINTS: usize = 4000;
 
-/// A line smoothed: its ends stay, and no point moves by more than `error`. Points of the result
-/// are `spacing` apart. A closed line stays closed.
+/// The line resampled at `spacing` and smoothed as far as no point moves by more than `error`. Its
+/// ends stay, and a closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
+    // Fewer points have no bend to smooth.
     if even.len() < 5 {
         return even;
     }
     let closed = line.len() > 2 && line[0] == line[line.len() - 1];
     for stiffness in STIFFNESS {
-        let smoothed = if closed { bend_loop(&even, stiffness) } else { bend(&even, stiffness) };
+        let smoothed =
+            if closed { smooth_loop(&even, stiffness) } else { smooth_open(&even, stiffness) };
         let moved = smoothed.iter().zip(&even).map(|(a, b)| distance(*a, *b));
         if moved.fold(0.0, f64::max) <= error {
             return smoothed;
@@ -29,85 +32,108 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
     even
 }
 
-/// Points evenly along a line, both ends included.
+/// Even points along a line with both ends, at most `spacing` apart, up to [`MAX_POINTS`] pieces.
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
     let n_pieces = (length / spacing).ceil().clamp(1.0, MAX_POINTS as f64);
     let mut points = Vec::new();
     let mut index = 0;
-    for k in counts(if line.len() > 1 { n_pieces } else { 0.0 }) {
-        // Lengths rise, so that the segment of one is at or after that of the last.
-        let due = length * k / n_pieces;
-        while index + 2 < line.len() && along[index + 1] < due {
+    for k in integers_below(if line.len() > 1 { n_pieces } else { 0.0 }) {
+        // Arc lengths rise, so that each point's segment is at or after that of the one before.
+        let arc_length = length * k / n_pieces;
+        while index + 2 < line.len() && along[index + 1] < arc_length {
             index += 1;
         }
         let (begin, end) = (along[index], along[index + 1]);
-        let fraction = (due - begin) / (end - begin).max(f64::MIN_POSITIVE);
+        let fraction = (arc_length - begin) / (end - begin).max(f64::MIN_POSITIVE);
         points.push(between(line[index], line[index + 1], fraction.min(1.0)));
     }
     points.push(last);
     points
 }
 
-/// A line without the points nearer than `error` to the line through the others.
+/// A line without the points that are within `error` of the line through the others.
 pub(super) fn simplified(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
     simplify(line, error).into_iter().map(|index| line[index]).collect()
 }
 
-/// The smooth line with its ends fixed.
-fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
-    // The normal equations (I + λ D'D) z = p with second differences D: a symmetric matrix with two
-    // bands beside its diagonal, D'D having rows 1 −4 6 −4 1. Two rows of the identity at either
-    // end spare the cases at the ends.
+/// The minimizer z of Σ |z − p|² + λ Σ |z″|² for evenly spaced points p and a stiffness λ, with its
+/// ends fixed.
+fn smooth_open(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len();
-    let mut diagonal = vec![1.0; n + 4];
-    let (mut first, mut second) = (vec![0.0; n + 4], vec![0.0; n + 4]);
-    for k in 2..n {
-        for (i, a) in [1.0, -2.0, 1.0].into_iter().enumerate() {
-            diagonal[k + i] += stiffness * a * a;
-        }
-        first[k + 1] -= 2.0 * stiffness;
-        first[k + 2] -= 2.0 * stiffness;
-        second[k + 2] += stiffness;
-    }
-    // A large weight pins the ends.
-    let pin = 1e9 * (1.0 + stiffness);
+    let mut matrix = Banded::normal_matrix(n, stiffness);
     let mut z = [&[[0.0; 2]; 2], points, &[[0.0; 2]; 2]].concat();
+    // A weight far above the others pins the ends.
+    let pin = 1e9 * (1.0 + stiffness);
     for end in [2, n + 1] {
-        diagonal[end] += pin;
+        matrix.diagonal[end] += pin;
         z[end] = z[end].map(|x| x * (1.0 + pin));
     }
-    // Factors L D L' in place, and the solution of L on the way.
-    for k in 2..n + 2 {
-        second[k] /= diagonal[k - 2];
-        first[k] = (first[k] - second[k] * diagonal[k - 2] * first[k - 1]) / diagonal[k - 1];
-        diagonal[k] -= first[k] * first[k] * diagonal[k - 1];
-        diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
-        z[k] = ahead(z[k], z[k - 1], -first[k]);
-        z[k] = ahead(z[k], z[k - 2], -second[k]);
-    }
-    // Then D, and L' backward.
-    for k in 2..n + 2 {
-        z[k] = z[k].map(|x| x / diagonal[k]);
-    }
-    for k in (2..n + 2).rev() {
-        z[k] = ahead(z[k], z[k + 1], -first[k + 1]);
-        z[k] = ahead(z[k], z[k + 2], -second[k + 2]);
-    }
-    // The weight leaves a rounding error at the ends.
+    matrix.solve(&mut z);
+    // Without the rounding error that the weight leaves at the ends.
     let mut z = z[2..n + 2].to_vec();
     (z[0], z[n - 1]) = (points[0], points[n - 1]);
     z
 }
 
-/// The smooth closed line: solved over twice its length, of which the middle half is kept.
-fn bend_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
+/// A symmetric matrix with two bands beside its diagonal. Two rows of the identity at either end
+/// spare the cases at the ends.
+struct Banded {
+    diagonal: Vec<f64>,
+    /// Entries beside the diagonal, one and two columns before it.
+    first: Vec<f64>,
+    second: Vec<f64>,
+}
+
+impl Banded {
+    /// The matrix of the normal equations (I + λ D'D) z = p of n points with second differences D.
+    /// D'D has rows 1 −4 6 −4 1.
+    fn normal_matrix(n: usize, stiffness: f64) -> Self {
+        let mut diagonal = vec![1.0; n + 4];
+        let (mut first, mut second) = (vec![0.0; n + 4], vec![0.0; n + 4]);
+        for k in 2..n {
+            for (i, a) in [1.0, -2.0, 1.0].into_iter().enumerate() {
+                diagonal[k + i] += stiffness * a * a;
+            }
+            first[k + 1] -= 2.0 * stiffness;
+            first[k + 2] -= 2.0 * stiffness;
+            second[k + 2] += stiffness;
+        }
+        Self { diagonal, first, second }
+    }
+
+    /// Solves the equations for a right-hand side `z`, which becomes the solution.
+    fn solve(self, z: &mut [[f64; 2]]) {
+        let Self { mut diagonal, mut first, mut second } = self;
+        let inner = 2..z.len() - 2;
+        // Factors L D L' in place, and the solution of L with each row.
+        for k in inner.clone() {
+            second[k] /= diagonal[k - 2];
+            first[k] = (first[k] - second[k] * diagonal[k - 2] * first[k - 1]) / diagonal[k - 1];
+            diagonal[k] -= first[k] * first[k] * diagonal[k - 1];
+            diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
+            z[k] = ahead(z[k], z[k - 1], -first[k]);
+            z[k] = ahead(z[k], z[k - 2], -second[k]);
+        }
+        // Then D, and L' backward.
+        for k in inner.clone() {
+            z[k] = z[k].map(|x| x / diagonal[k]);
+        }
+        for k in inner.rev() {
+            z[k] = ahead(z[k], z[k + 1], -first[k + 1]);
+            z[k] = ahead(z[k], z[k + 2], -second[k + 2]);
+        }
+    }
+}
+
+/// The smooth line through closed points: it is solved over two rounds, and the middle half is
+/// kept, which the ends hardly affect.
+fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;
-    let around: Vec<_> = (0..2 * n + 1).map(|k| points[(k + n - half) % n]).collect();
-    let bent = bend(&around, stiffness);
-    let mut smoothed = bent[half..half + n].to_vec();
+    let two_rounds: Vec<_> = (0..2 * n + 1).map(|k| points[(k + n - half) % n]).collect();
+    let mut smoothed = smooth_open(&two_rounds, stiffness)[half..half + n].to_vec();
     smoothed.push(smoothed[0]);
     smoothed
 }
@@ -121,7 +147,7 @@ mod tests {
         let points: Vec<[f64; 2]> =
             (0..30).map(|k| [f64::from(k), libm::sin(f64::from(k * k))]).collect();
         let stiffness = 7.0;
-        let z = bend(&points, stiffness);
+        let z = smooth_open(&points, stiffness);
         assert_eq!((z[0], z[29]), (points[0], points[29]), "the ends stay");
         let curve = |k: usize| z[k - 1][1] - 2.0 * z[k][1] + z[k + 1][1];
         for k in 2..28 {

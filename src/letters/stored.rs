@@ -15,16 +15,19 @@ pub(super) const SIGNS: [&str; 2] = ["HTIXLEFKANMVYZl|-/+=_", "|-/_"];
 /// Largest mean width of a contour without area, by the larger side of its box.
 const THIN: f64 = 1e-3;
 
+/// Largest difference of the lengths there and back, by the length there.
+const LENGTHS_APART: f64 = 0.01;
+
 /// Cosine of the turn at which a line goes back.
 const BACK: f64 = -0.999;
 
-/// True if most outlines of a list have a contour without area.
-pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
-    2 * paths.iter().filter(|path| contours(path).any(|contour| is_thin(&contour))).count()
-        > paths.len()
+/// True if more than half of the outlines have a contour without area.
+pub(super) fn are_strokes(outlines: &[BezPath]) -> bool {
+    let has_thin = |outline: &&BezPath| contours(outline).any(|contour| is_thin(&contour));
+    2 * outlines.iter().filter(has_thin).count() > outlines.len()
 }
 
-/// True if a contour, closed, has no area.
+/// True if a contour, closed, has hardly any mean width: twice its area by its length.
 fn is_thin(contour: &BezPath) -> bool {
     let mut closed = contour.clone();
     closed.close_path();
@@ -33,23 +36,23 @@ fn is_thin(contour: &BezPath) -> bool {
     length > 0.0 && 2.0 * area <= THIN * length * bounds.width().max(bounds.height())
 }
 
-/// The strokes of a path, one for each contour. `None` for more than `max_points`.
+/// The strokes of a path, one for each contour. `None` if they have more than `max_points`.
 pub(super) fn strokes(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     let mut strokes = Lines::new();
-    let mut left = max_points;
+    let mut n_points_left = max_points;
     for contour in contours(path) {
-        for mut line in polylines(&contour, tolerance, left)? {
-            left = left.saturating_sub(line.len());
+        for mut line in polylines(&contour, tolerance, n_points_left)? {
+            n_points_left = n_points_left.saturating_sub(line.len());
             line.dedup();
             if line.len() > 1 {
-                strokes.push(if is_thin(&contour) { once(line) } else { line });
+                strokes.push(if is_thin(&contour) { without_return(line) } else { line });
             }
         }
     }
     Some(strokes)
 }
 
-/// The contours of a path, without closing edges.
+/// The contours of a path as open paths, without their closing edges.
 fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     let contours = subpaths(path).into_iter().map(|(first, mut elements)| {
         elements.retain(|element| *element != PathEl::ClosePath);
@@ -58,23 +61,27 @@ fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     contours.filter(|contour| contour.elements().len() > 1)
 }
 
-/// A line that is drawn there and back, once: from one of its two turns to the other. Any other
-/// line stays.
-fn once(line: Vec<Point>) -> Vec<Point> {
-    let mut around = line.clone();
-    if around[0] == around[around.len() - 1] {
-        around.pop();
+/// The half of a line that runs there and back, between its two turns. Any other line stays.
+fn without_return(line: Vec<Point>) -> Vec<Point> {
+    // The points in a circle, each once.
+    let mut cycle = line.clone();
+    if cycle[0] == cycle[cycle.len() - 1] {
+        cycle.pop();
     }
-    let n = around.len();
+    let n = cycle.len();
     let turns = Vec::from_iter((0..n).filter(|index| {
-        let [before, here, after] = [n - 1, 0, 1].map(|step| around[(index + step) % n]);
+        let [before, here, after] = [n - 1, 0, 1].map(|step| cycle[(index + step) % n]);
         unit(here - before).dot(unit(after - here)) < BACK
     }));
     let [from, to] = turns[..] else { return line };
-    let (there, back) = (&around[from..=to], [&around[to..], &around[..=from]].concat());
+    let (there, back) = (&cycle[from..=to], [&cycle[to..], &cycle[..=from]].concat());
     let [there_length, back_length] = [there, &back].map(line_length);
     // An open line may go back only along a part of it.
-    if (there_length - back_length).abs() <= 0.01 * there_length { there.to_vec() } else { line }
+    if (there_length - back_length).abs() <= LENGTHS_APART * there_length {
+        there.to_vec()
+    } else {
+        line
+    }
 }
 
 fn line_length(line: &[Point]) -> f64 {

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use kurbo::{Point, Vec2};
 use unicode_normalization::UnicodeNormalization;
 
-use super::arcs::rounded;
+use super::arcs::with_arcs;
 use super::face::Face;
 use super::shape::{Fit, Run, Shape};
 use noctograph_core::error::Result;
@@ -52,7 +52,7 @@ pub(super) struct StrokeFont {
 }
 
 impl StrokeFont {
-    /// Reads a font.
+    /// Reads a font from its text. The error names the line that is broken.
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
         let lines = (1..).zip(text.lines().map(str::trim_end));
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
@@ -82,7 +82,8 @@ impl StrokeFont {
         Ok(font)
     }
 
-    /// Reads the line of a letter. `None` for a line of another form.
+    /// Reads the line of a letter and adds it. `None` if the line is malformed, the letter is there
+    /// already, or there are too many points.
     fn parse_letter(&mut self, line: &str, units: f64) -> Option<()> {
         let mut words = line.split_ascii_whitespace().peekable();
         let character = parse_name(words.next()?)?;
@@ -97,24 +98,25 @@ impl StrokeFont {
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
 
-    /// Reads a base, a mark, and how far the mark is moved.
+    /// The shape of a base with a mark, from the words after `=`: base, mark, and optionally
+    /// `dx,dy`. `None` if they are malformed, or have too many points.
     fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let base = self.letters.get(&parse_name(words.next()?)?)?;
         let mark = self.letters.get(&parse_name(words.next()?)?)?;
-        let moved = words.next().map_or(Some(Point::ZERO), |word| parse_point(word, units))?;
+        let offset = words.next().map_or(Some(Point::ZERO), |word| parse_point(word, units))?;
         // Checked before it is composed, so that no line allocates without bound.
         let is_small = base.n_points() + mark.n_points() <= MAX_POINTS;
-        (is_small && words.next().is_none()).then(|| compose(base, mark, moved.to_vec2()))
+        (is_small && words.next().is_none()).then(|| compose(base, mark, offset.to_vec2()))
     }
 
-    /// Reads an advance, in a font that has them, and the runs.
+    /// The shape of a letter from its words: the advance, unless it is of a box font, then each
+    /// run, `+` (lit) or `-` (dark) and its points. `None` if they are malformed.
     fn parse_runs(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let advance = match self.fit {
             Fit::Box => 1.0,
             Fit::Proportional => parse_number(words.next()?, units)?,
         };
         let mut runs: Vec<Run> = Vec::new();
-        // A sign begins a run, which has two points at least.
         for word in words {
             match word {
                 "+" | "-" => runs.push(Run { lit: word == "+", points: Vec::new() }),
@@ -124,10 +126,11 @@ impl StrokeFont {
         if runs.iter().any(|run| run.points.len() < 2) {
             return None;
         }
+        // Points of a proportional font are samples of curves, those of a box font are corners.
         if self.fit == Fit::Proportional {
-            runs.iter_mut().for_each(|run| run.points = rounded(&run.points));
+            runs.iter_mut().for_each(|run| run.points = with_arcs(&run.points));
         }
-        Some(Shape { advance, runs, lost: 0.0 })
+        Some(Shape { advance, runs, lost_length: 0.0 })
     }
 }
 
@@ -151,7 +154,7 @@ impl Face for StrokeFont {
                 base => base,
             };
             let base = self.letters.get(&base)?.clone();
-            parts.try_fold(base, |base, mark| self.marked(&base, mark))
+            parts.try_fold(base, |base, mark| self.with_mark(&base, mark))
         })
     }
 
@@ -159,25 +162,27 @@ impl Face for StrokeFont {
         self.fit
     }
 
-    fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
+    fn with_mark(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
         Some(Arc::new(compose(base, &*self.shape(mark)?, Vec2::ZERO)))
     }
 }
 
-/// A base with a mark over, under or beside it.
-fn compose(base: &Shape, mark: &Shape, moved: Vec2) -> Shape {
-    let ([left, _, right, top], [mark_left, mark_bottom, mark_right, _]) = (base.ink(), mark.ink());
+/// The shape of a base with a mark centered over it, moved by an offset. A mark above small letters
+/// is raised by the base's height over them.
+fn compose(base: &Shape, mark: &Shape, offset: Vec2) -> Shape {
+    let ([left, _, right, top], [mark_left, mark_bottom, mark_right, _]) =
+        (base.ink_bounds(), mark.ink_bounds());
     let lift = if mark_bottom >= SMALL_LETTER { top - SMALL_LETTER } else { 0.0 };
     let across = 0.5 * (left + right) - 0.5 * (mark_left + mark_right);
     let mut runs = base.runs.clone();
     runs.extend(mark.runs.iter().map(|run| {
-        let points = run.points.iter().map(|point| *point + Vec2::new(across, lift) + moved);
+        let points = run.points.iter().map(|point| *point + Vec2::new(across, lift) + offset);
         Run { lit: run.lit, points: points.collect() }
     }));
-    Shape { advance: base.advance, runs, lost: 0.0 }
+    Shape { advance: base.advance, runs, lost_length: 0.0 }
 }
 
-/// A character, or its code point.
+/// The character that a word is, or whose code point it has (`U+0023`). `None` for another word.
 fn parse_name(word: &str) -> Option<char> {
     if let Some(code) = word.strip_prefix("U+").filter(|code| !code.is_empty()) {
         return u32::from_str_radix(code, 16).ok().and_then(char::from_u32);
@@ -187,11 +192,13 @@ fn parse_name(word: &str) -> Option<char> {
     Some(character)
 }
 
+/// The point `x,y` of a word, divided by the font's units. `None` if it is malformed or too far.
 fn parse_point(word: &str, units: f64) -> Option<Point> {
     let (x, y) = word.split_once(',')?;
     Some(Point::new(parse_number(x, units)?, parse_number(y, units)?))
 }
 
+/// A number divided by the font's units. `None` if it is malformed or too large.
 fn parse_number(word: &str, units: f64) -> Option<f64> {
     let value = word.parse::<f64>().ok()? / units;
     (value.abs() <= MAX_COORDINATE).then_some(value)
@@ -233,7 +240,7 @@ mod tests {
     fn a_letter_that_the_font_lacks_is_composed_of_its_base_and_marks() {
         let text = include_str!("../../fonts/simplex.strokes");
         let font = StrokeFont::parse(text, "simplex.strokes").unwrap();
-        let ink = |letter: char| font.shape(letter).unwrap().ink();
+        let ink = |letter: char| font.shape(letter).unwrap().ink_bounds();
         let [both, dots, base] = ['ǚ', 'ü', 'u'].map(ink);
         assert!(
             both[3] > dots[3] && dots[3] > base[3] && both[1] == base[1],
@@ -241,8 +248,8 @@ mod tests {
         );
         assert!(ink('ṣ')[1] < ink('s')[1] && ink('ṣ')[3] == ink('s')[3], "a dot below");
         assert_eq!(font.shape('字').map(|_| ()), None, "no letter of the font");
-        let marked = font.marked(&font.shape('ọ').unwrap(), '\u{300}').unwrap();
-        assert!(marked.ink()[3] > ink('o')[3] && marked.ink()[1] == ink('ọ')[1]);
+        let marked = font.with_mark(&font.shape('ọ').unwrap(), '\u{300}').unwrap();
+        assert!(marked.ink_bounds()[3] > ink('o')[3] && marked.ink_bounds()[1] == ink('ọ')[1]);
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! ligatures and kerning outside the table `kern`.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use ab_glyph::{Font as _, FontRef};
@@ -19,11 +20,11 @@ use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 use super::Trace;
 use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
-use super::face::{Face, Joined, Line};
+use super::face::{Face, Joined, ShapedLine};
 use super::glyph::outline;
 use super::outline::Contour;
 use super::shape::{Run, Shape};
-use super::shaping::{MAX_POINTS, Placed, Unset, shaped};
+use super::shaping::{MAX_POINTS, Placed, Unset, shape_line};
 use super::stored;
 use super::vector::{Lines, length, pairs, point};
 use noctograph_core::error::{Error, Result};
@@ -32,26 +33,30 @@ use noctograph_core::files::Budget;
 /// Most parts of the kerning table that are read: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
 
-/// Steps of looking for the nearest of two strokes.
-const NEAREST: usize = 5;
+/// Budget steps of comparing two strokes to find the nearest.
+const STEPS_PER_PAIR: usize = 5;
 
 /// Most characters that are searched for an outline in a face without known letters.
-const SEARCHED: usize = 300;
+const MAX_SEARCHED: usize = 300;
 
 /// Largest coordinate of an outline, in cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
 /// Largest distance of an outline's polyline from its curves, in cap heights.
-const CURVES: f64 = 2e-4;
+const FLATNESS: f64 = 2e-4;
 
 /// Least thickness of an area in those of the face's letters, and greatest length of its center
 /// lines in its own thicknesses. A bold I has 4, but it is as thick as a letter.
-const THICK: f64 = 2.5;
-const LONG: f64 = 6.0;
+const AREA_THICKNESS: f64 = 2.5;
+const AREA_LENGTH: f64 = 6.0;
 
 /// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some
 /// faces meet at a common edge.
 const TOUCHING: f64 = 0.005;
+
+/// Possible half widths of strokes, and possible heights of a capital in font units.
+const HALF_WIDTHS: RangeInclusive<f64> = 1e-4..=0.4;
+const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 
 /// Characters as high as capitals. The first that a face has counts.
 const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
@@ -97,47 +102,51 @@ impl Typeface {
         });
         // The cap height first: it is the unit of the strokes' width.
         typeface.cap = typeface.known_outline().map_or(0.0, |path| path.control_box().y1);
-        if !(1e-3..=1e6).contains(&typeface.cap) {
+        if !CAP_HEIGHTS.contains(&typeface.cap) {
             return Err(refused(file, "no letters"));
         }
         if trace == Trace::CenterLine && !typeface.is_stored {
-            let width = typeface.stem_half_width()?;
+            let stem = typeface.stem_half_width()?;
             (typeface.has_stems, typeface.half_width) =
-                width.ok_or_else(|| refused(file, "no strokes"))?;
+                stem.ok_or_else(|| refused(file, "no strokes"))?;
         }
         Ok(typeface)
     }
 
-    /// The outline of a capital, or of any character in a face without letters, such as emoji.
+    /// The outline of a capital, or of the first character in a face without letters (emoji).
     fn known_outline(&self) -> Option<BezPath> {
-        let mut known = CAPITALS.chars().chain(self.characters().take(SEARCHED));
-        known.find_map(|character| self.outline(character))
+        let mut candidates = CAPITALS.chars().chain(self.characters().take(MAX_SEARCHED));
+        candidates.find_map(|character| self.outline(character))
     }
 
-    /// Half the width of the strokes in cap heights, and true if it is that of known letters.
+    /// True if the face has a letter of [`STEMS`], and half the width of its strokes in cap
+    /// heights. `None` for a face without strokes. Fails once the budget is spent.
     fn stem_half_width(&self) -> Result<Option<(bool, f64)>> {
         let budget = &self.traced().budget;
         let stems = STEMS.chars().map(|c| (true, c));
-        let others = self.characters().take(SEARCHED).map(|c| (false, c));
-        let mut widths = stems.chain(others).filter_map(|(is_stem, c)| {
+        let others = self.characters().take(MAX_SEARCHED).map(|c| (false, c));
+        let mut half_widths = stems.chain(others).filter_map(|(is_stem, c)| {
             let contours = self.contours(&[(self.glyph(c)?, [0; 2])], budget)?;
             Some((is_stem, center_lines(&contours, budget).half_width))
         });
-        let width = widths.find(|(_, width)| (1e-4..=0.4).contains(width));
+        let stem = half_widths.find(|(_, half_width)| HALF_WIDTHS.contains(half_width));
         budget.check()?;
-        Ok(width)
+        Ok(stem)
     }
 
+    /// The glyph of a character. `None` if the face lacks it.
     fn glyph(&self, character: char) -> Option<GlyphId> {
         self.face.charmap().map_unicode(character)
     }
 
+    /// The outline of a character in font units. `None` if the face lacks it.
     fn outline(&self, character: char) -> Option<BezPath> {
         outline(&self.face, self.glyph(character)?, &self.traced().budget)
     }
 
-    /// The strokes of glyphs together.
-    fn joined(&self, parts: &[Part]) -> Option<Arc<Shape>> {
+    /// The strokes of glyphs traced together, from the cache if they were traced before. `None` if
+    /// they cannot be traced, or the budget is spent.
+    fn traced_shape(&self, parts: &[Part]) -> Option<Arc<Shape>> {
         let Traced { shapes, budget } = &mut *self.traced();
         let shape = shapes.entry(parts.to_vec()).or_insert_with(|| {
             self.draw(parts, budget).filter(|_| budget.check().is_ok()).map(Arc::new)
@@ -145,17 +154,17 @@ impl Typeface {
         shape.clone()
     }
 
-    /// The letters of a line, shaped. `space` is the advance of a space in a face without one.
-    pub(super) fn set(&self, line: &str, space: f64) -> Line {
+    /// The shaped letters of a text. `space` is the advance of a space in a face without one.
+    pub(super) fn shape_line(&self, text: &str, space: f64) -> ShapedLine {
         let unit = self.advance(1.0);
-        let advance =
+        let space_units =
             self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let glyphs = shaped(&self.face, line, advance.unwrap_or(space / unit) as i32)?;
-        self.touching(glyphs, unit).iter().map(|group| self.set_group(group, unit)).collect()
+        let glyphs = shape_line(&self.face, text, space_units.unwrap_or(space / unit) as i32)?;
+        self.touching(glyphs, unit).iter().map(|group| self.joined(group, unit)).collect()
     }
 
-    /// Glyphs from left to right, in groups of those that touch.
+    /// Groups of glyphs that touch, from left to right. `unit` is a font unit in cap heights.
     fn touching(&self, glyphs: Vec<Placed>, unit: f64) -> Vec<Vec<Placed>> {
         let mut boxes = Vec::from_iter(glyphs.into_iter().filter_map(|placed| {
             let bounds = outline(&self.face, placed.glyph, &self.traced().budget)?.control_box();
@@ -164,29 +173,29 @@ impl Typeface {
         // Boxes from left to right, so that only the last group can touch the next one.
         boxes.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<Vec<Placed>> = Vec::new();
-        let mut end = f64::NEG_INFINITY;
+        let mut group_right = f64::NEG_INFINITY;
         for ([left, right], placed) in boxes {
-            match groups.last_mut().filter(|_| left <= end + TOUCHING / unit) {
+            match groups.last_mut().filter(|_| left <= group_right + TOUCHING / unit) {
                 Some(group) => group.push(placed),
                 None => groups.push(vec![placed]),
             }
-            end = end.max(right);
+            group_right = group_right.max(right);
         }
         groups
     }
 
-    /// The strokes of glyphs that touch.
-    fn set_group(&self, group: &[Placed], unit: f64) -> std::result::Result<Joined, Unset> {
+    /// The strokes of glyphs that touch, as one shape.
+    fn joined(&self, group: &[Placed], unit: f64) -> std::result::Result<Joined, Unset> {
         let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
         let start = group[0].units[0];
         let parts = group.iter().map(|placed| {
             let [x, y] = placed.units;
             (placed.glyph, [x - start, y])
         });
-        let shape = self.joined(&parts.collect::<Vec<_>>()).ok_or_else(|| {
+        let shape = self.traced_shape(&parts.collect::<Vec<_>>()).ok_or_else(|| {
             // A glyph that fails by itself is missing. Otherwise all of them are too much.
             let mut glyphs = group.iter();
-            match glyphs.find(|placed| self.joined(&[(placed.glyph, [0; 2])]).is_none()) {
+            match glyphs.find(|placed| self.traced_shape(&[(placed.glyph, [0; 2])]).is_none()) {
                 Some(placed) => Unset::Missing(placed.byte),
                 None => Unset::TooLarge(byte, group.len()),
             }
@@ -194,17 +203,18 @@ impl Typeface {
         Ok((byte, unit * f64::from(start), shape?))
     }
 
+    /// The cache and the budget, locked.
     fn traced(&self) -> MutexGuard<'_, Traced> {
         self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    /// Kerning of a pair of letters, in font units.
+    /// Kerning of a pair of letters by the table `kern`, in font units. `None` if it has none.
     fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
         let (left, right) = (self.glyph(left)?, self.glyph(right)?);
         let table = self.face.tables().kern().ok()?;
-        let parts = table.subtables().take(MAX_SUBTABLES).flatten();
-        let mut level = parts.filter(|part| part.is_horizontal() && !part.is_variable());
-        level.find_map(|part| match part.kind().ok()? {
+        let subtables = table.subtables().take(MAX_SUBTABLES).flatten();
+        let mut horizontal = subtables.filter(|part| part.is_horizontal() && !part.is_variable());
+        horizontal.find_map(|part| match part.kind().ok()? {
             SubtableKind::Format0(pairs) => pairs.kerning(left, right),
             SubtableKind::Format1(_) => None,
             SubtableKind::Format2(classes) => classes.kerning(left, right),
@@ -212,31 +222,35 @@ impl Typeface {
         })
     }
 
+    /// The shape of glyphs: the advance of the first one, and the strokes of all. `None` if they
+    /// have no strokes, or are too large.
     fn draw(&self, parts: &[Part], budget: &Budget) -> Option<Shape> {
         let advance = self.advance(self.face.glyph_metrics().h_advance(parts[0].0));
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }
-        let (lines, lost) = match self.is_stored {
-            true => (stored::strokes(&self.path(parts, budget)?, CURVES, MAX_POINTS)?, 0.0),
+        let (lines, lost_length) = match self.is_stored {
+            true => (stored::strokes(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?, 0.0),
             false => self.lines(parts, budget)?,
         };
         let runs: Vec<Run> = lines.into_iter().map(|points| Run { lit: true, points }).collect();
-        (!runs.is_empty()).then_some(Shape { advance, runs, lost })
+        (!runs.is_empty()).then_some(Shape { advance, runs, lost_length })
     }
 
-    /// The lines along glyphs, and the length of a stroke that they lost.
+    /// The center lines or outlines of glyphs in reading order, in cap heights between center
+    /// lines, and the length of a stroke that was lost. `None` without an outline, or beyond the
+    /// budget.
     fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Lines, f64)> {
         let contours = self.contours(parts, budget)?;
         let center = match self.trace {
             Trace::CenterLine => Some(center_lines(&contours, budget)),
             Trace::Outline => None,
         };
-        let (lines, lost) = match center.filter(|center| !self.is_area(center)) {
-            Some(center) => (center.lines, center.lost),
+        let (lines, lost_length) = match center.filter(|center| !self.is_area(center)) {
+            Some(center) => (center.lines, center.lost_length),
             None => (outlines(&contours, budget), 0.0),
         };
-        budget.spend_steps(NEAREST * lines.len() * lines.len()).then_some(())?;
+        budget.spend_steps(STEPS_PER_PAIR * lines.len() * lines.len()).then_some(())?;
         let lines = lines.into_iter().map(|line| line.into_iter().map(point).collect());
         let mut lines = in_reading_order(lines.collect());
         // From cap heights of the outline to those between center lines.
@@ -244,23 +258,23 @@ impl Typeface {
         for point in lines.iter_mut().flatten() {
             *point = Point::new(point.x * scale, (point.y - self.half_width) * scale);
         }
-        Some((lines, lost))
+        Some((lines, lost_length))
     }
 
     /// True for an area: thicker than the face's letters, and short for its thickness.
     fn is_area(&self, center: &CenterLines) -> bool {
-        let is_thick = !self.has_stems || center.thickest > THICK * self.half_width;
-        is_thick && center.length() < 2.0 * LONG * center.thickest
+        let is_thick = !self.has_stems || center.thickest > AREA_THICKNESS * self.half_width;
+        is_thick && center.length() < 2.0 * AREA_LENGTH * center.thickest
     }
 
-    /// Font units in cap heights between center lines.
+    /// A length in font units, in cap heights between center lines.
     fn advance(&self, units: f32) -> f64 {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// The outline of glyphs in cap heights, if they have one.
+    /// The contours of glyphs in cap heights. `None` if there are none, or too many points.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
-        let mut contours = pairs(polylines(&self.path(parts, budget)?, CURVES, MAX_POINTS)?);
+        let mut contours = pairs(polylines(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?);
         for contour in &mut contours {
             if contour[0] == contour[contour.len() - 1] {
                 contour.pop();
@@ -270,7 +284,7 @@ impl Typeface {
         (!contours.is_empty()).then_some(contours)
     }
 
-    /// The path of glyphs in cap heights.
+    /// The outlines of glyphs as one path, in cap heights. `None` if one has none or is too large.
     fn path(&self, parts: &[Part], budget: &Budget) -> Option<BezPath> {
         let mut path = BezPath::new();
         for (id, [x, y]) in parts {
@@ -285,7 +299,7 @@ impl Typeface {
 }
 
 impl Face for Typeface {
-    /// Those in the Basic Multilingual Plane, and emoji.
+    /// The face's characters in the Basic Multilingual Plane, and its emoji.
     fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
         let codes = ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}');
         Box::new(codes.filter(|c| !c.is_whitespace() && self.has(*c)))
@@ -298,18 +312,17 @@ impl Face for Typeface {
             let advance = self.advance(self.face.glyph_metrics().h_advance(glyph));
             return Some(Arc::new(Shape { advance, ..Shape::default() }));
         }
-        self.joined(&[(glyph, [0; 2])])
+        self.traced_shape(&[(glyph, [0; 2])])
     }
 
     fn has(&self, character: char) -> bool {
         self.glyph(character).is_some()
     }
 
-    fn line(&self, line: &str, space: f64) -> Option<Line> {
-        Some(self.set(line, space))
+    fn shaped_line(&self, text: &str, space: f64) -> Option<ShapedLine> {
+        Some(self.shape_line(text, space))
     }
 
-    /// By the table `kern`, between center lines.
     fn kern(&self, pair: [char; 2]) -> f64 {
         self.advance(self.kern_units(pair).unwrap_or(0) as f32)
     }
@@ -319,6 +332,7 @@ impl Face for Typeface {
     }
 }
 
+/// The error of a file that has `content` instead of letters.
 fn refused(file: &str, content: &str) -> Error {
     let wanted = "a TrueType or OpenType face with outlines";
     Error::input(file, content, wanted, "name another font file")
@@ -331,16 +345,17 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
     id.0 != 0 && face.outline(id).is_some()
 }
 
-/// Lines in the order of handwriting: from the upper left, each next the nearest, from its upper
-/// left end.
+/// Lines in the order of handwriting: each begins at its upper left end, the first is the nearest
+/// to the upper left, and each next is the nearest to the end of the one before.
 fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
+        // Height counts twice as much as the distance to the left.
         let [first, last] = [line[0], line[line.len() - 1]].map(|p| p.x - 2.0 * p.y);
         if last < first {
             line.reverse();
         }
     }
-    // Greedily the nearest one, from the upper left of a capital on.
+    // The pen begins at the upper left of a capital.
     let mut ordered = Lines::new();
     let mut pen = Point::new(0.0, 1.0);
     while !lines.is_empty() {

@@ -17,15 +17,17 @@ pub(super) fn unit(vector: Vec2) -> Vec2 {
     Vec2::new(vector.x / length, vector.y / length)
 }
 
+/// The point of a pair of coordinates.
 pub(super) fn point([x, y]: [f64; 2]) -> Point {
     Point::new(x, y)
 }
 
+/// The coordinates of a point as a pair.
 pub(super) fn coordinates(point: Point) -> [f64; 2] {
     [point.x, point.y]
 }
 
-/// The coordinates of lines.
+/// Polylines with their points as pairs of coordinates.
 pub(super) fn pairs(lines: Lines) -> Vec<Vec<[f64; 2]>> {
     lines.into_iter().map(|line| line.into_iter().map(coordinates).collect()).collect()
 }
@@ -54,11 +56,12 @@ pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// Twice the area of the triangle that two vectors span, positive if the second is to the left.
+/// Cross product: twice the signed area between two vectors, positive if `b` is to the left of `a`.
 pub(super) fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
+/// The mean of points, which must not be empty.
 pub(super) fn mean(points: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|i| points.iter().map(|point| point[i]).sum::<f64>() / points.len() as f64)
 }
@@ -68,8 +71,8 @@ pub(super) fn segments(line: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]>
     line.windows(2).map(|pair| [pair[0], pair[1]])
 }
 
-/// 0, 1, 2 and so on, below a number.
-pub(super) fn counts(n: f64) -> impl Iterator<Item = f64> {
+/// The integers 0, 1, 2 and so on that are less than `n`, as floats.
+pub(super) fn integers_below(n: f64) -> impl Iterator<Item = f64> {
     (0_u32..).map(f64::from).take_while(move |k| *k < n)
 }
 

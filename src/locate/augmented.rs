@@ -10,9 +10,9 @@
 //!
 //! so that a Kalman filter converges from any start. It is blind if motion and anchors lie in one
 //! plane. [`Augmented::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by
-//! Gauss–Newton, weighted by its covariance, which hands over to [`Positions`]. [`locate_augmented`]
-//! begins anywhere among the anchors, and hands over after five seconds. No later range improves an
-//! earlier position, as in flight.
+//! Gauss–Newton, weighted by its covariance, which hands over to [`Positions`].
+//! [`locate_augmented`] begins anywhere among the anchors, and hands over after five seconds. No
+//! later range improves an earlier position, as in flight.
 //!
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665. G.
 //! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
@@ -70,8 +70,8 @@ impl Augmented {
     /// Moves the drones by known displacements, each axis with a variance.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let (n, moved_m) = (self.n, stacked(moved_m));
-        // x ← F(δ) x + m(δ): squares and products change with the positions by the Jacobian of m
-        // at the displacement.
+        // x ← F(δ) x + m(δ): squares and products change with the positions by the Jacobian of m at
+        // the displacement.
         let motion = augmented_jacobian(&moved_m);
         let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();

@@ -1,7 +1,7 @@
 //! Localization of drones from ranges, apart from any controller: the observer of two drones with a
 //! common anchor as its authors left it ([`SharedAnchorObserver`]) with its local region
-//! ([`fraction_left`], [`observability`]), and the filter without a local region that they wished for
-//! ([`Augmented`], handed over to [`Positions`]). Both need the motion ([`locate_shared`],
+//! ([`fraction_left`], [`observability`]), and the filter without a local region that they wished
+//! for ([`Augmented`], handed over to [`Positions`]). Both need the motion ([`locate_shared`],
 //! [`locate_augmented`]). [`locate`] turns the ranges of a log into positions without it.
 //!
 //! The filter that flies is the estimator `cooperative`.

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::positions::{GATE_SIGMAS, range_jacobian};
 use super::{Link, LocateOptions, RangeSample};
-use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
+use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, product, variance_rate};
 
 pub(super) const STATES: usize = 6;
 
@@ -121,7 +121,7 @@ impl<'a> Model<'a> {
             let states = here.unwrap_or(normal.mean.as_slice());
             let (jacobian, expected_m) =
                 range_jacobian(sample.link, self.anchors_m, states, STATES);
-            let value = sample.distance_m - expected_m + along(&jacobian, states);
+            let value = sample.distance_m - expected_m + product(&jacobian, states);
             let measurement = Measurement { jacobian: &jacobian, value, variance };
             let taken = gate.correct(normal, sample.link, &measurement);
             innovations.note(sample.link, taken.map(|innovation| innovation.nis()));

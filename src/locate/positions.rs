@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Link;
-use noctograph_sim::kalman::{Gate, Measurement, Normal, Part, along, toward};
+use noctograph_sim::kalman::{Gate, Measurement, Normal, Part, product, toward};
 
 /// Standard deviations of its innovation beyond which a range is rejected.
 pub(super) const GATE_SIGMAS: f64 = 4.0;
@@ -42,7 +42,7 @@ impl Positions {
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
         let states = self.normal.mean.as_slice();
         let (jacobian, expected_m) = range_jacobian(link, &self.anchors_m, states, 3);
-        let value = distance_m - expected_m + along(&jacobian, states);
+        let value = distance_m - expected_m + product(&jacobian, states);
         let measurement = Measurement { jacobian: &jacobian, value, variance: sigma_m * sigma_m };
         let innovation = self.gate.correct(&mut self.normal, link, &measurement);
         innovation.map(|innovation| innovation.nis())

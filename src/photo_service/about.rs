@@ -18,13 +18,13 @@ pub enum Role {
     Entry,
 }
 
-/// What the wall shows.
+/// Which photos the wall shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WallRule {
-    /// What the operator approved.
+    /// The photos that the operator approved.
     Approved,
-    /// All that is sent.
+    /// All photos that are sent.
     Open,
 }
 
@@ -57,9 +57,9 @@ pub struct About<'a> {
     pub kiosk: bool,
     /// True if no entries are accepted at the moment.
     pub paused: bool,
-    /// What the wall shows.
+    /// Which photos the wall shows.
     pub wall: WallRule,
-    /// Limits of what is asked for.
+    /// Limits of requests.
     pub limits: Limits,
     /// Colors that the page offers.
     pub colors: Vec<OfferedColor>,
@@ -68,17 +68,17 @@ pub struct About<'a> {
     /// The text of the scene, if the visitors' browsers make photos.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base: Option<&'a str>,
-    /// The scene that the controls begin with, on the host's machine.
+    /// The scene that the controls show at the start, on the host's machine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<&'a Scene>,
 }
 
-/// Limits of what a page asks for.
+/// Limits of a page's requests.
 #[derive(Debug, Serialize)]
 pub struct Limits {
-    /// Most characters of a word.
+    /// Greatest number of characters in a word.
     pub letters: usize,
-    /// Most bytes of a request.
+    /// Greatest number of bytes in a request.
     pub body_bytes: usize,
 }
 
@@ -97,21 +97,21 @@ pub struct Brand {
     pub logo: bool,
 }
 
-/// A color that the page offers: that of the screen, and the bytes of each lamp that show it.
+/// A color that the page offers, on the screen and for each lamp.
 #[derive(Debug, Serialize)]
 pub struct OfferedColor {
     /// Its name.
     pub name: &'static str,
-    /// That of the screen (sRGB).
+    /// Red, green and blue on the screen (sRGB).
     pub screen: [u8; 3],
-    /// White, red, green and blue of the color deck.
+    /// White, red, green and blue for the color deck.
     #[serde(rename = "color-led")]
     pub color_led: [u8; 4],
-    /// White, red, green and blue of the ring.
+    /// White, red, green and blue for the ring.
     pub ring: [u8; 4],
 }
 
-/// Colors that the page offers.
+/// Returns the colors that the page offers.
 pub fn colors() -> Vec<OfferedColor> {
     let colors = [
         ("white", [255, 255, 255]),
@@ -123,7 +123,7 @@ pub fn colors() -> Vec<OfferedColor> {
         ("blue", [0, 0, 255]),
         ("magenta", [255, 0, 255]),
     ];
-    // A lamp mixes colors by other bytes than a screen.
+    // A lamp needs other bytes than a screen for the same color.
     let offered = colors.map(|(name, screen)| {
         let color_led = color_led_wrgb(screen, LightOptions::default().color_led_levels);
         let [r, g, b] = ring_rgb(screen);

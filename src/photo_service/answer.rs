@@ -1,5 +1,5 @@
 //! Answers to a page: a photograph with its verdict, the path of the light in time, and the boxes
-//! of the letters. Facts are typed, and files are bytes beside them.
+//! of letters. Facts have types. Files are bytes beside them.
 
 use std::collections::BTreeMap;
 
@@ -27,16 +27,19 @@ use noctograph_pipeline::shoot::{Format, Judging, Shoot, Shot, Watch};
 use noctograph_score::Verdict;
 use noctograph_sim::ControllerOptions;
 
-/// Pixels of the photo while a visitor types, and of the large photo.
-const LIVE: f64 = 960.0 * 540.0;
-const LARGE: f64 = 1920.0 * 1080.0;
+/// Number of pixels of the photo while a visitor types.
+const LIVE_PIXELS: f64 = 960.0 * 540.0;
+/// Number of pixels of the large photo.
+const LARGE_PIXELS: f64 = 1920.0 * 1080.0;
+/// JPEG quality of the photo while a visitor types.
 const LIVE_QUALITY: u8 = 85;
+/// JPEG quality of the large photo.
 const LARGE_QUALITY: u8 = 92;
 
-/// The photo's file that every page shows.
+/// Name of the photo's file that every page shows.
 pub const JPEG: &str = "photo.jpg";
 
-/// An answer, or why there is none.
+/// An answer, or the message why there is none.
 pub type Made = std::result::Result<Answer, Message>;
 
 /// The answer to a request.
@@ -44,7 +47,7 @@ pub type Made = std::result::Result<Answer, Message>;
 pub struct Answer {
     /// Facts about the product.
     pub facts: Facts,
-    /// The photo as [`JPEG`] and the files that were asked for, or the scripts.
+    /// The photo as [`JPEG`] and the requested files, or the scripts.
     pub files: Vec<File>,
 }
 
@@ -52,11 +55,11 @@ pub struct Answer {
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Facts {
-    /// Of the photo while a visitor types.
+    /// Facts about the photo while a visitor types.
     Live(Box<LiveFacts>),
-    /// Of the large photo.
+    /// Facts about the large photo.
     Large(Box<LargeFacts>),
-    /// Of the scripts.
+    /// Facts about the scripts: none.
     Script {},
 }
 
@@ -82,7 +85,7 @@ pub struct PhotoFacts {
 /// Facts about the photo while a visitor types.
 #[derive(Debug, Serialize)]
 pub struct LiveFacts {
-    /// Of a photo of either size.
+    /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
     /// The drawing. Null for a word.
@@ -91,13 +94,13 @@ pub struct LiveFacts {
     pub verdict: Option<Verdict>,
 }
 
-/// Facts about the large photo: the members of `preview --json`, and what the page needs.
+/// Facts about the large photo: the members of `preview --json`, and others for the page.
 #[derive(Debug, Serialize)]
 pub struct LargeFacts {
-    /// Of a photo of either size.
+    /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The verdict explained. A drawing has none of its members.
+    /// The explained verdict. For a drawing all of its members are omitted.
     #[serde(flatten)]
     pub verdict: Option<Verdict>,
     /// The controller that flew.
@@ -106,13 +109,13 @@ pub struct LargeFacts {
     pub drones: usize,
     /// SHA-256 of the flights.
     pub flight_sha256: Option<String>,
-    /// Changes that help a word that does not read.
+    /// Changes that make an unreadable word easier to read.
     pub remedies: Vec<Suggestion>,
-    /// What stops its flight.
+    /// Checks that stop its flight.
     pub stops: Vec<Message>,
 }
 
-/// Changes of a scene that help its word.
+/// Changes of a scene that make its word easier to read.
 #[derive(Debug, Serialize)]
 pub struct Suggestion {
     /// Increase of the probability that the word is read.
@@ -123,8 +126,8 @@ pub struct Suggestion {
     pub set: Vec<Change>,
 }
 
-/// A drawing as in its file: in whole pixels of a picture, otherwise in thousandths of its larger
-/// side. y points down.
+/// A drawing as its file contains it. Coordinates are whole pixels of a picture, or thousandths of
+/// the larger side of another drawing. y points down.
 #[derive(Debug, Serialize)]
 pub struct DrawnSource {
     /// Corners of the sheet of paper.
@@ -143,7 +146,7 @@ pub struct DrawnStroke {
     pub color: Option<&'static str>,
 }
 
-/// What a page gets back with its answer.
+/// The members of a request that its page gets back with the answer.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Asked {
     /// The request for a large photo, which is sent again to have the photo flown.
@@ -156,7 +159,7 @@ pub struct Asked {
 /// An answer for a page, with files in base64.
 #[derive(Debug, Default, Serialize)]
 pub struct PageAnswer {
-    /// What the page gets back.
+    /// The members of the request that the page gets back.
     #[serde(flatten)]
     asked: Asked,
     /// Facts about the product.
@@ -165,7 +168,7 @@ pub struct PageAnswer {
     /// The reason if there is no answer.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<Message>,
-    /// The photo as an address of data.
+    /// The photo as a data URL.
     #[serde(skip_serializing_if = "Option::is_none")]
     photo: Option<String>,
     /// Files by their names.
@@ -174,7 +177,7 @@ pub struct PageAnswer {
 }
 
 impl PageAnswer {
-    /// The answer for a page. Scripts become one archive.
+    /// Makes the answer for a page. Scripts become one archive.
     pub fn new(asked: Asked, made: Made) -> Self {
         let Answer { facts, mut files } = match made {
             Ok(answer) => answer,
@@ -183,7 +186,7 @@ impl PageAnswer {
         if matches!(facts, Facts::Script {}) {
             files = vec![File { name: "flight.zip".into(), bytes: zip(&files) }];
         }
-        // The photo is shown, other files are saved.
+        // The page shows the photo, and saves other files.
         let mut answer = Self { asked, facts: Some(facts), ..Self::default() };
         for File { name, bytes } in files {
             let text = BASE64_STANDARD.encode(bytes);
@@ -196,23 +199,24 @@ impl PageAnswer {
         answer
     }
 
-    /// Its JSON.
+    /// Returns the answer as JSON.
     pub fn json(&self) -> String {
         json!(self).to_string()
     }
 }
 
-/// Gives the scene that the page begins with, with settings laid over it.
+/// Returns the scene that the page's controls show at the start, with settings over its keys.
 pub type Base<'a> = dyn Fn(&[(&str, &str)]) -> Result<Scene> + 'a;
 
 /// Makes the products that pages request.
 #[expect(missing_debug_implementations, reason = "its fields are functions")]
 pub struct Studio<'a> {
-    /// The scene that the page begins with, with settings laid over it.
+    /// Returns the page's scene, with settings over its keys.
     pub scene: &'a Base<'a>,
-    /// File of a typeface with all letters of a word, if the scene's font lacks one.
+    /// Finds a typeface file that contains all letters of a word, for letters that the scene's font
+    /// lacks.
     pub typeface: &'a dyn Fn(&str) -> Result<Option<String>>,
-    /// Changes that help a word that does not read.
+    /// Finds changes that make an unreadable word easier to read.
     pub advice: &'a dyn Fn(&Shot) -> Result<Vec<Suggestion>>,
     /// True if words are written for an audience, see [`Scene::for_audience`].
     pub has_audience: bool,
@@ -225,10 +229,11 @@ struct Ready {
     shoot: Shoot,
     profile: Profile,
     source: Option<DrawnSource>,
+    /// Warnings of the subject's log.
     notes: Vec<Message>,
 }
 
-/// Why a product is not made: an error of a stage, or a message to the page.
+/// The reason why a product is not made: an error of a stage, or a message to the page.
 enum Refusal {
     Stage(Error),
     Page(Message),
@@ -243,7 +248,7 @@ impl From<Error> for Refusal {
 }
 
 impl Studio<'_> {
-    /// Makes a product of a subject, or the message to the page.
+    /// Makes a product of a subject, or returns the message why it cannot be made.
     pub fn make(&self, product: Product, subject: &Subject) -> Made {
         let made = match product {
             Product::Live => self.live(subject),
@@ -253,37 +258,38 @@ impl Studio<'_> {
             Product::Script => self.script(subject),
         };
         made.map_err(|refusal| match refusal {
-            Refusal::Stage(error) => message(&error, subject),
+            Refusal::Stage(error) => refusal_message(&error, subject),
             Refusal::Page(message) => message,
         })
     }
 
-    /// The scene and the strokes of a subject for a photo of about `pixels`. If the scene's font
-    /// lacks a letter, the word is written in a typeface that has all of them.
-    fn drawn(&self, subject: &Subject, pixels: f64) -> Result<(PreparedScene, Strokes)> {
+    /// Returns the scene and the strokes of a subject, for a photo of about `pixels`. If the
+    /// scene's font lacks a letter, the word is written in a typeface that has all letters.
+    fn strokes_for(&self, subject: &Subject, pixels: f64) -> Result<(PreparedScene, Strokes)> {
         let mut prepared = subject.prepared(self.scene, None, pixels)?;
         let strokes = match (prepared.scene.strokes(), subject.title()) {
-            (Err(lacks @ Error::Letter { .. }), Some(word)) => {
-                let Some(face) = (self.typeface)(word)? else { return Err(lacks) };
+            (Err(missing_letter @ Error::Letter { .. }), Some(word)) => {
+                let Some(face) = (self.typeface)(word)? else { return Err(missing_letter) };
                 prepared = subject.prepared(self.scene, Some(&face), pixels)?;
                 prepared.scene.strokes()?
             }
             (strokes, _) => strokes?,
         };
-        // After the strokes, on which it has no effect.
+        // This has no effect on the strokes.
         if self.has_audience {
             prepared.scene.for_audience();
         }
         Ok((prepared, strokes))
     }
 
-    fn shot(&self, shoot: Shoot, judging: Judging, format: Option<Format>) -> Result<Shot> {
+    /// Takes a photograph, on the CPU and without keeping its film.
+    fn take(&self, shoot: Shoot, judging: Judging, format: Option<Format>) -> Result<Shot> {
         let backend = BackendChoice::Cpu;
         Shoot { judging, format, backend, keeps_film: false, ..shoot }.take(self.watch)
     }
 
-    /// The shoot of a subject for a photo of about `pixels`.
-    fn ready(&self, subject: &Subject, pixels: f64) -> Attempt<Ready> {
+    /// Prepares the photograph of a subject, with about `pixels`.
+    fn prepare(&self, subject: &Subject, pixels: f64) -> Attempt<Ready> {
         if subject.log.is_some() {
             let PreparedScene { scene, profile } = subject.prepared(self.scene, None, pixels)?;
             let log = Shoot::of_log(scene, LOG.as_ref())?;
@@ -291,40 +297,42 @@ impl Studio<'_> {
             let shoot = log.product;
             return Ok(Ready { shoot, profile, source: None, notes });
         }
-        let (PreparedScene { scene, profile }, strokes) = self.drawn(subject, pixels)?;
-        let source = source(&strokes);
+        let (PreparedScene { scene, profile }, strokes) = self.strokes_for(subject, pixels)?;
+        let source = drawn_source(&strokes);
         match Shoot::of_strokes(scene, strokes, &|_| Ok(())) {
             Ok(shoot) => Ok(Ready { shoot, profile, source, notes: Vec::new() }),
-            // The page gets the strokes of a drawing that is too large, to leave some out.
+            // With the strokes of a drawing that is too large, a visitor can omit some on the page.
             Err(error) => {
-                let mut message = message(&error, subject);
+                let mut message = refusal_message(&error, subject);
                 message.values["source"] = json!(source);
                 Err(Refusal::Page(message))
             }
         }
     }
 
+    /// Makes the photo while a visitor types.
     fn live(&self, subject: &Subject) -> Attempt<Answer> {
-        let Ready { shoot, source, notes, .. } = self.ready(subject, LIVE)?;
-        let shot = self.shot(shoot, Judging::Scored, None)?;
-        let files = vec![photo(&shot, LIVE_QUALITY)];
+        let Ready { shoot, source, notes, .. } = self.prepare(subject, LIVE_PIXELS)?;
+        let shot = self.take(shoot, Judging::Scored, None)?;
+        let files = vec![jpeg_file(&shot, LIVE_QUALITY)];
         let photo = PhotoFacts::new(&shot, notes);
         let facts = LiveFacts { photo, source, verdict: shot.verdict };
         Ok(Answer { facts: Facts::Live(facts.into()), files })
     }
 
+    /// Makes the large photo, with its files if there is a `format`.
     fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Attempt<Answer> {
-        let Ready { shoot, profile, notes, .. } = self.ready(subject, LARGE)?;
-        let shot = self.shot(shoot, Judging::Explained, format)?;
-        // A log was flown already, so its flight needs no check.
+        let Ready { shoot, profile, notes, .. } = self.prepare(subject, LARGE_PIXELS)?;
+        let shot = self.take(shoot, Judging::Explained, format)?;
+        // The flight of a log has ended, so it needs no check.
         let findings = match shot.shoot.is_planned {
             true => shot.findings(&profile)?,
             false => Vec::new(),
         };
         let remedies = if advice { (self.advice)(&shot)? } else { Vec::new() };
-        let mut files = vec![photo(&shot, LARGE_QUALITY)];
+        let mut files = vec![jpeg_file(&shot, LARGE_QUALITY)];
         if format.is_some() {
-            files.extend(files_of(&shot)?);
+            files.extend(photo_files(&shot)?);
             // The scene names the file of the drawing.
             if let Some((name, bytes)) = subject.drawing()? {
                 files.push(File { name: name.into(), bytes });
@@ -342,16 +350,17 @@ impl Studio<'_> {
         Ok(Answer { facts: Facts::Large(facts.into()), files })
     }
 
-    /// The scripts that fly a scene by cflib, with the files that they need, sorted by name.
+    /// Makes the cflib scripts that fly a subject, with the files that they need, sorted by name.
     fn script(&self, subject: &Subject) -> Attempt<Answer> {
-        let (PreparedScene { mut scene, profile }, strokes) = self.drawn(subject, LARGE)?;
+        let (PreparedScene { mut scene, profile }, strokes) =
+            self.strokes_for(subject, LARGE_PIXELS)?;
         let format = ExportFormat::Cflib;
         let mode = make_exportable(&mut scene, Some(&profile), format, None)?;
         let tolerance_m = Form::Compressed.tolerance_m();
         let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
         let shoot = Shoot::of_strokes(scene, strokes, &|_| Ok(()))?;
         let checked = CheckedExport::new(shoot, options)?;
-        // Nothing is written for a flight that a check stops.
+        // A flight that a check stops gets no scripts.
         let stops: Vec<Message> = checked.findings.iter().filter_map(Message::of_stop).collect();
         if !stops.is_empty() {
             return Err(Refusal::Page(Message::of_stops(&stops)));
@@ -362,13 +371,13 @@ impl Studio<'_> {
     }
 }
 
-/// The files of a photo, without flights: the scene flies them again.
-fn files_of(shot: &Shot) -> Result<Vec<File>> {
+/// Returns photo, plans and scene as files, without flights, which the scene can make again.
+fn photo_files(shot: &Shot) -> Result<Vec<File>> {
     let mut files = Vec::new();
     let digests = shot.each_file(|name, write| {
         let mut bytes = Vec::new();
         write(&mut bytes).expect("memory takes it");
-        // The scene has the digests of all files, also of those that are left out.
+        // The scene has the digests of all files, including flights.
         let digest = sha256(&bytes);
         if !name.starts_with("flight") {
             files.push(File { name: name.into(), bytes });
@@ -381,12 +390,13 @@ fn files_of(shot: &Shot) -> Result<Vec<File>> {
     Ok(files)
 }
 
-fn photo(shot: &Shot, quality: u8) -> File {
+/// Encodes the photo that a page shows.
+fn jpeg_file(shot: &Shot, quality: u8) -> File {
     File { name: JPEG.into(), bytes: jpeg(&shot.photo, quality) }
 }
 
-/// The message to a page about an error.
-fn message(error: &Error, subject: &Subject) -> Message {
+/// Returns the message to a page about an error.
+fn refusal_message(error: &Error, subject: &Subject) -> Message {
     match (error, &subject.log) {
         (Error::Input { .. }, Some(_)) => Message::of_log(&format!("{error}: {}", error.hint())),
         _ => Message::of_error(error, subject.is_picture()),
@@ -394,11 +404,11 @@ fn message(error: &Error, subject: &Subject) -> Message {
 }
 
 impl PhotoFacts {
-    /// Facts about a shot. `notes` are those of its log.
+    /// Returns the facts about a shot. `notes` are the warnings of its log.
     fn new(shot: &Shot, notes: Vec<Message>) -> Self {
         let (obstacles, others): (Vec<&Diagnostic>, Vec<_>) =
             shot.problems.iter().partition(|problem| problem.is_stop());
-        // Warnings of the flight are for the operator.
+        // Only flaws of the picture concern a visitor, not the flight's warnings.
         let flaws =
             others.into_iter().filter(|problem| FLAWS.contains(&code_on_page(problem.code)));
         Self {
@@ -414,24 +424,25 @@ impl PhotoFacts {
 }
 
 impl Suggestion {
-    /// Changes of a scene with their gain. `None` without a change.
+    /// Makes a suggestion of changes and their gain. `None` without a change.
     pub fn new(set: Vec<Change>, gain: f64) -> Option<Self> {
         Some(Self { gain, said: Message::of_changes(&set)?, set })
     }
 }
 
-/// A drawing as in its file. `None` for a word.
-fn source(strokes: &Strokes) -> Option<DrawnSource> {
+/// Returns the drawing as its file contains it. `None` for a word.
+fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
     let Source { corners_px, is_bitmap, strokes } = &strokes.source;
     let points = strokes.iter().flat_map(|stroke| stroke.points.iter().copied());
     let [left, top, right, bottom] = bounds(points);
+    // Other drawings begin at 0, 0 and have a larger side of 1000 units.
     let ([x, y], scale) = match is_bitmap {
         true => ([0.0; 2], 1.0),
         false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
     };
     let mut drawn = Vec::new();
     for SourceStroke { points, color } in strokes {
-        // Whole units suffice, and so do the points that are a unit from the line of the others.
+        // Whole units are enough. Points nearer than a unit to the line between others are omitted.
         let points: Vec<[f64; 2]> =
             points.iter().map(|point| [scale * (point[0] - x), scale * (point[1] - y)]).collect();
         let kept = simplify(&points, 1.0).into_iter().flat_map(|index| points[index]);

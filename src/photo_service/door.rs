@@ -33,13 +33,13 @@ extern "C" fn reserve(bytes: usize) -> *mut u8 {
     input.as_mut_ptr()
 }
 
-/// Address of the answer.
+/// Returns the address of the answer.
 #[unsafe(no_mangle)]
 extern "C" fn output() -> *const u8 {
     OUTPUT.lock().unwrap_or_else(PoisonError::into_inner).as_ptr()
 }
 
-/// Takes the scene that pages begin with, as the text of its file.
+/// Stores the scene that the page's controls show at the start, from the text of its file.
 #[unsafe(no_mangle)]
 extern "C" fn base() -> usize {
     let text = String::from_utf8(input()).unwrap_or_default();
@@ -47,11 +47,12 @@ extern "C" fn base() -> usize {
     put("{}".to_owned())
 }
 
-/// Facts for a page without a server: colors, limits, and the scene that its controls begin with.
+/// Answers with facts for a page without a server: colors, limits, and the scene that its controls
+/// show at the start.
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
-    // Whoever opens the page is its host and its visitor.
+    // The user of such a page is both host and visitor.
     let about = About {
         host: Host { role: Role::Visitor, boot: "", brand: &Brand::default(), network: false },
         alone: true,
@@ -68,25 +69,25 @@ extern "C" fn about() -> usize {
     put(json!(about).to_string())
 }
 
-/// The photo while a visitor types.
+/// Answers with the photo while a visitor types.
 #[unsafe(no_mangle)]
 extern "C" fn live() -> usize {
     answered(|_| Product::Live)
 }
 
-/// The large photo.
+/// Answers with the large photo.
 #[unsafe(no_mangle)]
 extern "C" fn photos() -> usize {
     answered(|photo| Product::Large { advice: false, files: photo.files })
 }
 
-/// The scripts that fly it, in an archive.
+/// Answers with an archive of the scripts that fly the subject.
 #[unsafe(no_mangle)]
 extern "C" fn script() -> usize {
     answered(|_| Product::Script)
 }
 
-/// Reads the request, and answers it with its number.
+/// Reads the request, makes its product, and puts the answer. Returns its number of bytes.
 fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
     let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
         Ok(photo) => photo,
@@ -104,11 +105,12 @@ fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
     put(PageAnswer::new(Asked { id: None, number: photo.number }, made).json())
 }
 
+/// Returns the bytes of the request, and frees their memory.
 fn input() -> Vec<u8> {
     std::mem::take(&mut *INPUT.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Puts an answer where the page reads it. Returns its number of bytes.
+/// Stores an answer for the page to read at [`output`]. Returns its number of bytes.
 fn put(answer: String) -> usize {
     let bytes = answer.len();
     *OUTPUT.lock().unwrap_or_else(PoisonError::into_inner) = answer.into_bytes();

@@ -25,7 +25,7 @@ mod subject;
 #[path = "../../tests/it/bless.rs"]
 mod bless;
 
-/// A scene that is ready to be planned, and what its flight is checked against.
+/// A scene that is ready to be planned, and the limits for its flight.
 #[derive(Clone, Debug)]
 pub struct PreparedScene {
     /// The scene, with its word or drawing.

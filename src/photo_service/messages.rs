@@ -1,6 +1,6 @@
 //! Messages to visitors as data: a key with its values, for which the page has a sentence in the
-//! visitor's language, and an English sentence for a page without the key. No path of this machine
-//! is in it.
+//! visitor's language, and an English sentence for a page without the key. They contain no path of
+//! this machine.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -13,15 +13,15 @@ use noctograph_core::error::{Error, Place, Segment};
 pub struct Message {
     /// Name of the sentence: `word-long`.
     pub key: String,
-    /// Its figures, by name with their unit.
+    /// Values in the sentence. Their names have units.
     pub values: Value,
-    /// An English sentence, for a page without one.
+    /// An English sentence, for a page that lacks the key.
     pub text: String,
-    /// What to do, in English, or nothing.
+    /// Advice in English, or empty.
     pub hint: String,
 }
 
-/// Declares the keys of refusals: name, status of HTTP, English sentence and hint.
+/// Declares the keys of refusals: name, HTTP status, English sentence and hint.
 macro_rules! keys {
     ($($key:ident $name:literal $status:literal $text:literal $hint:literal;)+) => {
         /// Reasons of a refusal.
@@ -32,16 +32,17 @@ macro_rules! keys {
             /// All keys.
             pub const ALL: &[Self] = &[$(Self::$key,)+];
 
-            /// Its name: `word-long`.
+            /// Returns the key's name: `word-long`.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$key => $name,)+ }
             }
 
-            /// Status of HTTP.
+            /// Returns the HTTP status of the refusal.
             pub fn status(self) -> u16 {
                 match self { $(Self::$key => $status,)+ }
             }
 
+            /// Returns the English sentence and the hint.
             fn sentences(self) -> [&'static str; 2] {
                 match self { $(Self::$key => [$text, $hint],)+ }
             }
@@ -96,31 +97,32 @@ const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering 
     set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
     set-plan.style set-other";
 
-/// A key of a list, or the last one, which is for all others.
-fn listed(keys: &str, key: &str) -> String {
-    let known = keys.split(' ').find(|known| *known == key);
-    known.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
+/// Returns the key if it is in the list, or else the last key of the list, which is for all others.
+fn key_or_last(keys: &str, key: &str) -> String {
+    let listed = keys.split(' ').find(|listed| *listed == key);
+    listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
 }
 
-/// The code of a diagnostic on the page, which has one sentence for all that a drawing lacks.
+/// Returns the page's code for that of a diagnostic. The page has one sentence for all missing
+/// parts of drawings.
 pub fn code_on_page(code: &str) -> &str {
-    let is_of_drawing = code.starts_with("drawing-") || code.starts_with("picture-");
-    if is_of_drawing && code != "picture-photo" { "drawing-part" } else { code }
+    let is_about_drawing = code.starts_with("drawing-") || code.starts_with("picture-");
+    if is_about_drawing && code != "picture-photo" { "drawing-part" } else { code }
 }
 
 impl Message {
-    /// A refusal with its own text.
+    /// Makes a refusal with its own text.
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
 
-    /// A request that no page of this program sends.
-    pub fn of_old_page(found: &str) -> Self {
-        let text = format!("{}: {found}", Key::PageOld.sentences()[0]);
+    /// Returns the message about a request that no page of this program sends.
+    pub fn of_old_page(actual: &str) -> Self {
+        let text = format!("{}: {actual}", Key::PageOld.sentences()[0]);
         Self { text, ..Key::PageOld.into() }
     }
 
-    /// A flight that is not safe.
+    /// Returns the message that a flight is not safe, with the checks that stop it.
     pub fn of_stops(stops: &[Self]) -> Self {
         let key = Key::NotSafe;
         let texts: Vec<&str> = stops.iter().map(|stop| &*stop.text).collect();
@@ -128,14 +130,15 @@ impl Message {
         Self { text, ..Self::from(key).with_values(json!({ "stops": stops })) }
     }
 
-    /// An error of a stage, which followed a picture or something else.
+    /// Returns the message about an error of a stage. `is_picture` is true if the subject is a
+    /// picture.
     pub fn of_error(error: &Error, is_picture: bool) -> Self {
         let key = key_of(error, is_picture);
         let values = match error {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
             }
-            // A page of another version may have another value for it.
+            // The page names the setting, whose values may differ in another version.
             Error::Input { place, .. } if key == Key::NotPossible => {
                 json!({ "setting": dotted(place) })
             }
@@ -144,22 +147,23 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// A message about a log, in English, since it names parts of the log.
+    /// Returns a message about a log, always in English, since it names parts of the log.
     pub fn of_log(text: &str) -> Self {
         let (text, hint) = (without_paths(text), String::new());
         Self { key: "log".into(), values: json!({}), text, hint }
     }
 
-    /// A problem of the picture, or a warning.
+    /// Returns the message about a problem of the picture, or a warning.
     pub fn of_diagnostic(diagnostic: &Diagnostic) -> Self {
         let values = json!(diagnostic.figures);
         let text = without_paths(&diagnostic.sentence(Change::to_string));
         Self { key: code_on_page(diagnostic.code).into(), values, text, hint: String::new() }
     }
 
-    /// A check that stops a flight. `None` for one that does not.
+    /// Returns the message about a check that stops a flight. `None` if it does not stop it.
     pub fn of_stop(stop: &Diagnostic) -> Option<Self> {
-        let key = listed(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
+        let key =
+            key_or_last(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
         let text = format!("{}: {stop}", stop.code);
         let mut values = json!(stop.figures);
         if let Some(Segment::Drone(drone)) = stop.place.0.first() {
@@ -169,21 +173,21 @@ impl Message {
         stop.is_stop().then_some(message)
     }
 
-    /// A change that helps.
+    /// Returns the message that suggests changes, with the key of the first. `None` if none.
     pub fn of_changes(changes: &[Change]) -> Option<Self> {
         let first = changes.first()?;
-        let key = listed(ADVICE, &format!("set-{}", first.key));
+        let key = key_or_last(ADVICE, &format!("set-{}", first.key));
         let text = changes.iter().map(Change::to_string).collect::<Vec<_>>().join(", ");
         Some(Self { key, values: json!({ "value": first.value }), text, hint: String::new() })
     }
 
-    /// The message with other values.
+    /// Returns the message with other values.
     #[must_use]
     pub fn with_values(self, values: Value) -> Self {
         Self { values, ..self }
     }
 
-    /// The JSON of a refusal.
+    /// Returns the message as the JSON of a refusal.
     pub fn json(&self) -> Value {
         json!({ "error": self })
     }
@@ -196,7 +200,7 @@ impl From<Key> for Message {
     }
 }
 
-/// The keys of a place, joined by dots.
+/// Returns the keys of a place, joined by dots.
 fn dotted(place: &Place) -> String {
     let keys = place.0.iter().filter_map(|segment| match segment {
         Segment::Key(key) => Some(&**key),
@@ -205,16 +209,17 @@ fn dotted(place: &Place) -> String {
     keys.collect::<Vec<_>>().join(".")
 }
 
-/// The key of an error, which is its code unless the page has a more precise one.
+/// Returns the key for an error: the key with the name of its code, unless there is a more precise
+/// one.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {
             "file" => Key::DiskFull,
             "infeasible" => Key::FlightImpossible,
-            code => named(code).unwrap_or(Key::NotPossible),
+            code => key_named(code).unwrap_or(Key::NotPossible),
         };
     };
-    // The place of an error tells what it is about: the drawing's file, the word or a setting.
+    // The place of an error is the drawing's file, the word or a setting.
     let is_drawing = place.key() == "drawing"
         || place
             .0
@@ -225,16 +230,17 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
         "input-large" if is_drawing => Key::DrawingLarge,
         "input" if is_drawing => Key::DrawingBroken,
         "input" if place.key() == "word" => Key::LettersMany,
-        code => named(code).unwrap_or(Key::NotPossible),
+        code => key_named(code).unwrap_or(Key::NotPossible),
     }
 }
 
-fn named(name: &str) -> Option<Key> {
+/// Returns the key with a name. `None` if there is no such key.
+fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
-/// A text with the names of files in place of their paths. A path begins with a slash that does not
-/// follow a letter or a digit.
+/// Replaces the paths in a text by the names of their files. A path begins with a slash that does
+/// not follow a letter or a digit.
 fn without_paths(text: &str) -> String {
     let mut words = Vec::new();
     for word in text.split(' ') {

@@ -1,7 +1,7 @@
-//! The path of the light in time: a small map, by which a page exposes its photo again.
+//! The path of the light in time: a small map, from which a page exposes its photo again.
 //!
-//! Times are in hundredths of a second of the flight, coordinates in ten-thousandths of the photo's
-//! width and height, y down. A word has some kilobytes of these whole numbers.
+//! Times are in hundredths of a second from the start of the flight, coordinates in ten-thousandths
+//! of the photo's width and height, y down. The whole numbers of a word take some kilobytes.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -16,10 +16,12 @@ use noctograph_pipeline::shoot::{Shot, writing};
 const STEP_S: f64 = 0.08;
 /// Level above which a lamp is lit: even a red die that is set to 2 of 255 writes.
 const LIT: f64 = 0.0;
-/// Longest darkness within a stroke, of a lamp that changes its color.
+/// Longest darkness within a stroke, when a lamp changes its color.
 const BLINK_S: f64 = 0.05;
+/// Units of a coordinate across the width or the height of the photo.
+const UNITS: f64 = 1e4;
 
-/// A stroke of light of one drone, by the brightest lamp in it.
+/// A stroke of light of one drone.
 struct Stroke<'a> {
     drone: Option<DroneIndex>,
     samples: Vec<&'a LightSample>,
@@ -31,7 +33,7 @@ struct Stroke<'a> {
 pub struct LightMap {
     /// Seconds of the longest flight.
     pub seconds: f64,
-    /// In the order of their first times.
+    /// Strokes of light in the order of their first times.
     pub strokes: Vec<MappedStroke>,
 }
 
@@ -51,14 +53,15 @@ pub struct MappedStroke {
 pub type LetterBox = [i64; 4];
 
 impl LightMap {
+    /// Returns the path of the light of the lamps that write.
     pub(crate) fn new(shot: &Shot) -> Self {
         let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
         let mut strokes: Vec<Stroke<'_>> = Vec::new();
-        for stroke in lamps.iter().flat_map(|lamp| strokes_of(lamp)) {
-            // Lamps of one drone that are lit together are one stroke, of the sum of their colors.
+        for stroke in lamps.iter().flat_map(|lamp| lamp_strokes(lamp)) {
+            // Lamps of a drone that are lit together make one stroke with the sum of their colors.
             match strokes.iter_mut().find(|other| overlap(other, &stroke)) {
                 None => strokes.push(stroke),
-                Some(other) => (0..3).for_each(|k| other.rgb[k] += stroke.rgb[k]),
+                Some(other) => (0..3).for_each(|color| other.rgb[color] += stroke.rgb[color]),
             }
         }
         strokes.sort_by(|a, b| span_s(a)[0].total_cmp(&span_s(b)[0]));
@@ -67,24 +70,26 @@ impl LightMap {
     }
 }
 
+/// Returns the duration of the longest plan or, without plans, of the light.
 pub(crate) fn end_s(shot: &Shot) -> f64 {
     let plans = shot.shoot.plans.iter().map(|planned| planned.plan.duration_s());
     plans.reduce(f64::max).unwrap_or_else(|| shot.trace.end_s())
 }
 
-/// The lit segments of a lamp's path.
-fn strokes_of(lamp: &Lamp) -> Vec<Stroke<'_>> {
+/// Returns the lit segments of a lamp's path.
+fn lamp_strokes(lamp: &Lamp) -> Vec<Stroke<'_>> {
     let lit = lamp.samples.iter().filter(|sample| sample.level > LIT);
     let mut strokes: Vec<Stroke<'_>> = Vec::new();
     for sample in lit {
-        let light = lamp.emitter.rgb.map(|part| part * lamp.emitter.intensity_cd * sample.level);
-        // A short gap is a change of color, and the brightest level is the color of the stroke.
+        let intensity_cd = lamp.emitter.intensity_cd;
+        let rgb = lamp.emitter.rgb.map(|part| part * intensity_cd * sample.level);
+        // A short gap is a change of color. The stroke has the color of its brightest level.
         match strokes.last_mut() {
             Some(stroke) if sample.time_s - span_s(stroke)[1] < BLINK_S => {
                 stroke.samples.push(sample);
-                (0..3).for_each(|k| stroke.rgb[k] = stroke.rgb[k].max(light[k]));
+                (0..3).for_each(|color| stroke.rgb[color] = stroke.rgb[color].max(rgb[color]));
             }
-            _ => strokes.push(Stroke { drone: lamp.drone, samples: vec![sample], rgb: light }),
+            _ => strokes.push(Stroke { drone: lamp.drone, samples: vec![sample], rgb }),
         }
     }
     strokes
@@ -96,29 +101,31 @@ fn overlap(a: &Stroke<'_>, b: &Stroke<'_>) -> bool {
     is_same && a_s[0] < b_s[1] && b_s[0] < a_s[1]
 }
 
+/// Returns the first and the last time of a stroke.
 fn span_s(stroke: &Stroke<'_>) -> [f64; 2] {
     let ends = [stroke.samples.first(), stroke.samples.last()];
     ends.map(|sample| sample.map_or(f64::NAN, |sample| sample.time_s))
 }
 
 impl MappedStroke {
-    /// A stroke as it is sent. `None` outside of the picture, and while the shutter is closed.
+    /// Returns a stroke as the page gets it. `None` if one of its points is behind the camera, or
+    /// none is while the shutter is open.
     fn new(stroke: &Stroke<'_>, shot: &Shot) -> Option<Self> {
         let mut points = Vec::new();
         let mut next_s = f64::NEG_INFINITY;
         let [_, end_s] = span_s(stroke);
         let open = shot.camera.shutter_open_s..=shot.camera.shutter_close_s;
         for sample in stroke.samples.iter().filter(|sample| open.contains(&sample.time_s)) {
-            // A point for each step of time, and the last one.
+            // One point for each step of time, and the last point of the stroke.
             if sample.time_s < next_s && sample.time_s < end_s {
                 continue;
             }
             next_s = sample.time_s + STEP_S;
-            let [x, y] = image(&shot.camera, sample.position_m)?;
+            let [x, y] = photo_coordinates(&shot.camera, sample.position_m)?;
             #[expect(clippy::cast_possible_truncation, reason = "an hour")]
             points.extend([(100.0 * sample.time_s).round() as i64, x, y]);
         }
-        // The color of full light, roughly as a screen shows it (gamma 2).
+        // The color at full brightness, approximately as a screen shows it (gamma 2).
         let brightest = stroke.rgb.into_iter().fold(f64::MIN_POSITIVE, f64::max);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         let rgb = stroke.rgb.map(|light| (255.0 * (light / brightest).sqrt()).round() as u8);
@@ -131,28 +138,31 @@ impl MappedStroke {
     }
 }
 
+/// Returns the index of the letter that a flight writes at a time.
 fn letter_at(flight: &Flight, time_s: f64) -> Option<usize> {
     let next = flight.samples.partition_point(|sample| sample.time_s < time_s);
     flight.samples.get(next)?.letter
 }
 
-/// A point in ten-thousandths of the photo.
-fn image(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
+/// Returns the coordinates of a point in ten-thousandths of the photo. `None` behind the camera.
+fn photo_coordinates(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
     let point = camera.image_from_world(position_m)?;
     let fractions = [(point.x_px, camera.width_px), (point.y_px, camera.height_px)];
     #[expect(clippy::cast_possible_truncation, reason = "a point in a photo, or beside it")]
-    Some(fractions.map(|(px, side)| (1e4 * px / f64::from(side)).round() as i64))
+    Some(fractions.map(|(px, side_px)| (UNITS * px / f64::from(side_px)).round() as i64))
 }
 
-/// The letters' boxes in the photo. A letter behind the camera has none, nor has a drawing.
+/// Returns the boxes of letters in the photo. `None` for a letter behind the camera. Empty for a
+/// drawing.
 pub(crate) fn boxes(shot: &Shot) -> Vec<Option<LetterBox>> {
     let Some(strokes) = shot.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return Vec::new();
     };
     let boxes = strokes.glyphs.iter().map(|Glyph { cell, .. }| {
         let [right_m, top_m] = [cell.left_m + cell.width_m, cell.baseline_m + cell.cap_height_m];
-        let [left, top] = image(&shot.camera, Vector3::new(cell.left_m, 0.0, top_m))?;
-        let [right, bottom] = image(&shot.camera, Vector3::new(right_m, 0.0, cell.baseline_m))?;
+        let [left, top] = photo_coordinates(&shot.camera, Vector3::new(cell.left_m, 0.0, top_m))?;
+        let [right, bottom] =
+            photo_coordinates(&shot.camera, Vector3::new(right_m, 0.0, cell.baseline_m))?;
         Some([left, top, right, bottom])
     });
     boxes.collect()

@@ -15,20 +15,21 @@ use super::messages::{Key, Message};
 use noctograph_core::error::{Error, Result};
 use noctograph_letters::plain;
 
-/// Most characters of a word, and of the name of a visitor.
+/// Greatest number of characters in a word.
 pub const MAX_WORD: usize = 24;
+/// Greatest number of characters in the name of a visitor.
 const MAX_VISITOR: usize = 40;
 
-/// Most bytes of a setting's value. The longest one lists the strokes that are left out.
+/// Greatest number of bytes in a setting's value. The longest one lists the omitted strokes.
 const MAX_VALUE: usize = 4096;
 
 /// Name of a log's file.
 pub(crate) const LOG: &str = "log";
 
-/// Most pixels of a picture's side.
+/// Longest side of a picture, in pixels.
 const MAX_SIDE: u32 = 2000;
 
-/// Keys that can be set, by the page's controls and by advice. A table ends with a dot.
+/// Keys that the page's controls and advice can set. A table ends with a dot.
 const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing camera.framing.fill_frac \
     camera.iso camera.lens camera.metering camera.shutter_close_s camera.shutter_open_s \
     controller. letters.canvas_m letters.cap_height_m letters.corners_px \
@@ -47,11 +48,11 @@ const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 /// The page that asks for a photo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asker {
-    /// Without a server. It also photographs the logs of flights.
+    /// A page without a server. It also photographs the logs of flights.
     Alone,
-    /// Of a server, which can have photos flown.
+    /// A page of a server, to which photos can be sent to be flown.
     Served,
-    /// Of a kiosk, with only the settings of its controls.
+    /// The page of a kiosk, with only the settings of its controls.
     Kiosk,
 }
 
@@ -80,9 +81,9 @@ struct Posted {
 pub struct PhotoRequest {
     /// Random name of the page that asks.
     pub visitor: String,
-    /// Rises with each change, so that a late request is recognized.
+    /// Increases with each change, so that a late answer is recognized.
     pub number: Option<u64>,
-    /// True if changes are tried for a word that does not read.
+    /// True if changes are tried for an unreadable word.
     pub advice: bool,
     /// True if the large photo comes with its files.
     pub files: bool,
@@ -96,14 +97,14 @@ pub struct Subject {
     /// The word. Empty for a drawing.
     pub word: String,
     drawing: Option<Drawing>,
-    /// The log of a flight, in base64. The word is the one that was flown, or empty.
+    /// The log of a flight, in base64. The word is then the flown one, or empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) log: Option<String>,
-    /// Width, depth and height in meters, as `--room` takes them.
+    /// Width, depth and height of the room in meters, as `--room` accepts them.
     pub room: Option<String>,
     /// Keys of the scene with their values.
     pub settings: BTreeMap<String, String>,
-    /// Width of the photo by its height.
+    /// Ratio of the photo's width to its height.
     aspect: Option<f64>,
 }
 
@@ -115,16 +116,16 @@ pub enum Product {
     Live,
     /// The large photo, with its verdict explained and the checks that stop its flight.
     Large {
-        /// True if a word that does not read gets advice, which takes some thirty flights.
+        /// True if an unreadable word gets advice, which takes some thirty simulated flights.
         advice: bool,
         /// True if its files are made: photo, scene and plans.
         files: bool,
     },
-    /// The scripts that fly it, with the files that they need.
+    /// The scripts that fly the subject, with the files that they need.
     Script,
 }
 
-/// A drawing instead of a word. The text of a picture is base64.
+/// A drawing instead of a word. The text of a picture is its file in base64.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Drawing {
@@ -141,13 +142,13 @@ enum Kind {
 }
 
 impl Drawing {
-    /// The content of its file.
+    /// Returns the content of the drawing's file. Refuses a picture that is broken or too large.
     fn bytes(&self) -> Result<Vec<u8>> {
         if self.kind != Kind::Jpg {
             return Ok(self.text.clone().into_bytes());
         }
         let bytes = BASE64_STANDARD.decode(&self.text).map_err(not_a_picture)?;
-        // The page makes pictures smaller, but a small file can have a huge one.
+        // The page makes pictures smaller, but a small file may contain a huge picture.
         let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
         let (width, height) = reader.into_dimensions().map_err(not_a_picture)?;
         if width.max(height) > MAX_SIDE {
@@ -157,13 +158,14 @@ impl Drawing {
     }
 }
 
+/// Returns the error for a picture that cannot be used.
 fn not_a_picture(actual: impl ToString) -> Error {
     let wanted = format!("a JPEG of at most {MAX_SIDE} pixels a side, in base64");
     Error::input("drawing", actual.to_string(), wanted, "reload the page")
 }
 
 impl PhotoRequest {
-    /// Reads and checks a request, or gives the message to its visitor.
+    /// Reads and checks a request. A refusal is a message to the visitor.
     pub fn parse(body: &[u8], asker: Asker) -> std::result::Result<Self, Message> {
         let posted: Posted = serde_json::from_slice(body)
             .map_err(|broken| Message::of_old_page(&broken.to_string()))?;
@@ -172,7 +174,7 @@ impl PhotoRequest {
         if log.is_some() && (asker != Asker::Alone || drawing.is_some()) {
             return Err(Message::of_old_page("the log of a flight"));
         }
-        // The subject, whose faults a visitor can mend. A title has plain characters.
+        // 1. The subject. A visitor can correct these errors.
         let word = plain(&word);
         let n_letters = word.chars().count();
         if n_letters > MAX_WORD {
@@ -183,30 +185,23 @@ impl PhotoRequest {
                 "write a shorter word",
             ));
         }
+        // A log may have an empty word.
         if word.trim().is_empty() && drawing.is_none() && log.is_none() {
             return Err(Key::WordEmpty.into());
         }
         if !is_name(&visitor) {
             return Err(Message::of_old_page(&format!("a visitor of {} bytes", visitor.len())));
         }
-        // The settings, which only another version of the page, or no page, gets wrong.
+        // 2. The settings. No page of this version makes these errors.
         if let Some(key) = unlisted(&settings, KEYS) {
             let values = json!({ "setting": key });
             return Err(Message::of_old_page(&format!("the setting {key}")).with_values(values));
         }
-        let is_more = advice || room.is_some() || unlisted(&settings, KIOSK_KEYS).is_some();
-        if asker == Asker::Kiosk && is_more {
+        let exceeds_kiosk = advice || room.is_some() || unlisted(&settings, KIOSK_KEYS).is_some();
+        if asker == Asker::Kiosk && exceeds_kiosk {
             return Err(Key::NotHere.into());
         }
-        if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
-            let actual = format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len());
-            return Err(Message::of_old_page(&actual));
-        }
-        // A font with a dot or a slash would be a file.
-        let font = settings.get("letters.font");
-        if let Some(font) = font.filter(|font| font.contains(['.', '/', '\\'])) {
-            return Err(Message::of_old_page(&format!("letters.font={font}")));
-        }
+        check_values(&settings)?;
         if let Some(aspect) = aspect.filter(|aspect| !ASPECTS.contains(aspect)) {
             return Err(Message::of_old_page(&format!("the proportions {aspect}")));
         }
@@ -215,33 +210,48 @@ impl PhotoRequest {
     }
 }
 
-/// A setting whose key is not in a list, nor in a table of the list.
+/// Checks that no value is too long or names a file.
+fn check_values(settings: &BTreeMap<String, String>) -> std::result::Result<(), Message> {
+    if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
+        let actual = format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len());
+        return Err(Message::of_old_page(&actual));
+    }
+    // A font with a dot or a slash would be a file.
+    let font = settings.get("letters.font");
+    match font.filter(|font| font.contains(['.', '/', '\\'])) {
+        Some(font) => Err(Message::of_old_page(&format!("letters.font={font}"))),
+        None => Ok(()),
+    }
+}
+
+/// Returns a key that is neither in the list `keys` nor in a table of the list. `None` if all
+/// settings are.
 fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'a String> {
     settings.keys().find(|key| {
         !keys
             .split(' ')
-            .any(|known| known == *key || known.ends_with('.') && key.starts_with(known))
+            .any(|listed| listed == *key || listed.ends_with('.') && key.starts_with(listed))
     })
 }
 
-/// True if a text can be the name of a visitor.
+/// True if a text may be the name of a visitor.
 pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
 impl Subject {
-    /// The word. `None` for a drawing.
+    /// Returns the word. `None` for a drawing.
     pub fn title(&self) -> Option<&str> {
         self.drawing.is_none().then_some(&*self.word)
     }
 
-    /// True for a picture, whose lines are looked for.
+    /// True for a picture (JPEG), in which lines are searched.
     pub fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
 
-    /// Width and height of a photo of about `pixels`, both even.
+    /// Returns width and height, both even, of a photo with about `pixels`.
     pub fn size_px(&self, pixels: f64) -> [u32; 2] {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
         let width = (pixels * aspect).sqrt();
@@ -249,7 +259,7 @@ impl Subject {
         [width, width / aspect].map(|side| 2 * (side / 2.0).round() as u32)
     }
 
-    /// Name and content of the drawing's file. `None` for a word.
+    /// Returns name and content of the drawing's file. `None` for a word.
     ///
     /// # Errors
     ///

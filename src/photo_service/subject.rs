@@ -1,4 +1,4 @@
-//! A subject as a scene, without a command line.
+//! Builds a scene from a subject without a command line.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 
@@ -14,35 +14,39 @@ use super::answer::Base;
 use super::request::{LOG, Subject};
 
 impl Subject {
-    /// Stores the log, if there is one. Returns the scene that came with it.
-    fn carried(&self) -> Result<Option<CarriedScene>> {
+    /// Writes the log, if there is one, to a file. Returns the scene in the log.
+    fn store_log(&self) -> Result<Option<CarriedScene>> {
         let Some(log) = &self.log else { return Ok(None) };
         let bytes = BASE64_STANDARD.decode(log).map_err(|broken| {
             Error::input(LOG, broken.to_string(), "a file in base64", "reload the page")
         })?;
-        bring(LOG, bytes)?;
+        write_file(LOG, bytes)?;
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
-    /// The scene of the page or of the log, with the settings of a visitor, for a photo of about
-    /// `pixels`. `face` is the file of another typeface.
+    /// Returns width, depth and height of the room. `None` if the subject names no room.
+    fn room_m(&self) -> Result<Option<[f64; 3]>> {
+        let Some(text) = &self.room else { return Ok(None) };
+        let room_m = parse_room(text).map_err(|wanted| {
+            // The message of the command line begins with this word.
+            let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
+            Error::input("room", text, wanted, "reload the page")
+        })?;
+        Ok(Some(room_m))
+    }
+
+    /// Returns the scene of the page or of the log, with the visitor's settings, for a photo of
+    /// about `pixels`. `face` is a typeface file that replaces the scene's font.
     pub(crate) fn prepared(
         &self,
         base: &Base<'_>,
         face: Option<&str>,
         pixels: f64,
     ) -> Result<PreparedScene> {
-        let drawing = self.drawing()?;
-        let mut room_m = None;
-        if let Some(text) = &self.room {
-            room_m = Some(parse_room(text).map_err(|wanted| {
-                let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
-                Error::input("room", text, wanted, "reload the page")
-            })?);
-        }
-        // 1. Settings, the later ones over the earlier: room, drawing, visitor, typeface.
-        let mut settings: Vec<(String, String)> = Vec::new();
+        let (drawing, room_m) = (self.drawing()?, self.room_m()?);
         let is_height_typed = self.settings.contains_key("letters.cap_height_m");
+        // 1. Settings, of which the later ones prevail: room, drawing, visitor, typeface.
+        let mut settings: Vec<(String, String)> = Vec::new();
         if let Some(room_m) = room_m {
             settings.push(("expose.room_m".into(), format!("{room_m:?}")));
             settings.extend(letters_within(room_m, drawing.is_some(), is_height_typed));
@@ -54,20 +58,20 @@ impl Subject {
         settings.extend(self.settings.clone());
         settings.extend(face.map(|face| ("letters.font".into(), face.into())));
         let settings: Vec<(&str, &str)> = settings.iter().map(|(k, v)| (&**k, &**v)).collect();
-        let mut scene = match self.carried()? {
+        let mut scene = match self.store_log()? {
             Some(carried) => carried.distrusted_scene(&settings)?,
             None => base(&settings)?,
         };
         [scene.camera.width_px, scene.camera.height_px] = self.size_px(pixels);
-        // 2. The word, or the file of the drawing, which the scene names already.
+        // 2. The word, or the drawing's file, which the settings name.
         match drawing {
-            Some((name, bytes)) => bring(name, bytes)?,
-            // The scene of a log has the word that was flown, which a visitor need not type.
+            Some((name, bytes)) => write_file(name, bytes)?,
+            // Without a word, the scene of a log keeps the flown one.
             None if self.word.is_empty() => {}
             None => scene.set_word(&self.word.replace("\\n", "\n")),
         }
         scene.check()?;
-        // 3. The room: stations, the size of the word, and the place of the camera.
+        // 3. The room: stations, the size of the word, and the position of the camera.
         let mut profile = Profile::indoor();
         if let Some(room_m) = room_m {
             hang_stations(&mut scene, room_m);
@@ -83,8 +87,8 @@ impl Subject {
     }
 }
 
-/// Writes a file into the present folder. A page has only memory.
-pub(crate) fn bring(name: &str, bytes: Vec<u8>) -> Result<()> {
+/// Writes a file into the current folder. In a page, files are only in memory.
+pub(crate) fn write_file(name: &str, bytes: Vec<u8>) -> Result<()> {
     #[cfg(target_family = "wasm")]
     noctograph_core::files::bring(name, bytes);
     #[cfg(not(target_family = "wasm"))]

@@ -7,7 +7,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::motion::{Motion, State};
-use super::order::SHORTER;
+use super::order::TOO_LONG_HINT;
 use super::pen::{PenStroke, dot_s};
 use super::transit::Transit;
 use super::{EvenStyle, Extent, LightLevel, Plan, PlanData, PlanOptions, Setpoint};
@@ -32,10 +32,15 @@ const LEAD_S: f64 = 0.4;
 /// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the
 /// lamps' timer, 5 mm each at 0.2 m/s, and the drone is off along the curve by as much.
 const OVERLAP_M: f64 = 0.015;
+/// Wait at the first letter if only the letters are planned.
+const LETTERS_WAIT_S: f64 = 0.5;
+/// Slack of times in sums, for rounding, and least time between two setpoints.
+const SLACK_S: f64 = 1e-6;
+const LEAST_INTERVAL_S: f64 = 1e-4;
 /// Hover at a dot before its light goes on, to come to rest.
 const SETTLE_S: f64 = 0.2;
 
-/// One part of the flight.
+/// A part of the flight with one kind of path.
 #[derive(Debug)]
 struct Segment {
     start_s: f64,
@@ -44,6 +49,7 @@ struct Segment {
 }
 
 impl Segment {
+    /// True if the light is on along it.
     fn is_lit(&self) -> bool {
         matches!(self.path, Path::Lit(_) | Path::Dot(_))
     }
@@ -60,6 +66,7 @@ enum Path {
 }
 
 impl Path {
+    /// The state at a time after its beginning.
     fn state_at(&self, time_s: f64) -> State {
         match self {
             Self::Still(position_m) | Self::Dot(position_m) => {
@@ -98,6 +105,7 @@ pub(super) fn plan(
     Ok(course.sampled())
 }
 
+/// A flight under construction, with its end and the state there.
 struct Course<'a> {
     options: &'a PlanOptions,
     style: &'a EvenStyle,
@@ -118,7 +126,7 @@ impl Course<'_> {
         let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
         match self.options.extent {
             Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s)?,
-            Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5)?,
+            Extent::Letters => self.push(None, Path::Still(first.position_m), LETTERS_WAIT_S)?,
         }
         let acceleration_m_s2 = TAKE_OFF_FRACTION * self.style.acceleration_m_s2;
         let gentle = EvenStyle { acceleration_m_s2, ..self.style.clone() };
@@ -168,27 +176,31 @@ impl Course<'_> {
         self.push(None, Path::Still(home), self.options.floor_wait_s)
     }
 
+    /// The motion along a stroke. A loop runs on over its beginning.
     fn motion(&self, stroke: &PenStroke) -> Motion {
         let more_m = if stroke.is_loop() { OVERLAP_M + self.lead_m(stroke) } else { 0.0 };
         let stroke = stroke.overlapped(more_m);
         Motion::new(&stroke, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
     }
 
-    /// Length of the run-in of a loop.
+    /// Length of the run-in of a loop. 0 for any other stroke, and a short loop.
     fn lead_m(&self, stroke: &PenStroke) -> f64 {
         let lead_m = LEAD_S * self.options.stroke_speed_m_s;
         if stroke.is_loop() && stroke.length_m() > 3.0 * lead_m { lead_m } else { 0.0 }
     }
 
+    /// Adds a transit to a state in the style of the course.
     fn go(&mut self, letter: Option<usize>, to: &State) -> Result<()> {
         self.go_by(self.style, letter, to)
     }
 
-    /// A transit to a state in a style. If Ruckig finds none, from and to no acceleration.
+    /// Adds a transit to a state in a style, without acceleration at its ends if Ruckig finds none
+    /// otherwise. Fails if there is none at all.
     fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
-        let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
-        let transit = Transit::new(&self.state, to, style, RING_TICK_S)
-            .or_else(|| Transit::new(&coasting(&self.state), &coasting(to), style, RING_TICK_S));
+        let unaccelerated = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
+        let transit = Transit::new(&self.state, to, style, RING_TICK_S).or_else(|| {
+            Transit::new(&unaccelerated(&self.state), &unaccelerated(to), style, RING_TICK_S)
+        });
         let transit = transit.ok_or_else(|| {
             Error::infeasible(
                 format!("no transit was found after {:.2} s", self.end_s),
@@ -200,11 +212,13 @@ impl Course<'_> {
         self.push(letter, Path::Dark(transit), duration_s)
     }
 
-    fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) -> Result<()> {
-        let lasts_s = (lasts_s / RING_TICK_S - 1e-6).ceil() * RING_TICK_S;
-        self.state = path.state_at(lasts_s);
+    /// Adds a segment for a time, rounded up to whole ticks. Fails beyond the longest flight.
+    fn push(&mut self, letter: Option<usize>, path: Path, duration_s: f64) -> Result<()> {
+        let n_ticks = (duration_s / RING_TICK_S - 1e-6).ceil();
+        let duration_s = n_ticks * RING_TICK_S;
+        self.state = path.state_at(duration_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
-        self.end_s += lasts_s;
+        self.end_s += duration_s;
         // Refused before more of it is planned, sampled or flown.
         if self.end_s <= MAX_DURATION_S {
             return Ok(());
@@ -214,10 +228,10 @@ impl Course<'_> {
             "{n_drawn} of {} strokes take more than {MAX_DURATION_S} s, the longest flight",
             self.n_strokes
         );
-        Err(Error::infeasible(problem, SHORTER).coded(FLIGHT_LONG))
+        Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
     }
 
-    /// Setpoints on the grid, and where a stroke begins or ends.
+    /// The plan with setpoints on the grid, and where a segment begins or ends.
     fn sampled(&self) -> Plan {
         let interval_s = self.options.setpoint_interval_s;
         let starts_s = self.segments.iter().map(|segment| segment.start_s);
@@ -225,13 +239,14 @@ impl Course<'_> {
         let on_grid_s = on_grid_s.take_while(|time_s| *time_s < self.end_s);
         let mut times_s: Vec<f64> = starts_s.chain([self.end_s]).chain(on_grid_s).collect();
         times_s.sort_unstable_by(f64::total_cmp);
-        times_s.dedup_by(|later, earlier| *later - *earlier < 1e-4);
+        times_s.dedup_by(|later, earlier| *later - *earlier < LEAST_INTERVAL_S);
         let mut plan = PlanData::with_channels(&self.options.lights);
         // The last setpoint ends the flight: it is dark, and of no letter.
         let later_s = times_s.iter().skip(1).copied().map(Some).chain([None]);
         for (time_s, next_s) in times_s.iter().copied().zip(later_s) {
-            let begun = self.segments.partition_point(|begun| begun.start_s <= time_s + 1e-6);
-            let segment = &self.segments[begun.max(1) - 1];
+            let n_begun =
+                self.segments.partition_point(|segment| segment.start_s <= time_s + SLACK_S);
+            let segment = &self.segments[n_begun.max(1) - 1];
             let State { position_m, velocity_m_s, acceleration_m_s2 } =
                 segment.path.state_at(time_s - segment.start_s);
             let setpoint = Setpoint {
@@ -267,12 +282,12 @@ impl Course<'_> {
     }
 }
 
-/// A vector of the plane of the word in the world, on the grid of files.
+/// The vector in the world of one in the plane of the word, rounded to the grid of files.
 fn world(vector: Vector2<f64>) -> Vector3<f64> {
     Vector3::new(vector.x, 0.0, vector.y).map(on_grid)
 }
 
-/// At rest at a position.
+/// The state of rest at a position.
 fn rest(x_m: f64, height_m: f64) -> State {
     State { position_m: Vector2::new(x_m, height_m), ..State::default() }
 }

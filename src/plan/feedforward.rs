@@ -13,21 +13,22 @@ use noctograph_core::flight::table::on_grid;
 /// Weight of the input against the output error. Less asks the drone for tilts it does not reach.
 const RIDGE: f64 = 0.02;
 
-/// The inverse of a loop for a plan, per axis.
+/// The inverses of the position loop at the times of a plan's setpoints, one an axis.
 ///
 /// # Panics
 ///
 /// If the plan's times do not rise.
 pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a>; 3] {
-    axes(|axis| {
+    for_axes(|axis| {
         let times_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s);
         responses[axis].inverse(times_s.collect(), RIDGE)
     })
 }
 
-/// Replaces the setpoints by inputs whose loop output is the design, per axis. An offset is kept.
+/// The plan that sends inputs whose loop output is the design, per axis. The offset between what
+/// was sent and the design is kept.
 pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
-    let inputs = axes(|axis| {
+    let inputs = for_axes(|axis| {
         // An axis that never moves needs no inverse.
         let first = plan.setpoints.first().map_or(0.0, |setpoint| setpoint.position_m[axis]);
         if plan.setpoints.iter().all(|setpoint| setpoint.position_m[axis] == first) {
@@ -41,12 +42,13 @@ pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
     })
 }
 
-/// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
-/// iterative learning control (Arimoto 1984).
+/// The plan with the inverse of a flight's `design − flown` added to the positions that are sent:
+/// one step of iterative learning control (Arimoto 1984).
 pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
-    let inputs = axes(|axis| {
+    let inputs = for_axes(|axis| {
         inverse[axis].inputs(|time_s| {
             let next = flight.samples.partition_point(|sample| sample.time_s <= time_s);
+            // On the floor there is no error to learn from.
             let on_floor = plan.setpoint_at(time_s).is_none_or(Setpoint::on_floor);
             let sample = flight.samples.get(next.max(1) - 1).filter(|_| !on_floor);
             sample.map_or(0.0, |sample| (sample.design_m - sample.position_m)[axis])
@@ -57,18 +59,18 @@ pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Pl
     })
 }
 
-/// Moves the positions that are sent against a mean error `flown − design` of earlier flights.
+/// The plan with a mean error `flown − design` subtracted from the positions that are sent.
 pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
     sending(plan, |row| plan.sent_m(row) - mean_error_m)
 }
 
-/// A value for each of the three axes, which are independent.
-fn axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
+/// The values of a function for the three axes, computed in parallel.
+fn for_axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
     let (x, (y, z)) = rayon::join(|| axis(0), || rayon::join(|| axis(1), || axis(2)));
     [x, y, z]
 }
 
-/// The plan with other positions to send in the air.
+/// The plan that sends the position of `sent_m` for each row in the air.
 fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
     let sent = |(row, setpoint): (usize, &Setpoint)| match setpoint.on_floor() {
         true => plan.sent_m(row),

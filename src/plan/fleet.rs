@@ -21,6 +21,8 @@ use noctograph_core::strokes::Strokes;
 pub const MIN_HORIZONTAL_M: f64 = 0.3;
 /// Reach of the downwash below a drone.
 pub const MIN_VERTICAL_M: f64 = 0.9;
+/// Distance below which two drones are too close: less than the minimum by more than rounding.
+const TOO_NEAR_M: f64 = MIN_HORIZONTAL_M - 1e-9;
 /// Time between two checks of the distance, and step by which a drone's start is delayed.
 const CHECK_STEP_S: f64 = 0.05;
 
@@ -41,7 +43,7 @@ pub struct Approach {
 }
 
 impl Approach {
-    /// Order by horizontal distance.
+    /// The order of two approaches by horizontal distance.
     pub fn compare(&self, other: &Self) -> std::cmp::Ordering {
         self.horizontal_m.total_cmp(&other.horizontal_m)
     }
@@ -63,7 +65,7 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
-    // Cut anywhere or only between letters, the assignment counts that ends first.
+    // The strokes are divided anywhere, or only between letters: the assignment that ends first.
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
@@ -88,7 +90,7 @@ struct Assignment {
 }
 
 impl Assignment {
-    /// `None` if the drones cannot keep apart.
+    /// The assignment that ends first. `None` if the drones cannot keep apart.
     fn new(
         strokes: &Strokes,
         whole_letters: bool,
@@ -121,6 +123,7 @@ impl Assignment {
         Ok(starts.map(|(end, starts)| Self { routes, starts, end }))
     }
 
+    /// The plans of all drones on their assigned routes.
     fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
         let plans = self.routes.iter().zip(&self.starts).map(|(routes, start)| {
             // The delay of the start becomes a longer wait on the floor.
@@ -154,15 +157,16 @@ impl Start {
     }
 }
 
-/// A route and a delay for each drone, so that all keep apart, and the step at which the last ends.
-/// `None` if no order of assignment keeps them apart.
+/// The step at which the last drone ends, and a route and a delay for each drone, so that all keep
+/// apart. `None` if no order of assignment keeps them apart.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
-    let mut meetings = Meetings { routes, known: HashMap::new(), left: MAX_COMPARED };
+    let mut conflicts =
+        Conflicts { routes, cache: HashMap::new(), n_comparisons_left: MAX_COMPARED };
     // The drone that ended last or found no route has the first choice in the next round.
-    for _ in 0..2 * routes.len() {
-        let last = match assigned(routes, &order, &mut meetings) {
+    for _round in 0..2 * routes.len() {
+        let last = match assign(routes, &order, &mut conflicts) {
             Ok(starts) => {
                 let ends = starts.iter().zip(routes).map(|(start, routes)| start.end(routes));
                 let (end, last) = ends.zip(0..).max().expect("one drone at least");
@@ -183,19 +187,19 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
 }
 
 /// Routes and delays for an order of assignment. The error is the first drone without any.
-fn assigned(
+fn assign(
     routes: &[Vec<Route>],
     order: &[usize],
-    meetings: &mut Meetings<'_>,
+    conflicts: &mut Conflicts<'_>,
 ) -> std::result::Result<Vec<Start>, usize> {
     let mut chosen: Vec<(usize, Start)> = Vec::new();
     for &drone in order {
-        // After all others have landed a longer delay changes nothing.
+        // A longer delay than until all others have landed changes nothing.
         let ends = chosen.iter().map(|(other, start)| start.end(&routes[*other]));
-        let most = ends.max().unwrap_or(0);
+        let max_delay = ends.max().unwrap_or(0);
         let starts = (0..routes[drone].len()).filter_map(|route| {
-            let mut delays = (0..=most).map(|delay| Start { route, delay });
-            delays.find(|start| !chosen.iter().any(|other| meetings.are((drone, *start), *other)))
+            let mut delays = (0..=max_delay).map(|delay| Start { route, delay });
+            delays.find(|start| !chosen.iter().any(|other| conflicts.has((drone, *start), *other)))
         });
         let first = starts.min_by_key(|start| start.end(&routes[drone]));
         chosen.push((drone, first.ok_or(drone)?));
@@ -206,75 +210,88 @@ fn assigned(
 
 /// Cache of conflicts between two drones, by their routes and the delay between their starts,
 /// shared by all orders of assignment.
-struct Meetings<'a> {
+struct Conflicts<'a> {
     routes: &'a [Vec<Route>],
-    /// By drones, routes and delay.
-    known: HashMap<[usize; 5], bool>,
-    /// Comparisons that may still be made. Without any, drones count as meeting.
-    left: u64,
+    /// By the first drone and its route, the second and its, and the delay between the starts.
+    cache: HashMap<[usize; 5], bool>,
+    /// Comparisons that may still be made. Without any, drones count as in conflict.
+    n_comparisons_left: u64,
 }
 
-impl Meetings<'_> {
-    /// True if two drones conflict, from the cache or by comparison of their tracks.
-    fn are(&mut self, (a, of_a): (usize, Start), (b, of_b): (usize, Start)) -> bool {
-        let [one, other] =
-            [(a, of_a), (b, of_b)].map(|(drone, start)| &self.routes[drone][start.route].track);
-        let n = [one, other].map(|track| track.places.len());
-        // One that starts when the other has landed may as well start later.
-        let later = (of_a.delay + n[0]).saturating_sub(of_b.delay).min(n[0] + n[1]);
-        let meet = || one.meets(of_a.delay, other, of_b.delay, &mut self.left);
-        *self.known.entry([a, of_a.route, b, of_b.route, later]).or_insert_with(meet)
+impl Conflicts<'_> {
+    /// True if two drones that start so come too close to each other.
+    fn has(&mut self, (a, start_a): (usize, Start), (b, start_b): (usize, Start)) -> bool {
+        let [track_a, track_b] = [(a, start_a), (b, start_b)]
+            .map(|(drone, start)| &self.routes[drone][start.route].track);
+        let n_steps = [track_a, track_b].map(|track| track.places.len());
+        // Only the delay between the starts counts, up to where one starts after the other landed.
+        let offset = (start_a.delay + n_steps[0]).saturating_sub(start_b.delay);
+        let offset = offset.min(n_steps[0] + n_steps[1]);
+        let left = &mut self.n_comparisons_left;
+        let meet = || track_a.meets(start_a.delay, track_b, start_b.delay, left);
+        *self.cache.entry([a, start_a.route, b, start_b.route, offset]).or_insert_with(meet)
     }
 }
 
-/// A drone's positions at every step.
+/// The position of a drone, and true if it is on the floor with its motors off.
+#[derive(Clone, Copy)]
+struct Place {
+    position_m: Vector3<f64>,
+    is_parked: bool,
+}
+
+impl Place {
+    /// Horizontal distance and difference in height of two drones. `None` if one is far enough
+    /// above the other: [`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one is parked.
+    fn apart_m(self, other: Self) -> Option<[f64; 2]> {
+        let is_parked = self.is_parked || other.is_parked;
+        let reach_m = if is_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
+        let apart_m = self.position_m - other.position_m;
+        (apart_m.z.abs() < reach_m).then(|| [apart_m.xy().norm(), apart_m.z.abs()])
+    }
+}
+
+/// A drone's places at every step.
 struct Track {
-    /// Each with true if it is on the floor with its motors off.
-    places: Vec<(Vector3<f64>, bool)>,
+    places: Vec<Place>,
     /// Longest horizontal distance from one step to the next.
     step_m: f64,
 }
 
 impl Track {
     fn new(plan: &Plan) -> Self {
-        let place = |time_s: f64| {
-            (plan.design_m(time_s), plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor))
+        let place = |time_s: f64| Place {
+            position_m: plan.design_m(time_s),
+            is_parked: plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor),
         };
         let end_s = plan.duration_s();
         let times_s = (0..).map(|step| f64::from(step) * CHECK_STEP_S);
         let times_s = times_s.take_while(|time_s| *time_s < end_s).chain([end_s]);
         let places: Vec<_> = times_s.map(place).collect();
-        let steps_m = places.windows(2).map(|ends| (ends[1].0 - ends[0].0).xy().norm());
+        let steps_m =
+            places.windows(2).map(|ends| (ends[1].position_m - ends[0].position_m).xy().norm());
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step after a delayed start. Before and after the plan it is on the floor.
-    fn place(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
-        self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
+    /// The place at a step, or that of the last step after the end of the plan.
+    fn place(&self, step: usize) -> Place {
+        self.places[step.min(self.places.len() - 1)]
     }
 
-    /// Horizontal distance and difference in height to another drone at a step. `None` if one is
-    /// far enough above the other: [`MIN_VERTICAL_M`], or less above a parked drone.
-    fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
-        let ((a, a_parked), (b, b_parked)) = (self.place(step, delay), other.place(step, later));
-        let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
-        let apart_m = a - b;
-        (apart_m.z.abs() < reach_m).then(|| [apart_m.xy().norm(), apart_m.z.abs()])
-    }
-
-    /// True if the drones come too close to each other, or no comparison is left.
-    fn meets(&self, delay: usize, other: &Self, later: usize, left: &mut u64) -> bool {
-        let end = (self.places.len() + delay).max(other.places.len() + later);
+    /// True if two drones that start after delays come too close, or no comparison is left.
+    fn meets(&self, delay: usize, other: &Self, other_delay: usize, left: &mut u64) -> bool {
+        let end = (self.places.len() + delay).max(other.places.len() + other_delay);
         let mut step = 0;
         while step < end {
             let Some(rest) = left.checked_sub(1) else { return true };
             *left = rest;
-            let aside_m = (self.place(step, delay).0 - other.place(step, later).0).xy().norm();
-            let is_near = aside_m < MIN_HORIZONTAL_M - 1e-9;
-            if is_near && self.apart_m(delay, other, later, step).is_some() {
+            let a = self.place(step.saturating_sub(delay));
+            let b = other.place(step.saturating_sub(other_delay));
+            let aside_m = (a.position_m - b.position_m).xy().norm();
+            if aside_m < TOO_NEAR_M && a.apart_m(b).is_some() {
                 return true;
             }
-            // No nearer than that while both fly straight at each other.
+            // Steps in which they cannot meet even if both fly straight at each other.
             let n_safe = (aside_m - MIN_HORIZONTAL_M) / (self.step_m + other.step_m);
             #[expect(clippy::cast_possible_truncation, reason = "saturates")]
             let n_safe = n_safe.max(0.0) as usize;
@@ -284,7 +301,8 @@ impl Track {
     }
 }
 
-/// The strokes from left to right, in parts of about equal length, of whole letters if asked for.
+/// The strokes from left to right, divided into parts of about equal length, one a drone, between
+/// letters if `whole_letters`. Strokes that keep their order are not sorted.
 fn parts(
     strokes: &Strokes,
     whole_letters: bool,
@@ -301,11 +319,11 @@ fn parts(
     let mut drawn_m = 0.0;
     for stroke in drawn {
         let length_m = stroke.length_m();
-        let full_m = each_m * parts.len() as f64;
+        let parts_m = each_m * parts.len() as f64;
         let last = parts.last().and_then(|part| part.last());
-        let may_end = last.is_some_and(|last| !whole_letters || last.letter != stroke.letter);
+        let may_divide = last.is_some_and(|last| !whole_letters || last.letter != stroke.letter);
         // A stroke goes to the part that holds its middle.
-        if drawn_m + 0.5 * length_m > full_m && may_end {
+        if drawn_m + 0.5 * length_m > parts_m && may_divide {
             parts.push(Vec::new());
         }
         drawn_m += length_m;
@@ -314,7 +332,8 @@ fn parts(
     Ok(parts)
 }
 
-/// Orders and directions of a part, whose strokes are given from left to right.
+/// The four orders of a part that are tried, given its strokes from left to right: the shortest,
+/// the one across from left to right, and both backward.
 fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
     let backward = |order: &[PenStroke]| order.iter().rev().map(|stroke| stroke.along(1)).collect();
     let shortest = shortest(part, options.stroke_speed_m_s, style);
@@ -325,17 +344,17 @@ fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<V
     vec![backward(&shortest), shortest, backward(&across), across]
 }
 
-/// Where each drone starts and lands: below the middle of its part, clear of the others.
+/// The x at which each drone starts and lands: below the middle of its part, clear of the others.
 fn homes_x_m(parts: &[Vec<PenStroke>]) -> Vec<f64> {
-    let middles: Vec<f64> = parts.iter().map(|part| middle_x_m(part)).collect();
-    let mut homes = middles.clone();
-    for index in 1..homes.len() {
-        homes[index] = homes[index].max(homes[index - 1] + MIN_HORIZONTAL_M);
+    let middles_m: Vec<f64> = parts.iter().map(|part| middle_x_m(part)).collect();
+    let mut homes_m = middles_m.clone();
+    for index in 1..homes_m.len() {
+        homes_m[index] = homes_m[index].max(homes_m[index - 1] + MIN_HORIZONTAL_M);
     }
     // Clearing moved them to the right: back by as much on average.
-    let n = homes.len() as f64;
-    let aside_m = (homes.iter().sum::<f64>() - middles.iter().sum::<f64>()) / n;
-    homes.iter().map(|home| home - aside_m).collect()
+    let n = homes_m.len() as f64;
+    let aside_m = (homes_m.iter().sum::<f64>() - middles_m.iter().sum::<f64>()) / n;
+    homes_m.iter().map(|home_m| home_m - aside_m).collect()
 }
 
 /// Middle of the least and greatest x of strokes.
@@ -345,26 +364,26 @@ fn middle_x_m(strokes: &[PenStroke]) -> f64 {
     (left + right) / 2.0
 }
 
-/// The closest moment of two plans that are too close to each other, if they ever are: within
-/// [`MIN_HORIZONTAL_M`] horizontally, and not above each other ([`closest`]).
+/// The closest moment of two plans ([`closest`]) if they come within [`MIN_HORIZONTAL_M`] of each
+/// other. `None` if they keep apart.
 pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
-    closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
+    closest(a, b).filter(|closest| closest.horizontal_m < TOO_NEAR_M)
 }
 
-/// The moment of least horizontal distance of two plans while neither is far enough above the
-/// other, if there is one.
+/// The moment of least horizontal distance of two plans among those at which neither drone is far
+/// enough above the other. `None` if one always is.
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::new(a), Track::new(b));
-    let place = |step: usize| {
-        let [horizontal_m, vertical_m] = a.apart_m(0, &b, 0, step)?;
+    let approach = |step: usize| {
+        let [horizontal_m, vertical_m] = a.place(step).apart_m(b.place(step))?;
         Some(Approach { time_s: step as f64 * CHECK_STEP_S, horizontal_m, vertical_m })
     };
-    (0..a.places.len().max(b.places.len())).filter_map(place).min_by(Approach::compare)
+    (0..a.places.len().max(b.places.len())).filter_map(approach).min_by(Approach::compare)
 }
 
-/// The moment of least difference in height of two plans while both fly, one within
-/// [`MIN_HORIZONTAL_M`] of the axis of the other's downwash, if there is one. The drone of the
-/// first plan is `vertical_m` above the other one's.
+/// The moment of least difference in height of two plans while both fly and one is within
+/// [`MIN_HORIZONTAL_M`] of the axis of the other's downwash. `None` without such a moment. The
+/// drone of the first plan is `vertical_m` above the other one.
 pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().min(b.duration_s());
     let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));
@@ -372,7 +391,7 @@ pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
         let flies = |plan: &Plan| plan.setpoint_at(time_s).is_some_and(|s| !s.on_floor());
         let apart_m = a.design_m(time_s) - b.design_m(time_s);
         let (horizontal_m, vertical_m) = (apart_m.xy().norm(), apart_m.z);
-        let is_near = horizontal_m < MIN_HORIZONTAL_M - 1e-9;
+        let is_near = horizontal_m < TOO_NEAR_M;
         (is_near && flies(a) && flies(b)).then_some(Approach { time_s, horizontal_m, vertical_m })
     });
     approaches.min_by(|a, b| a.vertical_m.abs().total_cmp(&b.vertical_m.abs()))
@@ -435,7 +454,8 @@ mod tests {
         for delay in (0..a.places.len() + b.places.len()).step_by(3) {
             let near = |apart_m: [f64; 2]| apart_m[0] < MIN_HORIZONTAL_M - 1e-9;
             let meets = (0..delay + a.places.len() + b.places.len())
-                .any(|step| a.apart_m(delay, &b, 0, step).is_some_and(near));
+                .map(|step| a.place(step.saturating_sub(delay)).apart_m(b.place(step)))
+                .any(|apart_m| apart_m.is_some_and(near));
             assert_eq!(a.meets(delay, &b, 0, &mut { u64::MAX }), meets, "{delay} steps later");
             counts[usize::from(meets)] += 1;
         }

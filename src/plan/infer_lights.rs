@@ -21,7 +21,7 @@ const LEAST_FLOWN: f64 = 0.6;
 const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \
                     log without lights must write them stroke by stroke, as style team does";
 
-/// Gives a flight its letters and the column `light.headlights`.
+/// Adds letters and the column `light.headlights` to a flight that writes strokes.
 ///
 /// # Errors
 ///
@@ -35,7 +35,7 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
-    // Where along each move the setpoints began and ended.
+    // The stretch of each move that the setpoints ran along: from and to.
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
     let mut letters = Vec::with_capacity(flight.samples.len());
     for sample in &flight.samples {
@@ -57,7 +57,8 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     Ok(())
 }
 
-/// Refuses setpoints that do not run along most of the strokes in their order.
+/// Fails if the setpoints do not run along most of the lit strokes in their order. `flown_m` has
+/// the stretch of each move that they ran along.
 fn check_flown(
     flight: &Flight,
     word: &str,
@@ -110,11 +111,11 @@ struct Progress {
 }
 
 impl Progress {
-    /// Advances to a setpoint: letter and light of its move, once the move has begun. While the
-    /// drone waits at the beginning of a letter its light is still off.
+    /// Advances to the move of a setpoint. Returns its letter, and true if it is lit. `None` if no
+    /// move contains the setpoint, or the drone still waits at the beginning of a letter.
     fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
-        let onward = moves.iter().enumerate().skip(self.index);
-        let (index, along_m) = onward.into_iter().find_map(|(index, (_, step))| {
+        let remaining = moves.iter().enumerate().skip(self.index);
+        let (index, along_m) = remaining.into_iter().find_map(|(index, (_, step))| {
             let along_m = along(step, point)?;
             let backward = index == self.index && along_m < self.along_m - ON_MOVE_M;
             (!backward).then_some((index, along_m))
@@ -128,7 +129,7 @@ impl Progress {
     }
 }
 
-/// Distance of a point along a move. `None` beside it.
+/// Distance of a point along a move from its beginning. `None` for a point that is not on it.
 fn along(step: &Move, point: [f64; 2]) -> Option<f64> {
     if segment_distance(point, [step.from_m, step.to_m]) >= ON_MOVE_M {
         return None;

@@ -1,5 +1,8 @@
 //! Lamp: delays between a light command and the light.
 
+/// Slack for the time grid of setpoints.
+const GRID_S: f64 = 1e-5;
+
 /// Delays from a light command to the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LampTiming {
@@ -10,7 +13,8 @@ pub struct LampTiming {
 }
 
 impl LampTiming {
-    /// The tick nearest to a time, not before that of the last change: its time and number.
+    /// The time and the number of the tick nearest to a time, but not before the tick of the last
+    /// change. A lamp without ticks changes at any time that a command can reach it.
     pub(super) fn tick(&self, time_s: f64, last_tick: f64) -> (f64, f64) {
         if self.tick_s == 0.0 {
             return (time_s.max(self.delay_s), time_s);
@@ -22,19 +26,17 @@ impl LampTiming {
         (tick * self.tick_s, tick)
     }
 
-    /// When to send a command whose light changes at a tick: it arrives half a tick before.
+    /// The time to send a command whose light changes at a tick: it arrives half a tick before.
     pub(super) fn sent_s(&self, light_s: f64) -> f64 {
         (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
     }
 
-    /// When a command that is sent at a time begins to show.
+    /// The time at which a command changes the light: the next tick after it arrives.
     pub(super) fn light_s(&self, sent_s: f64) -> f64 {
         let arrives_s = sent_s + self.delay_s;
         if self.tick_s == 0.0 {
             return arrives_s;
         }
-        // The slack covers the time grid of setpoints.
-        let tick = ((arrives_s - 1e-5) / self.tick_s).ceil();
-        tick * self.tick_s
+        ((arrives_s - GRID_S) / self.tick_s).ceil() * self.tick_s
     }
 }

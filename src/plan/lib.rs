@@ -71,8 +71,7 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     Ok(adjusted(plan, options))
 }
 
-/// The plan with its heading, on the clock that will pace it, moved against the mean error of
-/// earlier flights.
+/// The plan with the heading, the clock and the mean error of the options applied.
 fn adjusted(mut plan: Plan, options: &PlanOptions) -> Plan {
     if plan.yaw_rad != options.yaw_rad {
         plan.edit(|plan| plan.yaw_rad = options.yaw_rad);
@@ -82,7 +81,7 @@ fn adjusted(mut plan: Plan, options: &PlanOptions) -> Plan {
         Some(rate) => light_timing::on_trajectory_clock(plan, rate),
     };
     match Vector3::from(options.mean_error_m) {
-        none if none == Vector3::zeros() => plan,
+        zero if zero == Vector3::zeros() => plan,
         mean_error_m => feedforward::offset(&plan, mean_error_m),
     }
 }

@@ -7,12 +7,12 @@ use std::ops::Range;
 
 use super::Plan;
 
-/// The letter that is drawn by the light commanded at each setpoint. `None` in the dark, and for
-/// light that no letter follows.
+/// The index of the letter that is drawn by the light commanded at each setpoint. `None` in the
+/// dark, and for light that belongs to no letter.
 pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
     let letter = |row: usize| plan.setpoints[row].letter;
-    let drawn = drawn((plan, &plan.commanded()), (plan, &plan.lit()));
-    let letters = drawn.into_iter().map(|rows| {
+    let drawn_rows = drawn_rows((plan, &plan.commanded()), (plan, &plan.lit()));
+    let letters = drawn_rows.into_iter().map(|rows| {
         // The letter last begun in the stretch, or the next one.
         let rows = rows?;
         let after = rows.end..plan.setpoints.len();
@@ -23,7 +23,7 @@ pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
 
 /// For each lit setpoint of `sent`, the rows of `design` from the beginning of the lit stretch up
 /// to the drawn one. Both are plans of the same strokes with a light level for each setpoint.
-pub(super) fn drawn(
+pub(super) fn drawn_rows(
     (sent, commanded): (&Plan, &[f64]),
     (design, lit): (&Plan, &[f64]),
 ) -> Vec<Option<Range<usize>>> {
@@ -35,10 +35,12 @@ pub(super) fn drawn(
     }
     // Stretches correspond in their order. Within one a row is drawn as late as in the design.
     for (sent_rows, stroke) in commanded.into_iter().zip(strokes) {
-        let is_all = stroke.len() == design.setpoints.len();
-        let (begun, drawn) = (&sent.setpoints[sent_rows.start], &design.setpoints[stroke.start]);
-        let later_s = if is_all { 0.0 } else { begun.time_s - drawn.time_s };
+        let is_whole_plan = stroke.len() == design.setpoints.len();
+        let begin_s = sent.setpoints[sent_rows.start].time_s;
+        let drawn_s = design.setpoints[stroke.start].time_s;
+        let later_s = if is_whole_plan { 0.0 } else { begin_s - drawn_s };
         for row in sent_rows {
+            // The slack is for rounding.
             let time_s = sent.setpoints[row].time_s - later_s + 1e-6;
             let passed = design.setpoints[stroke.clone()].partition_point(|s| s.time_s <= time_s);
             rows[row] = Some(stroke.start..stroke.start + passed.max(1));

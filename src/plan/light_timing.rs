@@ -6,7 +6,7 @@
 //! changes at the nearest tick of the lamps' timer.
 
 use super::lamp::LampTiming;
-use super::light_letters::drawn;
+use super::light_letters::drawn_rows;
 use super::stroke_ends::{Aligned, Edge, StrokeEnd};
 use super::{Plan, PlanData, Setpoint};
 use noctograph_core::error::Result;
@@ -22,11 +22,13 @@ pub enum Between {
     Design,
 }
 
+/// Time up to which a command is sent with a setpoint.
+const SAME_S: f64 = 1e-4;
 /// Least time between two light commands.
 const LEAST_APART_S: f64 = 0.001;
 
-/// Moves the light commands of a plan so that light begins and ends at the strokes' ends in
-/// `flight`. The design's light is kept in [`PlanData::lit`].
+/// The plan with its light commands moved so that light begins and ends at the strokes' ends in
+/// `flight`, and the errors that are left there. The design's light is kept in [`PlanData::lit`].
 ///
 /// # Errors
 ///
@@ -47,15 +49,15 @@ pub fn time_lights(
         if lit[row] == before {
             continue;
         }
-        let [was, is] = [before > 0.0, lit[row] > 0.0];
-        let edge = Edge::new(plan, row, is);
+        let [was_on, is_on] = [before > 0.0, lit[row] > 0.0];
+        let edge = Edge::new(plan, row, is_on);
         // The drone is at a dot all along: its light ends as late as it begins.
-        if was != is && (is || edge.moves()) {
+        if was_on != is_on && (is_on || edge.moves()) {
             lag_s = flown.lag_at_s(&edge, lag_s);
         }
         let (light_s, tick) = lamp.tick(edge.time_s + lag_s, last_tick);
         // Of two levels on one tick the later one counts, but an edge is never dropped.
-        if tick == last_tick && was == is {
+        if tick == last_tick && was_on == is_on {
             commands.pop();
         }
         last_tick = tick;
@@ -67,8 +69,8 @@ pub fn time_lights(
     Ok((timed, ends))
 }
 
-/// The plan paced by the clock of a trajectory on board, `rate` true seconds a second, while light
-/// commands keep true time.
+/// The plan paced by the clock of a trajectory on board, which takes `rate` true seconds for each
+/// of its seconds, while light commands keep true time.
 pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     let lit = plan.lit();
     let changes = (0..lit.len()).filter(|row| *row == 0 || lit[*row] != lit[row - 1]);
@@ -77,8 +79,8 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     with_commands(&Plan::made(plan.into_data().paced(rate)), lit, &commands, Between::Design)
 }
 
-/// The plan with other light commands: `(sent at, level)` in rising order. A command between two
-/// setpoints adds a row.
+/// The plan with other light commands, each a time and a level, in rising order. A command between
+/// two setpoints adds a row.
 fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     let has_sent = !plan.sent_m.is_empty();
@@ -87,7 +89,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
     let mut levels: Vec<f64> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         // Commands that are due go with the setpoint. The last one is dark.
-        let due_s = setpoint.time_s + 1e-4;
+        let due_s = setpoint.time_s + SAME_S;
         while let Some(due) = commands.next_if(|command| command.0 <= due_s) {
             level = due.1;
         }
@@ -102,7 +104,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             out.jerk_m_s3.extend(plan.jerk_m_s3.get(row));
             // Commands before the next setpoint get rows of their own.
             let is_before =
-                |command: &(f64, f64)| next.is_some_and(|s| command.0 < s.time_s - 1e-4);
+                |command: &(f64, f64)| next.is_some_and(|s| command.0 < s.time_s - SAME_S);
             let Some(due) = commands.next_if(is_before) else { break };
             level = due.1;
             sent = moved_on(setpoint, on_grid(due.0));
@@ -118,12 +120,14 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
 
 /// A plan with the levels of its lamps. Colors go with the strokes of the design.
 fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
-    let drawn = drawn((&plan, levels), (design, &design.commanded()));
+    let drawn_rows = drawn_rows((&plan, levels), (design, &design.commanded()));
     let lights = design.lights.iter().map(|(channel, colors)| {
         let levels = match design.lamps().any(|(lamp, _)| lamp == channel) {
             true => levels.to_vec(),
             false => Vec::from_iter(
-                drawn.iter().map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
+                drawn_rows
+                    .iter()
+                    .map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
             ),
         };
         (channel.clone(), levels)
@@ -133,7 +137,7 @@ fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     plan
 }
 
-/// The setpoint of the same design from a later time on.
+/// The setpoint that continues the design of another from a later time on.
 fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
     let since_s = time_s - setpoint.time_s;
     let velocity_m_s = setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s;

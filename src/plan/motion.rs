@@ -26,12 +26,12 @@ struct Piece {
     position_m: Vector2<f64>,
     velocity_m_s: Vector2<f64>,
     acceleration_m_s2: Vector2<f64>,
-    once_m_s: Vector2<f64>,
-    twice_m_s2: Vector2<f64>,
+    integral_m_s: Vector2<f64>,
+    second_integral_m_s2: Vector2<f64>,
 }
 
 /// Ratio of acceleration to its limit above which a stroke is slowed as a whole.
-pub(super) const BEYOND: f64 = 1.045;
+pub(super) const MAX_EXCESS: f64 = 1.045;
 
 /// The motion along a stroke.
 #[derive(Clone, Debug)]
@@ -65,9 +65,9 @@ impl Motion {
             let [from, to] = [ends[0], ends[1]];
             let step_m = to.position_m - from.position_m;
             let (length_m, along) = (step_m.norm(), step_m.normalize());
-            let lasts_s = 2.0 * length_m / (from.speed_m_s + to.speed_m_s);
-            let acceleration = along * ((to.speed_m_s - from.speed_m_s) / lasts_s);
-            pen.draw(from.position_m - origin_m, along * from.speed_m_s, acceleration, lasts_s);
+            let duration_s = 2.0 * length_m / (from.speed_m_s + to.speed_m_s);
+            let acceleration = along * ((to.speed_m_s - from.speed_m_s) / duration_s);
+            pen.draw(from.position_m - origin_m, along * from.speed_m_s, acceleration, duration_s);
         }
         let pen_s = pen.end_s - reach_s;
         pen.draw(last.position_m - origin_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
@@ -76,30 +76,32 @@ impl Motion {
         let (pieces, pace) = (pen.pieces, pen_s / duration_s);
         let mut motion = Self { smoothing, origin_m, pieces, pace, from_s: 0.0, duration_s };
         // While the pen turns and changes its speed at once, both accelerations add up.
-        let beyond = motion.most_m_s2(0.5 * tick_s) / style.acceleration_m_s2;
-        if beyond > BEYOND {
-            motion.duration_s = in_ticks(duration_s * beyond.sqrt(), tick_s);
+        let excess = motion.max_acceleration_m_s2(0.5 * tick_s) / style.acceleration_m_s2;
+        if excess > MAX_EXCESS {
+            motion.duration_s = in_ticks(duration_s * excess.sqrt(), tick_s);
             motion.pace = pen_s / motion.duration_s;
         }
         motion
     }
 
-    /// Greatest acceleration at times a step apart.
-    fn most_m_s2(&self, step_s: f64) -> f64 {
+    /// Greatest acceleration among those at times a step apart.
+    fn max_acceleration_m_s2(&self, step_s: f64) -> f64 {
         let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
         let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
         steps.map(|time_s| self.state_at(time_s).acceleration_m_s2.norm()).fold(0.0, f64::max)
     }
 
+    /// Duration from its beginning on.
     pub(super) fn duration_s(&self) -> f64 {
         self.duration_s - self.from_s
     }
 
-    /// The rest of it from a time on.
+    /// The rest of the motion from a time on.
     pub(super) fn after(self, time_s: f64) -> Self {
         Self { from_s: self.from_s + time_s, ..self }
     }
 
+    /// The state at a time after its beginning: the pen under both averages.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
         // The middle of the averages, in the time of the pen.
@@ -107,12 +109,13 @@ impl Motion {
         // Two moving averages are a second difference of the second integral P of the pen:
         // P(t + outer) − P(t + inner) − P(t − inner) + P(t − outer), by their area.
         let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
-        let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
+        let terms = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
         let mut average = State::default();
-        for (off_s, sign) in corners {
-            let (pen, once, twice) = self.piece_at(middle_s + off_s).integrals_at(middle_s + off_s);
-            average.position_m += twice * sign;
-            average.velocity_m_s += once * sign;
+        for (offset_s, sign) in terms {
+            let pen_s = middle_s + offset_s;
+            let [pen, integral, second_integral] = self.piece_at(pen_s).integrals_at(pen_s);
+            average.position_m += second_integral * sign;
+            average.velocity_m_s += integral * sign;
             average.acceleration_m_s2 += pen * sign;
         }
         let area_s2 = long_s * short_s;
@@ -123,15 +126,16 @@ impl Motion {
         }
     }
 
+    /// The piece of the pen's path at a time of the pen.
     fn piece_at(&self, time_s: f64) -> &Piece {
         let next = self.pieces.partition_point(|piece| piece.start_s <= time_s);
         &self.pieces[next.max(1) - 1]
     }
 }
 
-/// The least multiple of a tick that holds a time, at least one.
-fn in_ticks(lasts_s: f64, tick_s: f64) -> f64 {
-    (lasts_s / tick_s - 1e-6).ceil().max(1.0) * tick_s
+/// A duration rounded up to a multiple of a tick, at least one. The slack is for rounding.
+fn in_ticks(duration_s: f64, tick_s: f64) -> f64 {
+    (duration_s / tick_s - 1e-6).ceil().max(1.0) * tick_s
 }
 
 /// The pen's path under construction.
@@ -142,33 +146,35 @@ struct Pen {
 }
 
 impl Pen {
-    /// Adds a piece of constant acceleration.
-    fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
+    /// Adds a piece of constant acceleration from a position and a velocity on.
+    fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, duration_s: f64) {
         let still = Vector2::zeros();
         // Its integrals go on from those of the piece before.
         let before = self.pieces.last().map(|last| last.integrals_at(self.end_s));
-        let (_, once_m_s, twice_m_s2) = before.unwrap_or((p, still, still));
+        let [_, integral_m_s, second_integral_m_s2] = before.unwrap_or([p, still, still]);
         self.pieces.push(Piece {
             start_s: self.end_s,
             position_m: p,
             velocity_m_s: v,
             acceleration_m_s2: a,
-            once_m_s,
-            twice_m_s2,
+            integral_m_s,
+            second_integral_m_s2,
         });
-        self.end_s += lasts_s;
+        self.end_s += duration_s;
     }
 }
 
 impl Piece {
-    /// The pen and its first and second integral.
-    fn integrals_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
+    /// The position of the pen at a time, and its first and second integral up to there.
+    fn integrals_at(&self, time_s: f64) -> [Vector2<f64>; 3] {
         let t = time_s - self.start_s;
         let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);
         let pen = p + v * t + a * (t * t / 2.0);
-        let once = p * t + v * (t * t / 2.0) + a * (t * t * t / 6.0);
-        let twice = p * (t * t / 2.0) + v * (t * t * t / 6.0) + a * (t * t * t * t / 24.0);
-        (pen, self.once_m_s + once, self.twice_m_s2 + self.once_m_s * t + twice)
+        let integral = p * t + v * (t * t / 2.0) + a * (t * t * t / 6.0);
+        let second_integral =
+            p * (t * t / 2.0) + v * (t * t * t / 6.0) + a * (t * t * t * t / 24.0);
+        let second_integral = self.second_integral_m_s2 + self.integral_m_s * t + second_integral;
+        [pen, self.integral_m_s + integral, second_integral]
     }
 }
 

@@ -43,7 +43,8 @@ pub(super) struct Way {
     pub(super) end_m_s: Vector2<f64>,
 }
 
-/// The runs of light of a drawing, in its order. A lit move without length counts as none.
+/// The strokes of a drawing, which are its uninterrupted runs of light, in its order. Lit moves
+/// without length are left out, and a short run becomes a dot.
 pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
     let mut runs: Vec<PenStroke> = Vec::new();
     for (letter, glyph) in strokes.glyphs.iter().enumerate() {
@@ -80,37 +81,38 @@ impl PenStroke {
         self.points_m.first().copied().filter(|_| self.points_m.len() == 1)
     }
 
+    /// Its last point.
     fn last_m(&self) -> Vector2<f64> {
         self.points_m[self.points_m.len() - 1]
     }
 
     /// True if it ends where it began.
-    fn closed(&self) -> bool {
+    fn is_closed(&self) -> bool {
         self.points_m.len() > 3 && (self.last_m() - self.points_m[0]).norm() <= SAME_M
     }
 
     /// True if it comes back to its beginning without a corner.
     pub(super) fn is_loop(&self) -> bool {
         let along = |index: usize| (self.points_m[index + 1] - self.points_m[index]).normalize();
-        self.closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
+        self.is_closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
     }
 
-    /// The loop drawn on over its beginning for a length, or once more at most.
-    pub(super) fn overlapped(&self, mut left_m: f64) -> Self {
+    /// The closed stroke continued over its beginning for a length, or once around at most.
+    pub(super) fn overlapped(&self, mut remaining_m: f64) -> Self {
         let mut longer = self.clone();
         for (ends, pace) in self.points_m.windows(2).zip(&self.paces) {
-            if left_m < SAME_M {
+            if remaining_m < SAME_M {
                 break;
             }
             let length_m = (ends[1] - ends[0]).norm();
-            longer.points_m.push(ends[0].lerp(&ends[1], (left_m / length_m).min(1.0)));
+            longer.points_m.push(ends[0].lerp(&ends[1], (remaining_m / length_m).min(1.0)));
             longer.paces.push(*pace);
-            left_m -= length_m;
+            remaining_m -= length_m;
         }
         longer
     }
 
-    /// Number of corners at which a closed stroke may begin.
+    /// Number of corners at which it may begin, if it is closed.
     fn n_starts(&self) -> usize {
         (self.points_m.len() - 1).min(MAX_STARTS)
     }
@@ -135,11 +137,11 @@ impl PenStroke {
 
     /// All ways to draw it. Way 0 is as drawn, and way `2 k + 1` is way `2 k` backward.
     pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
-        let n_starts = if self.closed() { self.n_starts() } else { 1 };
+        let n_starts = if self.is_closed() { self.n_starts() } else { 1 };
         (0..2 * n_starts).map(|way| self.along(way).way(speed_m_s)).collect()
     }
 
-    /// How it is entered and left as drawn.
+    /// The points and velocities at which it is entered and left if it is drawn as it is.
     fn way(&self, speed_m_s: f64) -> Way {
         let along_m_s = |pair: Option<&[Vector2<f64>]>| {
             pair.map_or(Vector2::zeros(), |pair| (pair[1] - pair[0]).normalize() * speed_m_s)
@@ -153,11 +155,12 @@ impl PenStroke {
         }
     }
 
+    /// Length of the stroke.
     pub(super) fn length_m(&self) -> f64 {
         self.lengths_m().sum()
     }
 
-    /// Time for which it is lit, corners not counted.
+    /// Time for which it is lit if no corner slows the drone.
     pub(super) fn lit_s(&self, speed_m_s: f64) -> f64 {
         match self.dot_m() {
             Some(_) => dot_s(speed_m_s),
@@ -165,6 +168,7 @@ impl PenStroke {
         }
     }
 
+    /// Lengths of its segments.
     fn lengths_m(&self) -> impl Iterator<Item = f64> {
         self.points_m.windows(2).map(|pair| (pair[1] - pair[0]).norm())
     }

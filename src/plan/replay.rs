@@ -45,9 +45,9 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     for (index, (setpoint, row)) in logged.iter().enumerate() {
         // Lost setpoints come first, at even steps from the one before, with its letter and lights.
         if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
-            let n = lost_between(before, setpoint, median);
-            for k in 1..=n {
-                let fraction = f64::from(k) / f64::from(n + 1);
+            let n_lost = lost_between(before, setpoint, median);
+            for k in 1..=n_lost {
+                let fraction = f64::from(k) / f64::from(n_lost + 1);
                 let path_m = setpoint.position_m - before.position_m;
                 let restored = Setpoint {
                     time_s: on_grid(before.time_s + fraction * (setpoint.time_s - before.time_s)),
@@ -56,7 +56,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
                 };
                 push(&mut plan, restored, flight, *row_before);
             }
-            n_restored += n as usize;
+            n_restored += n_lost as usize;
         }
         push(&mut plan, *setpoint, flight, *row);
     }
@@ -71,11 +71,11 @@ fn push(plan: &mut PlanData, setpoint: Setpoint, flight: &Flight, row: usize) {
     }
 }
 
-/// The setpoints in the flight, each with its row.
+/// The setpoints that a flight logged, each with its row: the first row, the last, and each that
+/// differs from the one before.
 fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     let lights_at = |row: usize| flight.lights.values().map(move |levels| levels[row]);
     let last = flight.samples.len() - 1;
-    // The first row, the last, and each that differs from the one before.
     let sent = |row: &usize| {
         let Some(before) = row.checked_sub(1) else { return true };
         let (from, to) = (&flight.samples[before], &flight.samples[*row]);
@@ -94,7 +94,7 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
 }
 
-/// Median distance and speed between setpoints that move. Zero if none does.
+/// Medians of the distance and speed from one setpoint to the next that moves, or zeros.
 fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     let steps = logged.windows(2).map(|pair| step(&pair[0].0, &pair[1].0));
     let moves = steps.filter(|[length_m, lasts_s]| *length_m > 0.0 && *lasts_s > 0.0);
@@ -103,14 +103,14 @@ fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     [lengths, speeds].map(|values| median(values).unwrap_or(0.0))
 }
 
-/// Number of setpoints lost between two that follow each other in the log.
+/// Number of setpoints that the log lost between two, given the median distance and speed.
 fn lost_between(from: &Setpoint, to: &Setpoint, [median_m, median_m_s]: [f64; 2]) -> u32 {
     let [length_m, lasts_s] = step(from, to);
     let steps = length_m / median_m;
     let at_speed = LOST_SPEED.contains(&(length_m / (lasts_s * median_m_s)));
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let n = if steps >= LOST_STEPS && at_speed { steps.round() as u32 - 1 } else { 0 };
-    n
+    let n_lost = if steps >= LOST_STEPS && at_speed { steps.round() as u32 - 1 } else { 0 };
+    n_lost
 }
 
 /// Distance and time from one setpoint to the next.

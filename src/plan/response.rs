@@ -31,21 +31,21 @@ impl StepResponse {
         here + (next - here) * (intervals - f64::from(index))
     }
 
-    /// Time after which the response stays within 0.1 % of the step from its end.
+    /// Time after which the response stays within [`SETTLED`] of its last value.
     pub fn settled_s(&self) -> f64 {
         let end = self.values.last().copied().unwrap_or_default();
         let unsettled = self.values.iter().rposition(|v| (v - end).abs() > SETTLED);
         unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
-    /// Number of multiplications of [`Self::inverse`] for inputs an interval apart.
+    /// Approximate number of multiplications of [`Self::inverse`] for inputs an interval apart.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
         n * (per_input + 1.0) * 0.5 * width * width
     }
 
-    /// Makes the inverse ready for inputs at some times, each held until the next.
+    /// The inverse of the loop for inputs at rising times, each held until the next.
     ///
     /// `ridge` weighs the square of `input − wanted` against that of the error of the output
     /// (Tikhonov regularization). 0.01 asks for corners sharply, 1 hardly at all.
@@ -86,8 +86,8 @@ pub struct Inverse<'a> {
 }
 
 impl Inverse<'_> {
-    /// Inputs that make the loop put out `wanted`, in the sense of least squares over the whole
-    /// span, after a rest at its first value.
+    /// The inputs with which the output of the loop is closest to `wanted`, by least squares over
+    /// the whole span, after a rest at its first value.
     pub fn inputs(&self, wanted: impl Fn(f64) -> f64) -> Vec<f64> {
         let Some(start_s) = self.times_s.first() else { return Vec::new() };
         let rest = wanted(*start_s);
@@ -106,7 +106,7 @@ impl Inverse<'_> {
         right.into_iter().map(|input| input + rest).collect()
     }
 
-    /// Times of comparison of the output with the target.
+    /// The even times at which the output is compared with the target.
     fn outputs_s(&self) -> impl Iterator<Item = f64> + use<> {
         let ends_s = [self.times_s.first(), self.times_s.last()];
         let [start_s, end_s] = ends_s.map(|end_s| end_s.copied().unwrap_or_default());
@@ -117,7 +117,8 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// Weights of the inputs in the output at a time, from the returned index on.
+    /// Sets `weights` to a row of W for an output's time. Returns the index of the first input in
+    /// it.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;
@@ -134,8 +135,8 @@ impl Inverse<'_> {
         from
     }
 
-    /// The normal equations and their factors, in the widest registers of this processor. No
-    /// product is fused with a sum, so that the bits are the same.
+    /// Sets `upper` and `pivots` to the Cholesky factors of the normal equations. It is compiled
+    /// for the widest registers, and no product is fused with a sum, so that the bits are the same.
     #[inline(always)]
     fn factor(&mut self) {
         let width = self.width;
@@ -166,7 +167,7 @@ impl Inverse<'_> {
         self.upper = normal;
     }
 
-    /// Solves the factored banded system in place.
+    /// Solves the factored system: `right` is the right-hand side, and then the solution.
     fn solve(&self, right: &mut [f64]) {
         let (n, width) = (right.len(), self.width);
         // Forward with the transposed factors, then backward.
@@ -176,8 +177,8 @@ impl Inverse<'_> {
             below.iter_mut().zip(&row[1..]).for_each(|(sum, factor)| *sum -= factor * value[0]);
         }
         for (i, row) in self.upper.chunks_exact(width).enumerate().rev() {
-            let known: f64 = (1..width.min(n - i)).map(|k| row[k] * right[i + k]).sum();
-            right[i] = (right[i] - known) / row[0];
+            let solved: f64 = (1..width.min(n - i)).map(|k| row[k] * right[i + k]).sum();
+            right[i] = (right[i] - solved) / row[0];
         }
     }
 }

@@ -17,6 +17,7 @@ pub(super) struct Smoothing {
 }
 
 impl Smoothing {
+    /// The longest averages that keep to the limits of a style at a stroke speed.
     pub(super) fn new(stroke_speed_m_s: f64, style: &EvenStyle) -> Self {
         let (a, j) = (style.acceleration_m_s2, style.jerk_m_s3);
         let error_m = style.corner_error_m;
@@ -35,7 +36,7 @@ impl Smoothing {
         Self { long_s, short_s, turn_m_s: a * long_s }
     }
 
-    /// Acceleration in a corner: the limit, or less if the jerk decides.
+    /// Acceleration in a corner: the limit, or less if the jerk limits it further.
     pub(super) fn acceleration_m_s2(&self) -> f64 {
         self.turn_m_s / self.long_s
     }

@@ -24,10 +24,13 @@ const MAX_NODES: f64 = 100_000.0;
 const NEAR: f64 = 1.05;
 /// Factor of a step that slows a corner, and the greatest number of steps, which leaves 1 % of the
 /// speed.
-const SLOWER: f64 = 0.95;
-const MAX_SLOWER: usize = 90;
+const SLOWDOWN: f64 = 0.95;
+const MAX_SLOWDOWNS: usize = 90;
+/// Slack of the allowed turn, as a fraction, for rounding.
+const ROUNDING: f64 = 1e-9;
 
-/// The stroke with its speeds.
+/// The points of a stroke with the speed at each: only its corners if it has one speed throughout,
+/// and close nodes between them otherwise.
 pub(super) fn profile(
     stroke: &PenStroke,
     smoothing: &Smoothing,
@@ -44,58 +47,60 @@ pub(super) fn profile(
     // Nodes are close enough that a slow corner slows only its neighborhood.
     let slowest_m_s = caps_m_s.iter().copied().fold(stroke_speed_m_s, f64::min);
     let near_s = NEAR * smoothing.long_s;
-    let length_m = corners.at_m[corners.at_m.len() - 1];
-    let step_m = (0.25 * slowest_m_s * near_s).min(STEP_M).max(length_m / MAX_NODES);
+    let total_m = corners.distances_m[corners.distances_m.len() - 1];
+    let step_m = (0.25 * slowest_m_s * near_s).min(STEP_M).max(total_m / MAX_NODES);
     let mut nodes: Vec<Node> = Vec::new();
-    let mut at_m: Vec<f64> = Vec::new();
+    let mut distances_m: Vec<f64> = Vec::new();
     for (index, ends) in points_m.windows(2).enumerate() {
-        let length_m = corners.at_m[index + 1] - corners.at_m[index];
-        let n = (length_m / step_m).ceil().max(1.0);
-        for k in (0..).map(f64::from).take_while(|k| *k < n) {
-            nodes.push(node(ends[0].lerp(&ends[1], k / n), paces[index]));
-            at_m.push(corners.at_m[index] + length_m * k / n);
+        let length_m = corners.distances_m[index + 1] - corners.distances_m[index];
+        let n_pieces = (length_m / step_m).ceil().max(1.0);
+        for k in (0..).map(f64::from).take_while(|k| *k < n_pieces) {
+            nodes.push(node(ends[0].lerp(&ends[1], k / n_pieces), paces[index]));
+            distances_m.push(corners.distances_m[index] + length_m * k / n_pieces);
         }
     }
     nodes.push(node(points_m[points_m.len() - 1], paces[paces.len() - 1]));
-    at_m.push(length_m);
-    corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
-    limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);
+    distances_m.push(total_m);
+    corners.slow_down(&mut nodes, &distances_m, &caps_m_s, near_s);
+    limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &distances_m);
     nodes
 }
 
 /// Corners of a path: their distances along it, and how far each turns.
 struct Corners {
-    at_m: Vec<f64>,
+    distances_m: Vec<f64>,
     /// Change of the unit tangent, 0 to 2. At the ends 0.
     turn: Vec<f64>,
 }
 
 impl Corners {
+    /// The corners of a polyline.
     fn new(points_m: &[Vector2<f64>]) -> Self {
         let along = |pair: &[Vector2<f64>]| (pair[1] - pair[0]).normalize();
-        let (mut at_m, mut turn) = (vec![0.0], vec![0.0]);
+        let (mut distances_m, mut turn) = (vec![0.0], vec![0.0]);
         for pair in points_m.windows(2) {
-            at_m.push(at_m[at_m.len() - 1] + (pair[1] - pair[0]).norm());
+            distances_m.push(distances_m[distances_m.len() - 1] + (pair[1] - pair[0]).norm());
         }
         let corners = points_m.windows(3);
         turn.extend(corners.map(|three| (along(&three[1..]) - along(three)).norm()));
         turn.push(0.0);
-        Self { at_m, turn }
+        Self { distances_m, turn }
     }
 
-    /// Greatest speed at each corner.
+    /// The greatest speed at each corner, so that no near corners turn the velocity too far.
     fn caps_m_s(&self, fastest_m_s: f64, smoothing: &Smoothing) -> Vec<f64> {
-        let n = self.at_m.len();
+        let n = self.distances_m.len();
         let mut caps_m_s = vec![fastest_m_s; n];
-        for _ in 0..MAX_SLOWER {
+        for _ in 0..MAX_SLOWDOWNS {
             // Corners within the smoothing's time of each other turn the velocity together.
             let mut turns_too_far = vec![false; n];
             for first in 1..n {
                 let speed_m_s = caps_m_s[first];
-                let until_m = self.at_m[first] + speed_m_s * smoothing.long_s;
-                let end = first + self.at_m[first..].partition_point(|node_m| *node_m <= until_m);
+                let until_m = self.distances_m[first] + speed_m_s * smoothing.long_s;
+                let end =
+                    first + self.distances_m[first..].partition_point(|node_m| *node_m <= until_m);
                 let turn: f64 = self.turn[first..end].iter().sum();
-                if turn * speed_m_s > smoothing.turn_m_s * (1.0 + 1e-9) {
+                if turn * speed_m_s > smoothing.turn_m_s * (1.0 + ROUNDING) {
                     turns_too_far[first..end].fill(true);
                 }
             }
@@ -104,18 +109,18 @@ impl Corners {
             }
             for (cap, _) in caps_m_s.iter_mut().zip(&turns_too_far).filter(|(_, too_far)| **too_far)
             {
-                *cap *= SLOWER;
+                *cap *= SLOWDOWN;
             }
         }
         caps_m_s
     }
 
     /// Limits each node within the smoothing's time of a corner to the corner's speed.
-    fn slow_down(&self, nodes: &mut [Node], at_m: &[f64], caps_m_s: &[f64], near_s: f64) {
+    fn slow_down(&self, nodes: &mut [Node], distances_m: &[f64], caps_m_s: &[f64], near_s: f64) {
         for (corner, cap_m_s) in caps_m_s.iter().enumerate().filter(|(i, _)| self.turn[*i] > 0.0) {
-            let (corner_m, reach_m) = (self.at_m[corner], cap_m_s * near_s);
-            let first = at_m.partition_point(|node_m| *node_m < corner_m - reach_m);
-            let end = at_m.partition_point(|node_m| *node_m <= corner_m + reach_m);
+            let (corner_m, reach_m) = (self.distances_m[corner], cap_m_s * near_s);
+            let first = distances_m.partition_point(|node_m| *node_m < corner_m - reach_m);
+            let end = distances_m.partition_point(|node_m| *node_m <= corner_m + reach_m);
             for node in &mut nodes[first..end] {
                 node.speed_m_s = node.speed_m_s.min(*cap_m_s);
             }
@@ -123,14 +128,16 @@ impl Corners {
     }
 }
 
-/// Limits the change of speed along the path, forward and backward, to the acceleration.
-fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], at_m: &[f64]) {
+/// Lowers the speeds of nodes so that neither forward nor backward along the path the speed rises
+/// faster than the acceleration allows.
+fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], distances_m: &[f64]) {
     let n = nodes.len();
     let onward = (1..n).map(|i| (i - 1, i));
     let backward = (1..n).rev().map(|i| (i, i - 1));
     for (from, to) in onward.chain(backward) {
         // v² = v₀² + 2 a s
-        let (from_m_s, length_m) = (nodes[from].speed_m_s, (at_m[to] - at_m[from]).abs());
+        let (from_m_s, length_m) =
+            (nodes[from].speed_m_s, (distances_m[to] - distances_m[from]).abs());
         let most_m_s = (from_m_s * from_m_s + 2.0 * acceleration_m_s2 * length_m).sqrt();
         nodes[to].speed_m_s = nodes[to].speed_m_s.min(most_m_s);
     }
@@ -148,7 +155,7 @@ mod tests {
         let caps = Corners::new(&points).caps_m_s(0.5, &smoothing);
         assert_eq!(caps[1], 0.5, "a degree and a half is no corner");
         let ideal = smoothing.turn_m_s / 2.0;
-        assert!(caps[2] <= ideal && caps[2] > SLOWER * ideal * 0.99, "{caps:?}, ideal {ideal}");
+        assert!(caps[2] <= ideal && caps[2] > SLOWDOWN * ideal * 0.99, "{caps:?}, ideal {ideal}");
     }
 
     #[test]

@@ -14,9 +14,9 @@ use noctograph_core::flight::{Flight, FlightSample};
 /// Error of the light at one end of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeEnd {
-    /// When the light changes, in the middle of its ramp.
+    /// Time at which the light changes, in the middle of its ramp.
     pub time_s: f64,
-    /// Where the design changes it.
+    /// Position at which the design changes it.
     pub at_m: Vector3<f64>,
     /// True if the light goes on.
     pub on: bool,
@@ -40,7 +40,7 @@ pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Ve
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }
 
-/// The rows at which the light switches on (true) or off.
+/// The rows at which the light switches, each with true if it goes on.
 fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
     let rows = stretches(levels).into_iter().flat_map(|lit| [(lit.start, true), (lit.end, false)]);
     rows.filter(|(row, _)| *row < levels.len())
@@ -68,6 +68,7 @@ impl Edge {
     }
 }
 
+/// A flight whose lag and mean error are known.
 pub(super) struct Aligned<'a> {
     samples: &'a [FlightSample],
     pub(super) lag_s: f64,
@@ -76,6 +77,7 @@ pub(super) struct Aligned<'a> {
 }
 
 impl<'a> Aligned<'a> {
+    /// Measures the lag and the mean error of a flight. Fails without samples or a design.
     pub(super) fn new(flight: &'a Flight) -> Result<Self> {
         designed(flight, Part::Letters)?;
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
@@ -86,8 +88,8 @@ impl<'a> Aligned<'a> {
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
             let fits = lags_s.map(|lag_s| {
-                let some = writing.iter().step_by(stride).copied();
-                let (offset_m, variance_m2) = aligned.offset_and_variance(some, lag_s);
+                let sampled = writing.iter().step_by(stride).copied();
+                let (offset_m, variance_m2) = aligned.offset_and_variance(sampled, lag_s);
                 (variance_m2, lag_s, offset_m)
             });
             let best = fits.min_by(|a, b| a.0.total_cmp(&b.0)).expect("a lag at least");
@@ -97,20 +99,20 @@ impl<'a> Aligned<'a> {
         Ok(aligned)
     }
 
-    /// Mean of `flown − design` after a lag, and its variance in the word's plane, over samples in
-    /// the order of time.
+    /// The mean of `flown − design` after a lag, and the variance of that in the word's plane, over
+    /// samples in the order of time.
     fn offset_and_variance<'s>(
         &self,
         samples: impl Iterator<Item = &'s FlightSample>,
         lag_s: f64,
     ) -> (Vector3<f64>, f64) {
         let (mut n, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
-        // The samples around each time are found by going on from those around the last one.
+        // Times rise, so that the search continues from the samples around the last time.
         let mut next = 0;
         for sample in samples {
             let time_s = sample.time_s + lag_s;
             next += self.samples[next..].iter().take_while(|later| later.time_s <= time_s).count();
-            let error_m = self.before_m(next, time_s) - sample.design_m;
+            let error_m = self.interpolated_m(next, time_s) - sample.design_m;
             n += 1.0;
             sum += error_m;
             squares += error_m.xz().norm_squared();
@@ -119,13 +121,13 @@ impl<'a> Aligned<'a> {
         (mean_m, squares / f64::max(n, 1.0) - mean_m.xz().norm_squared())
     }
 
-    /// Position of the drone without the mean error.
-    fn at_m(&self, time_s: f64) -> Vector3<f64> {
-        self.before_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
+    /// Position of the drone at a time, without the mean error.
+    fn position_m(&self, time_s: f64) -> Vector3<f64> {
+        self.interpolated_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
     }
 
-    /// Position at a time between the sample before `next` and this one.
-    fn before_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
+    /// Position at a time without the mean error, between the sample before `next` and this one.
+    fn interpolated_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
         let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
         let [a, b] = [&self.samples[before], &self.samples[after]];
         let span_s = b.time_s - a.time_s;
@@ -134,17 +136,18 @@ impl<'a> Aligned<'a> {
         a.position_m.lerp(&b.position_m, fraction) - self.offset_m
     }
 
-    /// Lag of the drone at a point of the design, near to the lag at the edge before.
-    pub(super) fn lag_at_s(&self, edge: &Edge, about_s: f64) -> f64 {
+    /// The lag with which the drone passes an edge of the design, given the lag at the edge before:
+    /// it minimizes the distance from the edge, plus a cost of lags other than the flight's.
+    pub(super) fn lag_at_s(&self, edge: &Edge, previous_lag_s: f64) -> f64 {
         let cost = |lag_s: f64| {
-            let error = (self.at_m(edge.time_s + lag_s) - edge.at_m).xz().norm_squared();
-            let away_m = LAG_COST_M_S * (lag_s - self.lag_s);
-            error + away_m * away_m
+            let error_m2 = (self.position_m(edge.time_s + lag_s) - edge.at_m).xz().norm_squared();
+            let lag_cost_m = LAG_COST_M_S * (lag_s - self.lag_s);
+            error_m2 + lag_cost_m * lag_cost_m
         };
         // A grid search: the cost may have several minima, as at the crossing of two strokes.
-        let around_s = 0.5 * (about_s + self.lag_s);
-        let steps = (-75..=75).map(|step| around_s + f64::from(step) / 75.0 * SEARCH_S);
-        steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(about_s)
+        let middle_s = 0.5 * (previous_lag_s + self.lag_s);
+        let steps = (-75..=75).map(|step| middle_s + f64::from(step) / 75.0 * SEARCH_S);
+        steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(previous_lag_s)
     }
 
     /// Errors of the light at both ends of each stroke.
@@ -156,7 +159,7 @@ impl<'a> Aligned<'a> {
             let time_s = lamp.light_s(plan.setpoints[sent].time_s);
             let edge = Edge::new(plan, row, on);
             let along = edge.velocity_m_s.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
-            let beyond_m = (self.at_m(time_s) - edge.at_m).dot(&along);
+            let beyond_m = (self.position_m(time_s) - edge.at_m).dot(&along);
             let streak_m = if on { -beyond_m } else { beyond_m };
             StrokeEnd { time_s, at_m: edge.at_m, on, streak_m }
         });

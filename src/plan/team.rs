@@ -13,6 +13,7 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::distance;
 use noctograph_core::strokes::{Glyph, Strokes};
 
+/// Plans the flight that writes strokes letter by letter. Fails if it would take too long.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
     // Refused before any of it is planned.
     let duration_s = longest_duration_s(strokes, options, style);
@@ -52,6 +53,7 @@ fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyl
     (strokes_m + paths_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
 }
 
+/// The flight script under construction, up to a time.
 struct Script<'a> {
     options: &'a PlanOptions,
     style: &'a TeamStyle,
@@ -61,7 +63,7 @@ struct Script<'a> {
 }
 
 impl Script<'_> {
-    /// From the floor below the middle of the word to below its first letter.
+    /// Takes off from the floor below the middle of the word, and flies to below its first letter.
     fn take_off(&mut self, strokes: &Strokes) {
         let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
         self.wait(Vector3::zeros(), self.options.floor_wait_s);
@@ -70,7 +72,7 @@ impl Script<'_> {
         self.fly(lift_off, approach, false);
     }
 
-    /// One letter, then a step to the right of its box and a wait there in the dark.
+    /// Writes one letter, then steps to the right of its box and waits there in the dark.
     fn write(&mut self, glyph: &Glyph) {
         let mut last = self.position_m();
         for (index, step) in glyph.moves.iter().enumerate() {
@@ -88,7 +90,7 @@ impl Script<'_> {
         self.wait(beside, self.style.letter_wait_s);
     }
 
-    /// Straight down, back to below the middle of the word, motors off.
+    /// Flies straight down, back to below the middle of the word, and stops the motors.
     fn land(&mut self) {
         let above = self.position_m();
         let down = Vector3::new(above.x, 0.0, self.options.landing_height_m);
@@ -98,8 +100,7 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// A straight segment at the stroke speed, a lit one for at least as long as a dot takes. One
-    /// without length takes no time.
+    /// Flies a straight segment at the stroke speed. A short lit one takes as long as a dot.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
         let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {
@@ -109,11 +110,12 @@ impl Script<'_> {
         }
     }
 
+    /// Stays at a position in the dark.
     fn wait(&mut self, position_m: Vector3<f64>, duration_s: f64) {
         self.segment(position_m, Vector3::zeros(), duration_s, false);
     }
 
-    /// Setpoints from now until `duration_s` is over.
+    /// Sends setpoints at the interval from now on until `duration_s` is over.
     fn segment(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
         let start_s = self.time_s;
         let offsets_s = (0..).map(|n| f64::from(n) * self.options.setpoint_interval_s);
@@ -125,6 +127,7 @@ impl Script<'_> {
         self.time_s = start_s + duration_s;
     }
 
+    /// Sends a setpoint now.
     fn send(&mut self, position: Vector3<f64>, velocity: Vector3<f64>, lit: bool) {
         let setpoint = Setpoint {
             time_s: on_grid(self.time_s),
@@ -136,6 +139,7 @@ impl Script<'_> {
         self.plan.push(setpoint, f64::from(lit));
     }
 
+    /// The position that was sent last, or the origin.
     fn position_m(&self) -> Vector3<f64> {
         self.plan.setpoints.last().map_or_else(Vector3::zeros, |last| last.position_m)
     }

@@ -10,13 +10,23 @@ use rsruckig::prelude::{
 };
 
 use super::EvenStyle;
-use super::motion::{BEYOND, State};
+use super::motion::{MAX_EXCESS, State};
 
 /// Angles that split the limits between the two axes.
 const SPLITS_RAD: [f64; 3] = [0.25, 0.5, 0.785];
 
-/// Fractions of the limit of acceleration that are tried if both axes together exceed it.
-const GENTLER: [f64; 5] = [1.0, 0.9, 0.8, 0.6, 0.4];
+/// Fractions of the acceleration limit that are tried in turn while both axes together exceed it.
+const ACCELERATION_FRACTIONS: [f64; 5] = [1.0, 0.9, 0.8, 0.6, 0.4];
+
+/// Factor by which a path may exceed the speed limit between the times that are checked, and factor
+/// of the limits of an axis for rounding.
+const SPEED_SLACK: f64 = 1.01;
+const ROUNDING: f64 = 1.0 + 1e-9;
+/// Control cycle of Ruckig, which offline calculation does not use.
+const CONTROL_CYCLE_S: f64 = 0.01;
+/// Slack of a whole number of ticks, and most durations that are tried to reach one.
+const TICK_SLACK: f64 = 1e-6;
+const MAX_TRIALS: usize = 8;
 
 /// A path in the dark.
 #[derive(Debug)]
@@ -30,15 +40,15 @@ impl Transit {
     /// The fastest path between two states, lasting a multiple of `tick_s`. `None` if none was
     /// found, which has not happened for states within the limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
-        // An axis is allowed the acceleration of either end, so that both together may exceed the
-        // limit. Then gentler limits are tried.
+        // Each axis is allowed the acceleration of either end, so that both together may exceed the
+        // limit.
         let mut gentlest: Option<(f64, Self)> = None;
-        for fraction in GENTLER {
+        for fraction in ACCELERATION_FRACTIONS {
             let acceleration_m_s2 = fraction * style.acceleration_m_s2;
             let gentler = EvenStyle { acceleration_m_s2, ..style.clone() };
             let Some(path) = Self::fastest(from, to, &gentler, tick_s) else { break };
-            let most_m_s2 = path.most(|state| state.acceleration_m_s2);
-            if most_m_s2 <= BEYOND * style.acceleration_m_s2 {
+            let most_m_s2 = path.max_norm(|state| state.acceleration_m_s2);
+            if most_m_s2 <= MAX_EXCESS * style.acceleration_m_s2 {
                 return Some(path);
             }
             if gentlest.as_ref().is_none_or(|(least, _)| *least > most_m_s2) {
@@ -48,7 +58,8 @@ impl Transit {
         gentlest.map(|(_, path)| path)
     }
 
-    /// The fastest of the transits whose axes split the limits by an angle.
+    /// The fastest of the transits whose axes split the limits by an angle each, and keep to the
+    /// speed limit together if one does. `None` if Ruckig finds none.
     fn fastest(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let path_m = to.position_m - from.position_m;
         let angle_rad = if path_m.norm() > 1e-9 { libm::atan2(path_m.y, path_m.x) } else { 0.0 };
@@ -63,21 +74,24 @@ impl Transit {
         paths.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
         // Both axes together may exceed the limit of speed: such a path is only the last resort.
         let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
-        let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
-        let slow = paths.iter().position(|path| path.most(|state| state.velocity_m_s) <= limit_m_s);
-        paths.into_iter().nth(slow.unwrap_or(0))
+        let limit_m_s = SPEED_SLACK * fastest_m_s.max(to.velocity_m_s.norm());
+        let within_limit =
+            paths.iter().position(|path| path.max_norm(|state| state.velocity_m_s) <= limit_m_s);
+        paths.into_iter().nth(within_limit.unwrap_or(0))
     }
 
-    /// Greatest norm of a vector on the path.
-    fn most(&self, vector: impl Fn(&State) -> Vector2<f64>) -> f64 {
+    /// Greatest norm of a vector of the state at 33 even times.
+    fn max_norm(&self, vector: impl Fn(&State) -> Vector2<f64>) -> f64 {
         let times_s = (0..=32).map(|k| self.duration_s() * f64::from(k) / 32.0);
         times_s.map(|time_s| vector(&self.state_at(time_s)).norm()).fold(0.0, f64::max)
     }
 
+    /// Its duration.
     pub(super) fn duration_s(&self) -> f64 {
         self.trajectory.get_duration()
     }
 
+    /// The state at a time after its beginning, in the plane of the word.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());
@@ -92,54 +106,56 @@ impl Transit {
     }
 }
 
-/// The states and limits of Ruckig, along the path and across it.
+/// The input of Ruckig: states and limits along the path (axis 0) and across it (axis 1), with the
+/// limits of speed and acceleration split between the axes by an angle each.
 fn input(
     from: &State,
     to: &State,
     world_from_path: &Rotation2<f64>,
     style: &EvenStyle,
-    [speed_rad, force_rad]: [f64; 2],
+    [speed_rad, acceleration_rad]: [f64; 2],
 ) -> InputParameter<2> {
     let path_from_world = world_from_path.inverse();
     let [v, target_v] = [from, to].map(|state| path_from_world * state.velocity_m_s);
     let [a, target_a] = [from, to].map(|state| path_from_world * state.acceleration_m_s2);
     let target = path_from_world * (to.position_m - from.position_m);
     let (sin_v, cos_v) = libm::sincos(speed_rad);
-    let (sin_a, cos_a) = libm::sincos(force_rad);
+    let (sin_a, cos_a) = libm::sincos(acceleration_rad);
     let mut input = InputParameter::<2>::new(None);
-    for (axis, (part_v, part_a)) in [(cos_v, cos_a), (sin_v, sin_a)].into_iter().enumerate() {
+    for (axis, (fraction_v, fraction_a)) in [(cos_v, cos_a), (sin_v, sin_a)].into_iter().enumerate()
+    {
         input.current_velocity[axis] = v[axis];
         input.current_acceleration[axis] = a[axis];
         input.target_position[axis] = target[axis];
         input.target_velocity[axis] = target_v[axis];
         input.target_acceleration[axis] = target_a[axis];
-        // The limits are at least the values at either end. The slack is for rounding.
+        // The limits are at least the values at either end.
         let ends_v = v[axis].abs().max(target_v[axis].abs());
         let ends_a = a[axis].abs().max(target_a[axis].abs());
-        input.max_velocity[axis] = (style.dark_speed_m_s * part_v).max(ends_v) * (1.0 + 1e-9);
+        input.max_velocity[axis] = (style.dark_speed_m_s * fraction_v).max(ends_v) * ROUNDING;
         input.max_acceleration[axis] =
-            (style.acceleration_m_s2 * part_a).max(ends_a) * (1.0 + 1e-9);
-        input.max_jerk[axis] = style.jerk_m_s3 * part_a;
+            (style.acceleration_m_s2 * fraction_a).max(ends_a) * ROUNDING;
+        input.max_jerk[axis] = style.jerk_m_s3 * fraction_a;
     }
     input
 }
 
-/// A trajectory that lasts whole ticks.
+/// The fastest trajectory that lasts whole ticks. `None` if Ruckig finds none.
 fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>> {
-    let mut ruckig = Ruckig::<2, IgnoreErrorHandler>::new(None, 0.01);
-    for _ in 0..8 {
+    let mut ruckig = Ruckig::<2, IgnoreErrorHandler>::new(None, CONTROL_CYCLE_S);
+    for _trial in 0..MAX_TRIALS {
         let mut trajectory = Trajectory::<2>::new(None);
         let Ok(RuckigResult::Working | RuckigResult::Finished) =
             ruckig.calculate(input, &mut trajectory)
         else {
             return None;
         };
-        let ticks = trajectory.get_duration() / tick_s;
-        if (ticks - ticks.round()).abs() < 1e-6 {
+        let n_ticks = trajectory.get_duration() / tick_s;
+        if (n_ticks - n_ticks.round()).abs() < TICK_SLACK {
             return Some(trajectory);
         }
         // A longer duration may be infeasible, and the next feasible one off the tick again.
-        input.minimum_duration = Some((ticks - 1e-6).ceil() * tick_s);
+        input.minimum_duration = Some((n_ticks - TICK_SLACK).ceil() * tick_s);
     }
     None
 }

@@ -152,7 +152,7 @@ fn save_with(py: Python<'_>, path: &Path, bytes: &[u8], scene: Option<&PyScene>)
     let Some(PyScene(scene)) = scene else { return save(py, path, bytes) };
     // Both files are created before either is named.
     let written = Output::create(path).and_then(|file| {
-        let beside = Output::create(&CarriedScene::place(path))?;
+        let beside = Output::create(&CarriedScene::path_beside(path))?;
         CarriedScene::keep_with(file.write_with(|out| out.write_all(bytes))?, beside, scene)
     });
     written.map(|_paths| ()).map_err(|error| raised(py, &error))

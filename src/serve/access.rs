@@ -1,11 +1,10 @@
-//! Access: a browser that knows the address, from a page of this server.
+//! Access: admits requests with a secret address, from pages of this server.
 //!
-//! Each address has a secret: that of visitors, of kiosks, of the operator at this machine, and of
-//! each entry, which leads only to that entry. A name that is rebound to this machine (DNS
-//! rebinding) is recognized by its `Host`. A foreign page that posts is recognized by its `Origin`,
-//! its
-//! `Sec-Fetch-Site`, or the content type, for which a browser asks first (a CORS preflight), and is
-//! refused. There are no cookies.
+//! Visitors, kiosks, the operator at this machine and each entry have an address with a secret. An
+//! entry's address gives access only to that entry. A host name that is rebound to this machine
+//! (DNS rebinding) is recognized by `Host`. A page of another origin that posts is recognized by
+//! `Origin`, `Sec-Fetch-Site`, or the content type, which needs a CORS preflight, and is refused.
+//! There are no cookies.
 
 use std::net::IpAddr;
 
@@ -17,7 +16,7 @@ use super::address::{Address, is_secret};
 use super::http::{HttpError, HttpResult, MAX_BODY};
 use noctograph_photo_service::request::Asker;
 
-/// Refusal of an address without a valid secret. A browser gets a page that says so.
+/// Message for an address without a valid secret. A browser gets a page instead.
 pub(crate) const OLD_ADDRESS: &str = "open the address that the program printed";
 
 /// The rules for admitting requests.
@@ -28,7 +27,7 @@ pub(crate) struct Access {
     pub(crate) network: bool,
 }
 
-/// The owner of the address of a request.
+/// The kind of address to which a request is sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Base {
     Visitors,
@@ -47,8 +46,8 @@ pub(crate) struct Request {
     pub(crate) route: String,
     /// The text after the question mark.
     pub(crate) query: String,
-    /// The `ETag` of the file that the browser has.
-    pub(crate) known_mark: Option<String>,
+    /// The `ETag` of the file in the browser's cache, empty if there is none.
+    pub(crate) if_none_match: Option<String>,
     /// The body of a POST, read after the request was admitted. `None` for a GET.
     pub(crate) body: Option<Bytes>,
 }
@@ -59,13 +58,15 @@ impl Request {
         self.peer.is_loopback() && self.base != Base::Kiosk
     }
 
-    /// The page that asks.
+    /// Returns the kind of page that sends the request.
     pub(crate) fn asker(&self) -> Asker {
         if self.base == Base::Kiosk { Asker::Kiosk } else { Asker::Served }
     }
 }
 
 impl Access {
+    /// Checks the header of a request. Returns the request with an empty body for a POST, or the
+    /// reason of a refusal.
     pub(crate) fn admit(&self, head: &Parts, peer: IpAddr) -> HttpResult<Request> {
         let n_hosts = head.headers.get_all("host").iter().count();
         if n_hosts > 1 || !self.is_this_server(field(head, "host")) {
@@ -82,24 +83,28 @@ impl Access {
             _ => return Err(HttpError(405, "GET or POST")),
         };
         let query = head.uri.query().unwrap_or_default().to_owned();
-        let known_mark = Some(field(head, "if-none-match").to_owned());
-        Ok(Request { peer, base, route: route.to_owned(), query, known_mark, body })
+        let if_none_match = Some(field(head, "if-none-match").to_owned());
+        Ok(Request { peer, base, route: route.to_owned(), query, if_none_match, body })
     }
 
+    /// Returns the kind of address and the route of a path. `None` without a valid secret.
     fn base<'a>(&self, path: &'a str, peer: IpAddr) -> Option<(Base, &'a str)> {
         let mut parts = path.strip_prefix('/')?.splitn(3, '/');
         let (kind, secret, route) = (parts.next()?, parts.next()?, parts.next()?);
         let base = match kind {
-            "k" if is_same(secret, &self.address.visitors) => Base::Visitors,
-            "k" if is_same(secret, &self.address.kiosk) => Base::Kiosk,
-            "o" if peer.is_loopback() && is_same(secret, &self.address.operator) => Base::Operator,
+            "k" if secrets_match(secret, &self.address.visitors) => Base::Visitors,
+            "k" if secrets_match(secret, &self.address.kiosk) => Base::Kiosk,
+            "o" if peer.is_loopback() && secrets_match(secret, &self.address.operator) => {
+                Base::Operator
+            }
             "e" if is_secret(&secret.to_ascii_lowercase()) => Base::Entry(secret.to_owned()),
             _ => return None,
         };
         Some((base, route))
     }
 
-    /// True if a host is this server by number, or `localhost`. Other names are defined by others.
+    /// True if a `Host` is an IP address of this server or `localhost`, with its port. Anybody may
+    /// define another name for this machine.
     fn is_this_server(&self, host: &str) -> bool {
         let Some((name, port)) = host.rsplit_once(':') else { return false };
         let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
@@ -109,29 +114,29 @@ impl Access {
     }
 }
 
-/// True if a browser opens an address as a page.
+/// True if a browser requests an address as a page.
 pub(crate) fn wants_page(head: &Parts) -> bool {
     let accept = field(head, "accept");
     head.method == Method::GET && (accept.contains("text/html") || accept == "*/*")
 }
 
-/// The first language in a browser's list that the page has.
-pub(crate) fn language<'a>(head: &Parts, known: &[&'a str]) -> Option<&'a str> {
+/// Returns the first language in a browser's list that is one of `languages`.
+pub(crate) fn language<'a>(head: &Parts, languages: &[&'a str]) -> Option<&'a str> {
     let wanted = field(head, "accept-language").split(',');
     let wanted = wanted.filter_map(|tag| tag.trim().get(..2));
-    wanted.filter_map(|tag| known.iter().find(|code| **code == tag).copied()).next()
+    wanted.filter_map(|tag| languages.iter().find(|code| **code == tag).copied()).next()
 }
 
-/// A field of a request. Empty if it is missing or not ASCII.
+/// Returns a field of a request. Empty if it is missing or not ASCII.
 fn field<'a>(head: &'a Parts, name: &str) -> &'a str {
     head.headers.get(name).and_then(|value| value.to_str().ok()).unwrap_or_default()
 }
 
-/// Checks that a page of this server posts, and that its body is not too long.
+/// Checks that a POST comes from a page of this server, and that its body is not too long.
 fn check_post(head: &Parts) -> HttpResult<()> {
     let origin = format!("http://{}", field(head, "host"));
     for (name, expected) in [("origin", &*origin), ("sec-fetch-site", "same-origin")] {
-        // A field that is sent twice has two values, and each of them counts.
+        // A field that is sent twice has two values, and each of them must be right.
         if head.headers.get_all(name).iter().any(|value| value != expected) {
             return Err(HttpError(403, "a page of another origin asks"));
         }
@@ -142,15 +147,15 @@ fn check_post(head: &Parts) -> HttpResult<()> {
     if !head.headers.contains_key("content-length") {
         return Err(HttpError(411, "a Content-Length"));
     }
-    // It is a number, or hyper would have refused it: only a large one is left.
+    // hyper has refused a length that is not a number, so an error here is a number too large.
     match field(head, "content-length").parse() {
         Ok(0..=MAX_BODY) => Ok(()),
         _ => Err(HttpError(413, "at most 256 KiB; simplify the drawing")),
     }
 }
 
-/// True if two secrets are the same, in a time that does not depend on where they differ.
-fn is_same(a: &str, b: &str) -> bool {
-    let differ = a.bytes().zip(b.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b));
-    a.len() == b.len() && differ == 0
+/// True if two secrets are equal. The comparison takes the same time wherever they differ.
+fn secrets_match(a: &str, b: &str) -> bool {
+    let different_bits = a.bytes().zip(b.bytes()).fold(0, |bits, (a, b)| bits | (a ^ b));
+    a.len() == b.len() && different_bits == 0
 }

@@ -1,5 +1,5 @@
-//! The address of the page. A gallery keeps its secrets and its port, so that tablets and printed
-//! codes work after a restart.
+//! The addresses of the pages. A gallery stores their secrets and their port, so that tablets and
+//! printed codes work after a restart.
 
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, TcpListener, UdpSocket};
@@ -24,7 +24,7 @@ pub(crate) struct Address {
     pub(crate) port: u16,
 }
 
-/// A name that cannot be guessed: 128 random bits of the system.
+/// Returns a name that cannot be guessed: 128 random bits from the system, in hexadecimal.
 pub(crate) fn secret() -> Result<String> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|error| {
@@ -33,40 +33,41 @@ pub(crate) fn secret() -> Result<String> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// True for a name in the form of [`secret`].
+/// True if a name has the form of [`secret`].
 pub(crate) fn is_secret(name: &str) -> bool {
     name.len() == 32 && name.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 impl Address {
-    /// The address that a gallery keeps, or a new one, with the listener on its port. A `port` of 0
-    /// is the one that is kept, or any that is free.
+    /// Returns the address that the gallery stores, or a new one, and the listener on its port. If
+    /// `port` is 0, it is the stored port or any free one.
     pub(crate) fn open(
         gallery: Option<&Path>,
         port: u16,
         ip: Ipv4Addr,
     ) -> Result<(Self, TcpListener)> {
         let path = gallery.map(|folder| folder.join(FILE)).filter(|path| path.is_file());
-        let kept = path.as_deref().map(Self::read).transpose()?;
-        let listener = listen(ip, port, kept.as_ref().map_or(0, |kept| kept.port));
+        let stored = path.as_deref().map(Self::read).transpose()?;
+        let listener = listen(ip, port, stored.as_ref().map_or(0, |stored| stored.port));
         let (listener, port) = listener.map_err(|source| {
             let hint = "choose another port, or 0 for one that is free";
             Error::input("--port", format!("{port} ({source})"), "a port that is free", hint)
         })?;
-        let mut address = match kept.clone() {
-            Some(kept) => Self { port, ..kept },
+        let mut address = match stored.clone() {
+            Some(stored) => Self { port, ..stored },
             None => Self { visitors: secret()?, kiosk: String::new(), operator: secret()?, port },
         };
-        // Galleries of earlier versions have none.
+        // Galleries of earlier versions have no kiosk.
         if address.kiosk.is_empty() {
             address.kiosk = secret()?;
         }
-        if let Some(folder) = gallery.filter(|_| kept.as_ref() != Some(&address)) {
-            address.keep(folder)?;
+        if let Some(folder) = gallery.filter(|_| stored.as_ref() != Some(&address)) {
+            address.write(folder)?;
         }
         Ok((address, listener))
     }
 
+    /// Reads the address of a gallery, and checks its secrets.
     fn read(path: &Path) -> Result<Self> {
         let text = LIMIT.read_text(path)?;
         // A weak secret would open the gallery to anybody who guesses it.
@@ -81,7 +82,8 @@ impl Address {
         Err(Error::input(path.display(), wrong, wanted, LIMIT.hint))
     }
 
-    /// A secret that can be guessed. Galleries of earlier versions have none for kiosks.
+    /// Returns a secret that can be guessed. `None` if all are strong. Galleries of earlier
+    /// versions have none for kiosks.
     fn weak_secret(&self) -> Option<&String> {
         let kiosk = Some(&self.kiosk).filter(|kiosk| !kiosk.is_empty());
         let mut secrets = [&self.visitors, &self.operator].into_iter().chain(kiosk);
@@ -89,10 +91,10 @@ impl Address {
     }
 
     /// Writes the address to a file that only the host's user can read.
-    fn keep(&self, folder: &Path) -> Result<()> {
+    fn write(&self, folder: &Path) -> Result<()> {
         let path = folder.join(FILE);
         let text = serde_json::to_string_pretty(self).expect("it is plain data") + "\n";
-        // A temporary file of this crate can be read only by its owner.
+        // `tempfile` makes files that only their owner can read.
         let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
             file.write_all(text.as_bytes())?;
             file.as_file().sync_all()?;
@@ -101,41 +103,42 @@ impl Address {
         written.map(drop).map_err(|source| Error::write(&path, source))
     }
 
-    /// The page of visitors at an IP address.
-    pub(crate) fn of_visitors(&self, ip: IpAddr) -> String {
+    /// Returns the address of the visitors' page at an IP address of this machine.
+    pub(crate) fn visitors_url(&self, ip: IpAddr) -> String {
         format!("http://{ip}:{}/k/{}/", self.port, self.visitors)
     }
 
-    pub(crate) fn of_kiosk(&self, ip: IpAddr) -> String {
+    pub(crate) fn kiosk_url(&self, ip: IpAddr) -> String {
         format!("http://{ip}:{}/k/{}/", self.port, self.kiosk)
     }
 
-    pub(crate) fn of_wall(&self, ip: IpAddr) -> String {
-        self.of_visitors(ip) + "wall.html"
+    pub(crate) fn wall_url(&self, ip: IpAddr) -> String {
+        self.visitors_url(ip) + "wall.html"
     }
 
-    /// The operator's page, on this machine.
-    pub(crate) fn of_operator(&self) -> String {
+    /// Returns the address of the operator's page, which is served only to this machine.
+    pub(crate) fn operator_url(&self) -> String {
         format!("http://{}:{}/o/{}/", Ipv4Addr::LOCALHOST, self.port, self.operator)
     }
 
-    pub(crate) fn of_entry(&self, ip: IpAddr, id: &str) -> String {
+    pub(crate) fn entry_url(&self, ip: IpAddr, id: &str) -> String {
         format!("http://{ip}:{}/e/{id}/", self.port)
     }
 }
 
-/// Listens on a port, with its number. 0 is the port that was kept, or any if that is taken.
-fn listen(ip: Ipv4Addr, port: u16, kept: u16) -> std::io::Result<(TcpListener, u16)> {
+/// Listens on a port. Returns the listener and its port. If `port` is 0, it is the stored port, or
+/// any free one if another program uses that.
+fn listen(ip: Ipv4Addr, port: u16, stored: u16) -> std::io::Result<(TcpListener, u16)> {
     let listener = match port {
-        0 => TcpListener::bind((ip, kept)).or_else(|_taken| TcpListener::bind((ip, 0))),
+        0 => TcpListener::bind((ip, stored)).or_else(|_in_use| TcpListener::bind((ip, 0))),
         port => TcpListener::bind((ip, port)),
     }?;
     let port = listener.local_addr()?.port();
     Ok((listener, port))
 }
 
-/// The address of this machine in its network. Nothing is sent: the socket only looks up the route
-/// to an address that is reserved for examples (RFC 5737).
+/// Returns the IP address of this machine in its network. Connecting a UDP socket sends nothing,
+/// but looks up the route, here to an address that is reserved for examples (RFC 5737).
 pub(crate) fn own_ip() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;

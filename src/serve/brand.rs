@@ -17,21 +17,22 @@ use noctograph_photo_service::about::Brand as Words;
 const TABLE: Limit = Limit { bytes: 64 << 10, what: "a brand", hint: "shorten its sentences" };
 const LOGO: Limit = Limit { bytes: 256 << 10, what: "a logo", hint: "simplify its paths" };
 
-/// Most characters of a title, and of a sentence in a language.
+/// Greatest number of characters in a title.
 const MAX_TITLE: usize = 60;
+/// Greatest number of characters in a sentence, in each language.
 const MAX_SENTENCE: usize = 240;
 
 /// The words and the logo of a host.
 #[derive(Debug, Default)]
 pub(crate) struct Brand {
-    /// The part that pages get as JSON.
+    /// The words, which pages get as JSON.
     pub(crate) words: Words,
     /// The logo (SVG).
     pub(crate) svg: Option<String>,
 }
 
 impl Brand {
-    /// Reads and checks a folder.
+    /// Reads the words and the logo from a folder, and checks them.
     pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("brand.toml");
         let mut words: Words = toml::from_str(&TABLE.read_text(&path)?)
@@ -58,6 +59,7 @@ impl Brand {
     }
 }
 
+/// Returns the error for a key of the brand's file.
 fn refused(path: &Path, key: &str, actual: &str, wanted: &str) -> Error {
     Error::input(key, actual, wanted, "see docs/page.md").in_file(path.display(), None)
 }

@@ -1,4 +1,4 @@
-//! Entries that visitors sent to be flown: the queue, the wall and the page of each entry.
+//! Entries that visitors sent to be flown, for the queue, the wall and the page of each entry.
 
 use std::collections::{HashMap, HashSet};
 use std::net::IpAddr;
@@ -10,40 +10,45 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
-use super::gallery::{self, Entry, Figures, ForOperator, Gallery, Order, Photo, State, regular};
+use super::gallery::{
+    self, Entry, Figures, ForOperator, Gallery, Order, Photo, State, regular_file,
+};
 use noctograph_core::error::Result;
 use noctograph_photo_service::messages::{Key, KeyResult};
 use noctograph_photo_service::request::Subject;
 
-/// Most entries that wait, in all and from one address.
-const MOST: usize = 1000;
-const MOST_OF_ADDRESS: usize = 500;
-/// Entries that an address may send at once, and the time after which it may send one more.
+/// Greatest number of waiting entries.
+const MAX_WAITING: usize = 1000;
+/// Greatest number of waiting entries from one IP address.
+const MAX_WAITING_OF_SENDER: usize = 500;
+/// Entries that an IP address may send at once.
 const BURST: f64 = 6.0;
+/// Time after which an IP address may send one more entry.
 const REFILL_S: f64 = 5.0;
-/// Most photos on the wall.
-const SHOWN: usize = 500;
-/// Longest wait for news.
+/// Greatest number of photos on the wall.
+const MAX_ON_WALL: usize = 500;
+/// Longest wait for a change.
 const NEWS_TIMEOUT: Duration = Duration::from_secs(20);
-/// Time between two flights, for changing batteries and carrying the drone back.
+/// Time between two flights, to change batteries and to carry the drone back.
 const BETWEEN_S: f64 = 60.0;
 
+/// An action of the operator on an entry.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Act {
     Approve,
     Reject,
-    /// Undoes both.
+    /// Undoes [`Self::Approve`] and [`Self::Reject`].
     Wait,
-    /// It flies now, and the one before has flown.
+    /// The entry flies now, and the entry that flew before has flown.
     Fly,
     Flown,
-    /// Takes it down from the wall.
+    /// Removes the entry from the wall.
     Hide,
     Show,
 }
 
-/// An entry for its visitor.
+/// An entry as its visitor gets it.
 #[derive(Debug, Serialize)]
 pub(crate) struct ForVisitor {
     id: String,
@@ -56,7 +61,7 @@ pub(crate) struct ForVisitor {
     flight_s: f64,
     read: Option<String>,
     legible: Option<bool>,
-    /// Entries that fly before it, and the time that they take.
+    /// Number of entries that fly before it, and the time that they take.
     ahead: usize,
     ahead_s: f64,
 }
@@ -121,30 +126,39 @@ pub(crate) struct Entries {
     revision: watch::Sender<u64>,
 }
 
-/// Token buckets of recent senders: entries that an address may still send, and since when.
+/// Token buckets of recent senders: the entries that an address could still send, and when.
 #[derive(Debug, Default)]
 struct Senders(HashMap<IpAddr, (f64, Instant)>);
 
 impl Senders {
-    /// True if an address may send one more, which is then counted.
+    /// True if an address may send one more entry, which is then counted.
     fn admit(&mut self, address: IpAddr, now: Instant) -> bool {
-        // Full buckets are forgotten.
-        self.0.retain(|_, sender| refilled(*sender, now) < BURST);
-        let left = self.0.get(&address).map_or(BURST, |sender| refilled(*sender, now));
-        if left >= 1.0 {
-            self.0.insert(address, (left - 1.0, now));
+        // A full bucket is like a new one, so it is removed.
+        self.0.retain(|_, bucket| refilled(*bucket, now) < BURST);
+        let tokens = self.0.get(&address).map_or(BURST, |bucket| refilled(*bucket, now));
+        if tokens >= 1.0 {
+            self.0.insert(address, (tokens - 1.0, now));
         }
-        left >= 1.0
+        tokens >= 1.0
     }
 }
 
-/// Entries that an address may send now, of those that it had left before.
-fn refilled((left, since): (f64, Instant), now: Instant) -> f64 {
-    f64::min(BURST, left + now.saturating_duration_since(since).as_secs_f64() / REFILL_S)
+/// Returns the tokens that a bucket has now, if it had `tokens` at the time `since`.
+fn refilled((tokens, since): (f64, Instant), now: Instant) -> f64 {
+    f64::min(BURST, tokens + now.saturating_duration_since(since).as_secs_f64() / REFILL_S)
+}
+
+/// What a visitor learns about the entry of a photo.
+#[derive(Debug)]
+pub(crate) struct Receipt {
+    pub(crate) id: String,
+    pub(crate) number: u32,
+    /// False if the photo had an entry already.
+    pub(crate) is_new: bool,
 }
 
 impl Entries {
-    /// Opens a gallery with the entries in it.
+    /// Opens a gallery, and reads its entries in the order of flight. New entries come last.
     pub(crate) fn open(folder: &std::path::Path, is_open: bool, warn: fn(&str)) -> Result<Self> {
         let gallery = Gallery::open(folder)?;
         let Order { paused, numbers } = gallery.read_order();
@@ -152,28 +166,28 @@ impl Entries {
         let mut entries: Vec<Stored> =
             entries.map(|(entry, folder)| Stored { entry, folder, sender: None }).collect();
         entries.sort_by_key(|Stored { entry, .. }| {
-            let place = numbers.iter().position(|number| *number == entry.number);
-            (place.unwrap_or(usize::MAX), entry.number)
+            let rank = numbers.iter().position(|number| *number == entry.number);
+            (rank.unwrap_or(usize::MAX), entry.number)
         });
         let list = Mutex::new(List { entries, paused, senders: Senders::default() });
         Ok(Self { gallery, is_open, warn, list, revision: watch::Sender::new(1) })
     }
 
-    /// Admits a photo from an address, before it is made. Returns name and number of the entry that
-    /// has it already, if there is one.
-    pub(crate) fn admit(&self, photo: &str, sender: IpAddr) -> KeyResult<Option<(String, u32)>> {
+    /// Checks that an address may send a photo, before the photo is made. Returns the receipt of
+    /// the entry that has the photo already, if there is one.
+    pub(crate) fn admit(&self, photo: &str, sender: IpAddr) -> KeyResult<Option<Receipt>> {
         let mut list = self.list();
-        if let Some(known) = list.with_photo(photo) {
-            return Ok(Some(known));
+        if let Some(receipt) = list.receipt(photo) {
+            return Ok(Some(receipt));
         }
-        // What was sent before the pause is confirmed again, as above.
+        // After the check above, so that a photo sent before the pause is confirmed again.
         if list.paused {
             return Err(Key::Paused);
         }
         // Limits of the queue, and then of the rate, which counts the request.
         let waiting = list.entries.iter().filter(|stored| stored.entry.state == State::Waiting);
         let n_of_sender = waiting.clone().filter(|stored| stored.sender == Some(sender)).count();
-        if waiting.count() >= MOST || n_of_sender >= MOST_OF_ADDRESS {
+        if waiting.count() >= MAX_WAITING || n_of_sender >= MAX_WAITING_OF_SENDER {
             return Err(Key::QueueFull);
         }
         if !list.senders.admit(sender, Instant::now()) {
@@ -182,47 +196,42 @@ impl Entries {
         Ok(None)
     }
 
-    /// Keeps a photo that was admitted, once. Returns the entry's name and number, and `true` for a
-    /// new one.
-    pub(crate) fn add(
-        &self,
-        photo: &Photo,
-        language: &str,
-        sender: IpAddr,
-    ) -> KeyResult<(String, u32, bool)> {
+    /// Adds an entry for an admitted photo, unless one exists. Returns the receipt.
+    pub(crate) fn add(&self, photo: &Photo, language: &str, sender: IpAddr) -> KeyResult<Receipt> {
         let mut list = self.list();
-        if let Some((id, number)) = list.with_photo(&photo.id) {
-            return Ok((id, number, false));
+        if let Some(receipt) = list.receipt(&photo.id) {
+            return Ok(receipt);
         }
         // The list stays locked while the entry is written, so its number is unique.
         let number = list.entries.iter().map(|s| s.entry.number).max().map_or(1, |n| n + 1);
-        let kept = Entry::new(photo, language, number).and_then(|mut entry| {
-            let folder = self.gallery.keep(&mut entry, photo)?;
+        let added = Entry::new(photo, language, number).and_then(|mut entry| {
+            let folder = self.gallery.add(&mut entry, photo)?;
             Ok(Stored { entry, folder, sender: Some(sender) })
         });
-        let stored = kept.map_err(|error| {
+        let stored = added.map_err(|error| {
             (self.warn)(&error.to_string());
             Key::DiskFull
         })?;
         let (id, number) = (stored.entry.id.clone(), stored.entry.number);
         list.entries.push(stored);
-        self.changed();
-        Ok((id, number, true))
+        self.announce_change();
+        Ok(Receipt { id, number, is_new: true })
     }
 
-    /// Does an action of the operator, who saw the state `was`. Returns the JSON of [`Acted`].
-    pub(crate) fn act(&self, id: &str, act: Act, was: Option<State>) -> KeyResult<String> {
+    /// Does an action of the operator, whose page showed the state `seen`. If another page has
+    /// changed the state since, it is a conflict. Returns the JSON of [`Acted`].
+    pub(crate) fn act(&self, id: &str, act: Act, seen: Option<State>) -> KeyResult<String> {
         let mut list = self.list();
         let index = list.index(id)?;
-        if was.is_some_and(|was| was != list.entries[index].entry.state) {
+        if seen.is_some_and(|seen| seen != list.entries[index].entry.state) {
             return Err(Key::Conflict);
         }
-        // One drone team: what flew before has flown.
+        // Only one entry flies at a time, so the one before has flown.
         if act == Act::Fly {
             let flying = list.entries.iter_mut().filter(|s| s.entry.state == State::Flying);
             for stored in flying.filter(|stored| stored.entry.id != id) {
                 stored.change(|entry| entry.state = State::Flown)?;
-                self.changed();
+                self.announce_change();
             }
         }
         list.entries[index].change(|entry| match act {
@@ -234,16 +243,16 @@ impl Entries {
             Act::Hide => entry.hidden = true,
             Act::Show => entry.hidden = false,
         })?;
-        let revision = self.changed();
+        let revision = self.announce_change();
         let acted = Acted { revision, entry: list.entries[index].entry.for_operator() };
         Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
     }
 
-    /// Removes an entry for its visitor, as long as it waits.
+    /// Removes an entry for its visitor, as long as it waits for approval.
     pub(crate) fn withdraw(&self, id: &str, visitor: &str) -> KeyResult<()> {
         let mut list = self.list();
         let index = list.index(id)?;
-        // The name of an entry is not enough: others may have seen it on a screen.
+        // The name of an entry is not enough, since others may have seen it on a screen.
         let entry = &list.entries[index].entry;
         if entry.visitor != visitor {
             return Err(Key::Closed);
@@ -253,30 +262,30 @@ impl Entries {
         }
         gallery::remove(&list.entries[index].folder).map_err(|_cause| Key::DiskFull)?;
         list.entries.remove(index);
-        self.changed();
+        self.announce_change();
         Ok(())
     }
 
-    /// Puts entries first, in an order.
+    /// Moves entries to the front, in the order of `ids`. Returns the new revision.
     pub(crate) fn reorder(&self, ids: &[String]) -> KeyResult<u64> {
         let mut list = self.list();
-        // The sort is stable: other entries stay behind them in their order.
+        // The sort is stable, so the other entries keep their order.
         let mut entries: Vec<&Stored> = list.entries.iter().collect();
         entries.sort_by_key(|stored| stored.rank(ids));
         self.write_order(list.paused, entries)?;
         list.entries.sort_by_key(|stored| stored.rank(ids));
-        Ok(self.changed())
+        Ok(self.announce_change())
     }
 
-    /// Stops taking entries, or takes them again.
+    /// Stops accepting entries, or accepts them again. Returns the new revision.
     pub(crate) fn pause(&self, paused: bool) -> KeyResult<u64> {
         let mut list = self.list();
         self.write_order(paused, &list.entries)?;
         list.paused = paused;
-        Ok(self.changed())
+        Ok(self.announce_change())
     }
 
-    /// Writes the order before it changes in memory.
+    /// Writes the order of flight to the gallery. Callers do that before they change it in memory.
     fn write_order<'a>(
         &self,
         paused: bool,
@@ -286,7 +295,8 @@ impl Entries {
         self.gallery.write_order(&Order { paused, numbers }).map_err(|_cause| Key::DiskFull)
     }
 
-    /// Waits for a change since a revision, for some time at most. Returns the revision.
+    /// Waits for a change since the revision `seen`, for [`NEWS_TIMEOUT`] at most. Returns the
+    /// current revision.
     pub(crate) async fn news(&self, seen: u64) -> u64 {
         let mut changes = self.revision.subscribe();
         let _ = timeout(NEWS_TIMEOUT, changes.wait_for(|revision| *revision != seen)).await;
@@ -301,6 +311,7 @@ impl Entries {
         self.list().paused
     }
 
+    /// Returns the JSON of [`Queue`].
     pub(crate) fn queue(&self) -> String {
         let list = self.list();
         let queue = Queue {
@@ -312,6 +323,7 @@ impl Entries {
         serde_json::to_string(&queue).expect("entries are plain data")
     }
 
+    /// Returns an entry as its visitor gets it.
     pub(crate) fn for_visitor(&self, id: &str) -> KeyResult<ForVisitor> {
         let list = self.list();
         let index = list.index(id)?;
@@ -325,6 +337,7 @@ impl Entries {
         let Entry { id, number, title, made, state, language, figures, .. } =
             list.entries[index].entry.clone();
         let Figures { flight_s, read, legible, .. } = figures;
+        // The date of an RFC 3339 time has ten characters.
         let made = made.get(..10).unwrap_or_default().to_owned();
         Ok(ForVisitor {
             id,
@@ -341,22 +354,23 @@ impl Entries {
         })
     }
 
+    /// Returns the path of an entry's file. `None` if it does not exist.
     pub(crate) fn file(&self, id: &str, name: &str) -> Option<PathBuf> {
-        regular(self.list().first(|entry| entry.id == id)?.folder.join(name))
+        regular_file(self.list().first(|entry| entry.id == id)?.folder.join(name))
     }
 
-    /// The photos on the wall, the newest first. Each visitor's word appears once.
+    /// Returns the photos on the wall, the newest first. Each visitor's word appears once.
     pub(crate) fn wall(&self) -> Wall {
         let list = self.list();
         let entries = list.entries.iter().map(|stored| &stored.entry);
         let mut entries: Vec<&Entry> = entries.filter(|entry| self.is_shown(entry)).collect();
         entries.sort_by_key(|entry| std::cmp::Reverse(entry.number));
-        // Drawings have no title, and each of them counts.
-        let mut seen = HashSet::new();
+        // Drawings have no title, and all of them are shown.
+        let mut words = HashSet::new();
         entries.retain(|Entry { title, visitor, .. }| {
-            title.as_ref().is_none_or(|title| seen.insert((title, visitor)))
+            title.as_ref().is_none_or(|title| words.insert((title, visitor)))
         });
-        let photos = entries.into_iter().take(SHOWN).map(|entry| WallPhoto {
+        let photos = entries.into_iter().take(MAX_ON_WALL).map(|entry| WallPhoto {
             key: entry.key.clone(),
             title: entry.title.clone(),
             flight_s: entry.figures.flight_s,
@@ -365,12 +379,15 @@ impl Entries {
         Wall { revision: *self.revision.borrow(), photos: photos.collect() }
     }
 
-    /// A file of a photo on the wall.
-    pub(crate) fn shown(&self, key: &str, name: &str) -> Option<PathBuf> {
+    /// Returns the path of a photo's file. `None` if the photo is not on the wall.
+    pub(crate) fn wall_file(&self, key: &str, name: &str) -> Option<PathBuf> {
         let list = self.list();
-        regular(list.first(|entry| entry.key == key && self.is_shown(entry))?.folder.join(name))
+        regular_file(
+            list.first(|entry| entry.key == key && self.is_shown(entry))?.folder.join(name),
+        )
     }
 
+    /// True if an entry is on the wall.
     fn is_shown(&self, entry: &Entry) -> bool {
         let is_approved = match entry.state {
             State::Approved | State::Flying | State::Flown => true,
@@ -380,15 +397,16 @@ impl Entries {
         is_approved && !entry.hidden
     }
 
-    /// Number, title and subject of the entries that are flown, in their order: the one with a
-    /// name, or all that are approved or in the air.
+    /// Returns number, title and subject of the entry with the name `id` or, if it is `None`, of
+    /// all entries that are approved or in the air, in the order of flight. An unreadable subject
+    /// is `None`.
     pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<(u32, String, Option<Subject>)> {
         let list = self.list();
         let entries = list.entries.iter().filter(|Stored { entry, .. }| match id {
             Some(id) => entry.id == id,
             None => matches!(entry.state, State::Approved | State::Flying),
         });
-        // A request that cannot be read is reported with its entry.
+        // Drawings have no title.
         let subjects = entries.map(|Stored { entry, folder, .. }| {
             let title = entry.title.clone().unwrap_or_else(|| "drawing".to_owned());
             (entry.number, title, gallery::read_subject(folder))
@@ -396,39 +414,43 @@ impl Entries {
         subjects.collect()
     }
 
-    /// Wakes all who wait for a change. Returns the new revision.
-    fn changed(&self) -> u64 {
+    /// Increases the revision, and wakes all that wait for a change. Returns the new revision.
+    fn announce_change(&self) -> u64 {
         self.revision.send_modify(|revision| *revision += 1);
         *self.revision.borrow()
     }
 
+    /// Locks the list.
     fn list(&self) -> MutexGuard<'_, List> {
         self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl List {
-    /// Name and number of the entry that has a photo.
-    fn with_photo(&self, photo: &str) -> Option<(String, u32)> {
+    /// Returns the receipt of the entry that has a photo. `None` if there is no such entry.
+    fn receipt(&self, photo: &str) -> Option<Receipt> {
         let Stored { entry, .. } = self.first(|entry| entry.photo == photo)?;
-        Some((entry.id.clone(), entry.number))
+        Some(Receipt { id: entry.id.clone(), number: entry.number, is_new: false })
     }
 
+    /// Returns the first wanted entry in the order of flight.
     fn first(&self, is_wanted: impl Fn(&Entry) -> bool) -> Option<&Stored> {
         self.entries.iter().find(|stored| is_wanted(&stored.entry))
     }
 
+    /// Returns the index of an entry in the order of flight.
     fn index(&self, id: &str) -> KeyResult<usize> {
         self.entries.iter().position(|stored| stored.entry.id == id).ok_or(Key::Closed)
     }
 }
 
 impl Stored {
-    /// Its index in a list of names, or the greatest number.
+    /// Returns the entry's index in a list of names, or the greatest number if it is not in it.
     fn rank(&self, ids: &[String]) -> usize {
         ids.iter().position(|id| *id == self.entry.id).unwrap_or(usize::MAX)
     }
-    /// Changes an entry, on the disk first.
+
+    /// Changes the entry on the disk, and then in memory.
     fn change(&mut self, change: impl FnOnce(&mut Entry)) -> KeyResult<()> {
         let mut entry = self.entry.clone();
         change(&mut entry);

@@ -2,9 +2,9 @@
 //!
 //! An entry is a folder `0012-NOOR` that can be used without the program: photo.png with its scene,
 //! photo.jpg, replay.json, scene.toml, wish.json (the request) and entry.json. It is written under
-//! another name, synced to the disk and then renamed: a confirmed entry survives a kill at any
-//! moment, and another one leaves nothing. A gallery belongs to one server at a time. Links in it
-//! are not followed.
+//! another name, synced to the disk and then renamed. If the server is killed, a confirmed entry
+//! survives, and any other leaves nothing. Only one server uses a gallery at a time. Links in a
+//! gallery are not followed.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ pub(crate) const PNG: &str = "photo.png";
 pub(crate) const REPLAY: &str = "replay.json";
 const SCENE: &str = "scene.toml";
 
-/// Greatest number of an entry. A folder with a greater one was put there by hand.
+/// Greatest number of an entry. A folder with a greater number was added by hand.
 const MAX_NUMBER: u32 = 999_999_999;
 
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
@@ -47,7 +47,7 @@ pub(crate) enum State {
 
 #[derive(Debug)]
 pub(crate) struct Photo {
-    /// Name of its request.
+    /// Digest of its request.
     pub(crate) id: String,
     pub(crate) visitor: String,
     pub(crate) subject: Subject,
@@ -56,26 +56,27 @@ pub(crate) struct Photo {
     pub(crate) files: Vec<noctograph_export::File>,
 }
 
-/// Facts about a photo that its entry keeps.
+/// Facts about a photo that its entry stores.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub(crate) struct Figures {
     /// Number of drones. 0 in an entry of an earlier version.
     drones: usize,
-    /// Seconds of the longest flight.
+    /// Duration of the longest flight.
     pub(crate) flight_s: f64,
-    /// True if the word is read. Null for a drawing, as its letters, text and reason.
+    /// True if the word is read. For a drawing it is null, as are letters, text and reason.
     pub(crate) legible: Option<bool>,
     letters: Option<Vec<LetterVerdict>>,
     /// Problems that make any word unreadable.
     obstacles: Vec<Message>,
     pub(crate) read: Option<String>,
     reason: Option<Reason>,
-    /// Checks that stop its flight: none, or it would not have been kept.
+    /// Checks that stop its flight. Always empty, since such a photo is refused.
     stops: Vec<Message>,
 }
 
 impl Figures {
+    /// Takes the stored facts from those of a large photo.
     pub(crate) fn new(LargeFacts { photo, verdict, stops, drones, .. }: LargeFacts) -> Self {
         let PhotoFacts { flight_s, obstacles, .. } = photo;
         let figures = Self { drones, flight_s, obstacles, stops, ..Self::default() };
@@ -90,7 +91,7 @@ impl Figures {
     }
 }
 
-/// An entry as in its file.
+/// An entry as its file contains it.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Entry {
@@ -113,7 +114,7 @@ pub(crate) struct Entry {
     pub(crate) figures: Figures,
 }
 
-/// An entry for the operator. It borrows, since a queue of hundreds is requested often.
+/// An entry as the operator gets it. It borrows, since a queue of hundreds is requested often.
 #[derive(Debug, Serialize)]
 pub(crate) struct ForOperator<'a> {
     id: &'a str,
@@ -143,13 +144,14 @@ pub(crate) struct Gallery {
 }
 
 impl Gallery {
-    /// Opens a gallery, or makes it.
+    /// Opens a gallery, which is created if it does not exist, and locks it.
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
         Ok(Self { folder: folder.to_owned(), _lock: lock(folder)? })
     }
 
-    /// Reads all entries with their folders. Unreadable ones stay, with a warning.
+    /// Reads all entries, and returns them with their folders. An entry that cannot be read is
+    /// reported and left in place.
     pub(crate) fn read(&self, warn: fn(&str)) -> Result<Vec<(Entry, PathBuf)>> {
         let mut entries = Vec::new();
         for path in entries_in(&self.folder)? {
@@ -162,20 +164,23 @@ impl Gallery {
         Ok(entries)
     }
 
+    /// Reads the order of flight. Without a readable file it is empty and not paused.
     pub(crate) fn read_order(&self) -> Order {
-        let text = regular(self.folder.join(ORDER)).and_then(|path| TABLE.read_text(&path).ok());
+        let text =
+            regular_file(self.folder.join(ORDER)).and_then(|path| TABLE.read_text(&path).ok());
         text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
     }
 
+    /// Writes the order of flight and the state of the queue.
     pub(crate) fn write_order(&self, order: &Order) -> Result<()> {
         write(&self.folder.join(ORDER), &pretty(order))
     }
 
-    /// Writes an entry's folder, and renames it when it is complete. Its number rises until it is
-    /// free.
-    pub(crate) fn keep(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
+    /// Writes an entry's folder, and renames it when it is complete. Increases the entry's number
+    /// until no other folder has the name. Returns the folder.
+    pub(crate) fn add(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
         let (staging, mut lock) = folder_in(&self.folder).map_err(|e| self.failed(e))?;
-        // The files that can be used without the program. The drawing is named by the scene.
+        // The files that can be used without the program. The scene names the file of the drawing.
         for noctograph_export::File { name, bytes } in &photo.files {
             if [PNG, SCENE, JPEG, REPLAY].contains(&&**name) || name.starts_with("drawing.") {
                 write(&staging.path().join(name), bytes)?;
@@ -193,14 +198,14 @@ impl Gallery {
             }
             match std::fs::rename(staging.path(), &folder) {
                 Ok(()) => {}
-                // A folder that was put there by hand has the name.
+                // A folder that was added by hand has the name.
                 Err(_) if folder.symlink_metadata().is_ok() => {
                     entry.number += 1;
                     continue;
                 }
                 Err(source) => return Err(Error::write(&folder, source)),
             }
-            // The folder is renamed, so there is no temporary one to remove.
+            // Now `staging` must not remove its folder, which has the final name.
             let _ = staging.keep();
             drop(lock);
             if let Err(source) = sync(&self.folder) {
@@ -211,12 +216,14 @@ impl Gallery {
         }
     }
 
+    /// Returns the error for a gallery that cannot be written.
     fn failed(&self, source: std::io::Error) -> Error {
         Error::write(&self.folder, source)
     }
 }
 
 impl Entry {
+    /// Makes the entry of a photo, which waits for approval.
     pub(crate) fn new(photo: &Photo, language: &str, number: u32) -> Result<Self> {
         Ok(Self {
             id: secret()?,
@@ -233,26 +240,29 @@ impl Entry {
         })
     }
 
+    /// Returns the part of the entry that the operator gets.
     pub(crate) fn for_operator(&self) -> ForOperator<'_> {
         let Self { id, number, title, made, state, hidden, figures, .. } = self;
-        // Enough to tell visitors apart.
+        // A part of the visitor's name is enough to distinguish visitors.
         let visitor = self.visitor.get(..4);
         ForOperator { id, number, title, made, state, hidden, visitor, figures }
     }
 
-    /// The name of its folder: `0012-NOOR`.
+    /// Returns the name of the entry's folder: `0012-NOOR`.
     fn folder_name(&self) -> String {
         format!("{:04}-{}", self.number, stem(self.title.as_deref().unwrap_or_default()))
     }
 }
 
-/// Reads an entry. `None` for another file or folder.
+/// Reads the entry in a folder. `None` for other files and folders.
 fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    // The unfinished entry of a killed server has a name with a dot.
+    // An unfinished entry, which a killed server left, has a name that begins with a dot.
     let is_folder =
         folder.symlink_metadata().is_ok_and(|metadata| metadata.is_dir()) && !name.starts_with('.');
-    let Some(path) = regular(folder.join(ENTRY)).filter(|_| is_folder) else { return Ok(None) };
+    let Some(path) = regular_file(folder.join(ENTRY)).filter(|_| is_folder) else {
+        return Ok(None);
+    };
     let wrong = match serde_json::from_str::<Entry>(&TABLE.read_text(&path)?) {
         Ok(entry) if (1..=MAX_NUMBER).contains(&entry.number) => return Ok(Some(entry)),
         Ok(entry) => format!("the number {}", entry.number),
@@ -261,20 +271,22 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     Err(Error::input(path.display(), wrong, "an entry of this program", TABLE.hint))
 }
 
+/// Writes the file of an entry.
 pub(crate) fn write_entry(folder: &Path, entry: &Entry) -> Result<()> {
     write(&folder.join(ENTRY), &pretty(entry))
 }
 
+/// Reads the subject of the entry in a folder. `None` if it cannot be read.
 pub(crate) fn read_subject(folder: &Path) -> Option<Subject> {
-    serde_json::from_str(&TABLE.read_text(&regular(folder.join(SUBJECT))?).ok()?).ok()
+    serde_json::from_str(&TABLE.read_text(&regular_file(folder.join(SUBJECT))?).ok()?).ok()
 }
 
-/// A path, if it is a file and not a link.
-pub(crate) fn regular(path: PathBuf) -> Option<PathBuf> {
+/// Returns a path if it is a file, and not a link.
+pub(crate) fn regular_file(path: PathBuf) -> Option<PathBuf> {
     path.symlink_metadata().is_ok_and(|metadata| metadata.is_file()).then_some(path)
 }
 
-/// Removes an entry's folder, first the file that makes it an entry.
+/// Removes an entry's folder. Its entry file is first, without which the rest is not an entry.
 pub(crate) fn remove(folder: &Path) -> Result<()> {
     let path = folder.join(ENTRY);
     std::fs::remove_file(&path).map_err(|source| Error::write(&path, source))?;
@@ -282,15 +294,17 @@ pub(crate) fn remove(folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Returns a value as JSON with line breaks.
 fn pretty(value: &impl Serialize) -> Vec<u8> {
     serde_json::to_vec_pretty(value).expect("it is plain data")
 }
 
+/// Writes a file that appears only when it is complete, and syncs it to the disk.
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Output::create(path)?.keep_on_disk(bytes).map(drop)
 }
 
-/// Writes the names in a folder to the disk, if the system can.
+/// Syncs the names in a folder to the disk, if the system can.
 #[expect(clippy::disallowed_methods, reason = "a folder")]
 fn sync(folder: &Path) -> std::io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }

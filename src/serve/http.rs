@@ -1,8 +1,8 @@
 //! Connections and answers, on hyper. A connection is a task with one request, and ends with it.
 //!
-//! A silent client is closed by a timeout, and a slow reader costs a task. If there are too many
-//! connections, the oldest one of the address with the most is closed, unless its request is being
-//! worked on: a stranger with many connections locks nobody out.
+//! A timeout closes the connection of a silent client, and a slow reader costs only a task. If
+//! there are too many connections, the oldest one from the IP address with the most connections is
+//! closed, unless its request is being worked on. So no client can lock out others.
 
 use std::convert::Infallible;
 use std::fs::File;
@@ -28,21 +28,23 @@ use tokio::net::TcpListener;
 use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
 
-/// Most connections at a time: forty browsers with six each.
+/// Greatest number of connections at a time: forty browsers with six each.
 const MAX_CONNECTIONS: usize = 256;
-/// Longest head, and most of its fields: browsers send 2 KiB in 20 fields.
+/// Longest header of a request, in bytes. Browsers send 2 KiB.
 const MAX_HEAD: usize = 16 << 10;
+/// Greatest number of fields in a header. Browsers send 20.
 const MAX_FIELDS: usize = 64;
-/// Longest body: a drawing.
+/// Longest body, in bytes: a drawing.
 pub(crate) const MAX_BODY: usize = 256 << 10;
-/// Time within which the head and the body of a request must be here, each.
+/// Longest time until the header, and then the body, of a request has arrived.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest time of a connection, for the scripts of an evening, or for the slowest reader.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(600);
-/// Most bytes of a refused body that are read, and the longest time for it.
+/// Greatest number of bytes of a refused body that are read.
 const MAX_REFUSED_BODY: usize = 1 << 20;
+/// Longest time for which a refused body is read.
 const REFUSED_TIMEOUT: Duration = Duration::from_millis(500);
-/// Bytes of a file that are read at a time.
+/// Number of bytes of a file that are read at a time.
 const CHUNK: usize = 64 << 10;
 /// Pause after a failure to accept a connection, for instance without file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
@@ -57,12 +59,12 @@ pub(crate) type HttpResult<T> = Result<T, HttpError>;
 
 struct Connection {
     peer: IpAddr,
-    /// True if its request is being worked on, so that it is not closed.
+    /// True if its request is being worked on, so that the connection is not closed.
     is_working: Arc<AtomicBool>,
     task: AbortHandle,
 }
 
-/// A request with its sender, and the flag that it is being worked on.
+/// A request with the IP address of its sender and [`Connection::is_working`].
 pub(crate) type Arrival = (IpAddr, hyper::Request<Incoming>, Arc<AtomicBool>);
 
 /// Accepts connections forever, and answers their requests.
@@ -79,8 +81,8 @@ where
         };
         connections.retain(|connection| !connection.task.is_finished());
         if connections.len() >= MAX_CONNECTIONS {
-            // There is one: fewer requests than connections are worked on at a time.
-            let Some(index) = gives_way(&connections) else { continue };
+            // An idle one exists, since fewer requests than connections are worked on at a time.
+            let Some(index) = oldest_idle(&connections) else { continue };
             connections.remove(index).task.abort();
         }
         let (peer, is_working) = (address.ip(), Arc::new(AtomicBool::new(false)));
@@ -89,7 +91,7 @@ where
             let reply = answer((peer, request, working.clone()));
             async { Ok::<_, Infallible>(reply.await) }
         });
-        // Otherwise the end of an answer waits for the acknowledgment of its beginning.
+        // Without this, the end of an answer is sent only after its beginning is acknowledged.
         let _ = stream.set_nodelay(true);
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
@@ -104,8 +106,10 @@ where
     }
 }
 
-/// The oldest connection that is not worked on, of the address with the most connections.
-fn gives_way(connections: &[Connection]) -> Option<usize> {
+/// Returns the index of the oldest connection whose request is not being worked on, from the IP
+/// address with the most connections. `None` if all requests are being worked on.
+fn oldest_idle(connections: &[Connection]) -> Option<usize> {
+    // In reverse, since of equals `max_by_key` returns the last, which is then the oldest.
     let idle = connections.iter().enumerate().rev();
     let idle = idle.filter(|(_, connection)| !connection.is_working.load(Ordering::Relaxed));
     let most = idle.max_by_key(|(_, Connection { peer, .. })| {
@@ -115,18 +119,19 @@ fn gives_way(connections: &[Connection]) -> Option<usize> {
 }
 
 /// Reads a body that is at most [`MAX_BODY`] long.
-pub(crate) async fn read(body: Incoming) -> HttpResult<Bytes> {
+pub(crate) async fn read_body(body: Incoming) -> HttpResult<Bytes> {
     let read = timeout(REQUEST_TIMEOUT, Limited::new(body, MAX_BODY).collect()).await;
     let read = read.map_err(|_late| HttpError(408, "the request did not arrive in time"))?;
     Ok(read.map_err(|_gone| HttpError(400, "the request was cut off"))?.to_bytes())
 }
 
 /// Reads a refused body: a connection that is closed with unread bytes may lose its answer.
-pub(crate) async fn skip(body: Incoming) {
+pub(crate) async fn discard_body(body: Incoming) {
     let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
 }
 
-pub(crate) fn finished(reply: Reply) -> Reply {
+/// Adds the fields that all answers have.
+pub(crate) fn with_common_fields(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),
         _ => reply,
@@ -136,12 +141,14 @@ pub(crate) fn finished(reply: Reply) -> Reply {
     with_field(reply, "Referrer-Policy", "no-referrer")
 }
 
-/// The body of an answer: bytes, or a file, which a slow reader does not keep in memory.
+/// The body of an answer: bytes, or a file that is read while it is sent, so that a slow reader
+/// does not keep it in memory.
 #[derive(Debug)]
 pub(crate) struct ReplyBody {
     bytes: Bytes,
     file: Option<File>,
-    left: u64,
+    /// Number of bytes that were not sent yet.
+    n_left: u64,
 }
 
 impl Body for ReplyBody {
@@ -153,7 +160,7 @@ impl Body for ReplyBody {
         _: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, std::io::Error>>> {
         let mut bytes = std::mem::take(&mut self.bytes);
-        let chunk = self.left.min(CHUNK as u64);
+        let chunk = self.n_left.min(CHUNK as u64);
         if let Some(file) = self.file.as_mut().filter(|_| chunk > 0) {
             let mut part = Vec::new();
             if let Err(error) = file.take(chunk).read_to_end(&mut part) {
@@ -161,61 +168,66 @@ impl Body for ReplyBody {
             }
             bytes = part.into();
         }
-        self.left = self.left.saturating_sub(bytes.len() as u64);
+        self.n_left = self.n_left.saturating_sub(bytes.len() as u64);
         Poll::Ready((!bytes.is_empty()).then_some(Ok(Frame::data(bytes))))
     }
 
     fn size_hint(&self) -> SizeHint {
-        SizeHint::with_exact(self.left)
+        SizeHint::with_exact(self.n_left)
     }
 }
 
-pub(crate) fn whole(kind: &'static str, body: impl Into<Bytes>) -> Reply {
+/// Returns an answer that browsers do not cache.
+pub(crate) fn uncached(content_type: &'static str, body: impl Into<Bytes>) -> Reply {
     let bytes = body.into();
-    let left = bytes.len() as u64;
-    let reply = Reply::new(ReplyBody { bytes, file: None, left });
-    with_field(with_field(reply, "Content-Type", kind), "Cache-Control", "no-store")
+    let n_left = bytes.len() as u64;
+    let reply = Reply::new(ReplyBody { bytes, file: None, n_left });
+    with_field(with_field(reply, "Content-Type", content_type), "Cache-Control", "no-store")
 }
 
+/// Returns an answer with a value as JSON.
 pub(crate) fn json(value: &impl Serialize) -> Reply {
-    whole("application/json", json!(value).to_string())
+    uncached("application/json", json!(value).to_string())
 }
 
-/// A file that does not change, so that the browser may keep it.
+/// Returns an answer with a file that does not change, so that browsers may cache it for a day.
 #[expect(clippy::disallowed_methods, reason = "a file of the gallery, and no link")]
-pub(crate) fn file(kind: &'static str, path: &Path) -> std::io::Result<Reply> {
+pub(crate) fn file(content_type: &'static str, path: &Path) -> std::io::Result<Reply> {
     let file = File::open(path)?;
-    let left = file.metadata()?.len();
-    let reply = Reply::new(ReplyBody { bytes: Bytes::new(), file: Some(file), left });
-    let reply = with_field(reply, "Content-Type", kind);
+    let n_left = file.metadata()?.len();
+    let reply = Reply::new(ReplyBody { bytes: Bytes::new(), file: Some(file), n_left });
+    let reply = with_field(reply, "Content-Type", content_type);
     Ok(with_field(reply, "Cache-Control", "private, max-age=86400, immutable"))
 }
 
-/// A file of the page, which the browser may keep as long as its `ETag` is the same.
-pub(crate) fn marked(
-    kind: &'static str,
+/// Returns an answer that browsers cache and revalidate by its `ETag`: 304 without a body if the
+/// browser's copy is current.
+pub(crate) fn with_etag(
+    content_type: &'static str,
     body: impl Into<Bytes>,
-    mark: &str,
-    known: Option<&str>,
+    etag: &str,
+    if_none_match: Option<&str>,
 ) -> Reply {
-    let is_known = known == Some(mark);
-    let reply = whole(kind, if is_known { Bytes::new() } else { body.into() });
-    let reply = with_status(reply, if is_known { 304 } else { 200 });
-    with_field(with_field(reply, "Cache-Control", "no-cache"), "ETag", mark)
+    let is_current = if_none_match == Some(etag);
+    let reply = uncached(content_type, if is_current { Bytes::new() } else { body.into() });
+    let reply = with_status(reply, if is_current { 304 } else { 200 });
+    with_field(with_field(reply, "Cache-Control", "no-cache"), "ETag", etag)
 }
 
+/// Sets the status of an answer.
 pub(crate) fn with_status(mut reply: Reply, status: u16) -> Reply {
     *reply.status_mut() = status.try_into().expect("a status of three digits");
     reply
 }
 
+/// Sets a field of an answer.
 pub(crate) fn with_field(mut reply: Reply, name: &'static str, value: &str) -> Reply {
     let value = HeaderValue::from_str(value).expect("a line of ASCII");
     reply.headers_mut().insert(name, value);
     reply
 }
 
-/// The answer to a refused request.
+/// Returns the answer to a refused request, with the status of the message's key.
 pub(crate) fn refused(message: impl Into<Message>) -> Reply {
     let message = message.into();
     let status = Key::ALL.iter().find(|key| key.name() == message.key).map(|key| key.status());
@@ -224,7 +236,7 @@ pub(crate) fn refused(message: impl Into<Message>) -> Reply {
 
 impl From<HttpError> for Reply {
     fn from(HttpError(status, why): HttpError) -> Self {
-        with_status(whole("text/plain; charset=utf-8", why), status)
+        with_status(uncached("text/plain; charset=utf-8", why), status)
     }
 }
 
@@ -243,8 +255,8 @@ mod tests {
         };
         let hall = [(1, false), (7, true), (7, false), (2, false), (7, false)];
         let connections: Vec<_> = hall.map(|(last, is)| connection(last, is)).into();
-        assert_eq!(gives_way(&connections), Some(2));
-        assert_eq!(gives_way(&connections[..2]), Some(0), "the other is worked on");
-        assert_eq!(gives_way(&connections[1..2]), None);
+        assert_eq!(oldest_idle(&connections), Some(2));
+        assert_eq!(oldest_idle(&connections[..2]), Some(0), "the other is worked on");
+        assert_eq!(oldest_idle(&connections[1..2]), None);
     }
 }

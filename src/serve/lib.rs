@@ -1,10 +1,10 @@
 //! Serve: a page on which a word becomes a photo while a visitor types or draws it, and from which
 //! it is sent to be flown.
 //!
-//! A connection arrives in `http`, and its request is admitted by `access` and answered by `routes`
-//! or by the `operator`. Visitors' browsers make photos with a `module`. A `worker` makes them here
-//! for other browsers, for the host and for entries, which are kept in `entries` of a `gallery`.
-//! The page itself is the folder `page`.
+//! `http` accepts a connection, `access` admits its request, and `routes` or `operator` answers it.
+//! Visitors' browsers make photos with a `module`. On this machine, a `worker` makes them for other
+//! browsers, for the host and for `entries`, which a `gallery` stores. The page itself is in the
+//! folder `page`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -44,7 +44,7 @@ mod worker;
 pub use qr::printed as printed_code;
 pub use worker::work;
 
-/// Most threads that wait for the disk.
+/// Greatest number of threads that wait for the disk.
 const DISK_THREADS: usize = 8;
 
 /// Functions of the program that the server calls.
@@ -52,9 +52,9 @@ const DISK_THREADS: usize = 8;
 pub struct Program {
     /// Starts the program as a worker, in which [`work`] runs.
     pub worker: fn() -> std::io::Result<Command>,
-    /// Changes that help a word that does not read.
+    /// Finds changes that make an unreadable word easier to read.
     pub advice: fn(&Shot) -> Result<Vec<Suggestion>>,
-    /// File of a typeface of this machine with all of some letters.
+    /// Finds a typeface file on this machine that contains all the given characters.
     pub typeface: fn(&[char]) -> Option<PathBuf>,
     /// Prints a warning for the host.
     pub warn: fn(&str),
@@ -63,17 +63,18 @@ pub struct Program {
 /// Options of the server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// The scene that the controls begin with.
+    /// The scene that the page's controls show at the start.
     pub scene: Scene,
-    /// The text of its file, for visitors' browsers, which lay their settings over it.
+    /// The text of its file, which visitors' browsers change by their settings.
     pub base: String,
-    /// The page's WebAssembly module. Without it all photos are made here.
+    /// The page's WebAssembly module. If it is `None`, this machine makes all photos.
     pub module: Option<PathBuf>,
-    /// Folder that keeps the address and the entries. Without it they end with the program.
+    /// Folder that stores the address and the entries. If it is `None`, they are lost when the
+    /// program ends.
     pub gallery: Option<PathBuf>,
     /// Folder for temporary files.
     pub temporary: PathBuf,
-    /// Port. 0 is that of the gallery's address, or any free one.
+    /// Port. 0 stands for the port of the gallery's address, or any free one.
     pub port: u16,
     /// True if other machines are served.
     pub network: bool,
@@ -83,16 +84,16 @@ pub struct ServerConfig {
     pub brand: Option<PathBuf>,
 }
 
-/// Addresses of the pages on this machine, and of those that its network sees.
+/// Addresses of the pages, for browsers on this machine and in its network.
 #[derive(Clone, Debug)]
 pub struct Addresses {
-    /// Of visitors, here.
+    /// Visitors' page, on this machine.
     pub visitors: String,
-    /// Of a kiosk, here.
+    /// Kiosk's page, on this machine.
     pub kiosk: String,
-    /// Of the operator, who sits here.
+    /// Operator's page, on this machine.
     pub operator: String,
-    /// Of visitors and of kiosks in the network. `None` without a network.
+    /// Visitors' page and kiosk's page, in the network. `None` if other machines are not served.
     pub network: Option<[String; 2]>,
 }
 
@@ -107,23 +108,24 @@ pub fn serve(
     program: Program,
     announce: impl FnOnce(&Addresses) -> Result<()>,
 ) -> Result<()> {
-    // Everything that can be refused comes before the first connection.
+    // Everything that can fail comes before the first connection.
     let module = config.module.as_deref().map(Module::read).transpose()?;
     let brand = config.brand.as_deref().map(Brand::read).transpose()?.unwrap_or_default();
     let temporary = &config.temporary;
     let (scratch, _lock) =
         folder_in(temporary).map_err(|source| Error::write(temporary, source))?;
-    let unkept = scratch.path().join("gallery");
+    let temporary_gallery = scratch.path().join("gallery");
     let gallery = config.gallery.as_deref();
-    let entries = Entries::open(gallery.unwrap_or(&unkept), config.open_wall, program.warn)?;
+    let folder = gallery.unwrap_or(&temporary_gallery);
+    let entries = Entries::open(folder, config.open_wall, program.warn)?;
     let ip = if config.network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
     let (address, listener) = Address::open(gallery, config.port, ip)?;
-    let outside = config.network.then(own_ip).flatten();
+    let network_ip = config.network.then(own_ip).flatten();
     announce(&Addresses {
-        visitors: address.of_visitors(Ipv4Addr::LOCALHOST.into()),
-        kiosk: address.of_kiosk(Ipv4Addr::LOCALHOST.into()),
-        operator: address.of_operator(),
-        network: outside.map(|ip| [address.of_visitors(ip), address.of_kiosk(ip)]),
+        visitors: address.visitors_url(Ipv4Addr::LOCALHOST.into()),
+        kiosk: address.kiosk_url(Ipv4Addr::LOCALHOST.into()),
+        operator: address.operator_url(),
+        network: network_ip.map(|ip| [address.visitors_url(ip), address.kiosk_url(ip)]),
     })?;
     let server = Server {
         access: Access { address, network: config.network },
@@ -131,18 +133,18 @@ pub fn serve(
         scene: config.scene,
         base: config.base,
         module,
-        outside,
+        network_ip,
         boot: address::secret()?,
         visitors: Maker::new(program, scratch.path()),
         host: Maker::new(program, scratch.path()),
         operator: Maker::new(program, scratch.path()),
         entries,
-        mark: page::mark(),
+        etag: page::etag(),
     };
     run(listener, server)
 }
 
-/// Answers all connections on one thread, with a few others that wait for the disk.
+/// Answers all connections on one thread. A few other threads wait for the disk.
 fn run(listener: TcpListener, server: Server) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -157,6 +159,7 @@ fn run(listener: TcpListener, server: Server) -> Result<()> {
     })
 }
 
+/// Returns the error that no thread can be started.
 fn no_thread(error: impl std::fmt::Display) -> Error {
     let hint = "allow more processes (ulimit -u)";
     Error::infeasible(format!("no thread can be started: {error}"), hint)

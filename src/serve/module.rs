@@ -15,25 +15,25 @@ const LIMIT: Limit = Limit {
     hint: "write it with src/photo_service/build",
 };
 
-/// The module as it is sent: compressed by gzip, which the page unpacks.
+/// The module as it is sent, compressed by gzip. The page decompresses it.
 #[derive(Debug)]
 pub(crate) struct Module {
     pub(crate) gzip: Bytes,
-    /// Its `ETag`.
-    pub(crate) mark: String,
+    pub(crate) etag: String,
 }
 
 impl Module {
-    /// Reads a module and checks its first bytes.
+    /// Reads a module, and checks that it is WebAssembly.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = LIMIT.read(path)?;
-        let mut head = [0; 4];
-        if GzDecoder::new(&*bytes).read_exact(&mut head).is_err() || head != *b"\0asm" {
+        let mut magic = [0; 4];
+        if GzDecoder::new(&*bytes).read_exact(&mut magic).is_err() || magic != *b"\0asm" {
             let actual = "no compressed WebAssembly module";
             let wanted = "noctograph.wasm.gz, as src/photo_service/build writes it";
             return Err(Error::input(path.display(), actual, wanted, LIMIT.hint));
         }
-        let mark = format!("\"{}\"", &sha256(&bytes)[..16]);
-        Ok(Self { gzip: bytes.into(), mark })
+        // 64 bits of the digest distinguish versions of the file.
+        let etag = format!("\"{}\"", &sha256(&bytes)[..16]);
+        Ok(Self { gzip: bytes.into(), etag })
     }
 }

@@ -1,4 +1,4 @@
-//! Routes of the operator.
+//! Routes of the operator's address.
 
 use serde::Serialize;
 use serde_json::json;
@@ -7,46 +7,50 @@ use super::access::Request;
 use super::address::Address;
 use super::gallery::{JPEG, PNG, REPLAY};
 use super::http::{self, Reply};
-use super::routes::{Posted, Server, ZIP, code_of, sent};
+use super::routes::{Posted, Server, ZIP, file_reply, qr_code};
 use super::worker::Job;
 use noctograph_export::{File, stem, zip::zip};
 use noctograph_photo_service::messages::{Key, KeyResult, Message};
 use noctograph_photo_service::request::Product;
 
-/// Longest text of a code, bytes: name and password of a WLAN have 32 and 63, with escapes.
+/// Longest text of a code, in bytes: name and password of a WLAN have 32 and 63, with escapes.
 const MAX_TEXT: usize = 256;
 
 impl Server {
-    pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
+    /// Answers a GET of the operator's address.
+    pub(crate) fn operator_get(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
-            ["queue.json"] => Ok(http::whole("application/json", self.entries.queue())),
-            ["entries", id, name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
-            ["visitors.svg"] => self.code(Address::of_visitors),
-            ["kiosk.svg"] => self.code(Address::of_kiosk),
-            ["wall.svg"] => self.code(Address::of_wall),
-            // The code of the hall's WLAN. Its text is known only to the operator's page.
-            ["text.svg"] => Ok(code_of(&text_of(&request.query).ok_or(Key::PageOld)?)),
+            ["queue.json"] => Ok(http::uncached("application/json", self.entries.queue())),
+            ["entries", id, name @ (PNG | JPEG | REPLAY)] => {
+                file_reply(self.entries.file(id, name))
+            }
+            ["visitors.svg"] => self.code(Address::visitors_url),
+            ["kiosk.svg"] => self.code(Address::kiosk_url),
+            ["wall.svg"] => self.code(Address::wall_url),
+            // The code of the hall's WLAN. Only the operator's page has its text.
+            ["text.svg"] => Ok(qr_code(&hex_text(&request.query).ok_or(Key::PageOld)?)),
             ["address.json"] => {
                 let address = &self.access.address;
                 let ip = self.ip();
                 Ok(http::json(&json!({
-                    "visitors": address.of_visitors(ip),
-                    "kiosk": address.of_kiosk(ip),
-                    "wall": address.of_wall(ip),
-                    "network": self.outside.is_some(),
+                    "visitors": address.visitors_url(ip),
+                    "kiosk": address.kiosk_url(ip),
+                    "wall": address.wall_url(ip),
+                    "network": self.network_ip.is_some(),
                 })))
             }
             _ => self.common(parts, request),
         }
     }
 
-    pub(crate) fn operate(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
-        // Every change has a new revision, so that the page knows whether it is up to date.
+    /// Answers a POST to the operator's address. All actions change the revision.
+    pub(crate) fn operator_post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
+        // The page compares the revision with its own, to see if it is up to date.
         let revision = match *parts {
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "was"])?;
-                let (act, was) = (posted.member("do")?, posted.member("was")?);
-                return Ok(http::whole("application/json", self.entries.act(id, act, was)?));
+                let (act, seen) = (posted.member("do")?, posted.member("was")?);
+                return Ok(http::uncached("application/json", self.entries.act(id, act, seen)?));
             }
             ["order"] => {
                 let posted = Posted::parse(body, &["ids"])?;
@@ -58,17 +62,17 @@ impl Server {
         Ok(http::json(&json!({ "revision": revision })))
     }
 
-    /// The script of one entry.
+    /// Returns the answer with the archive of the scripts of one entry, or why it has none.
     pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
         let (results, archive) = self.export(Some(id)).await?;
         match results.into_iter().flat_map(|exported| exported.refused).next() {
             Some(refused) => Ok(http::refused(refused)),
-            None => Ok(http::whole(ZIP, archive)),
+            None => Ok(http::uncached(ZIP, archive)),
         }
     }
 
-    /// The archive of the scripts of one entry, or of all that are to be flown in their order, with
-    /// the result for each entry.
+    /// Makes the scripts of one entry or, if `id` is `None`, of all that are to be flown, in their
+    /// order. Returns the result for each entry, and an archive of the scripts and the results.
     pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Vec<Exported>, Vec<u8>)> {
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {
@@ -84,7 +88,7 @@ impl Server {
                     self.operator.make(Job { product, subject, page: None }).await
                 }
             };
-            // An entry that is refused does not stop the others.
+            // A refused entry does not stop the others.
             let (folder, refused) = match made {
                 Ok(parcel) => {
                     for File { name: file, bytes } in parcel.files {
@@ -102,8 +106,9 @@ impl Server {
     }
 }
 
-/// The text of a code from the hexadecimal digits of its bytes, if it is short enough.
-fn text_of(query: &str) -> Option<String> {
+/// Decodes a text from the hexadecimal digits of its bytes. `None` if they are no text, or the text
+/// is too long.
+fn hex_text(query: &str) -> Option<String> {
     let (pairs, rest) = query.as_bytes().as_chunks::<2>();
     if pairs.len() > MAX_TEXT || !rest.is_empty() {
         return None;

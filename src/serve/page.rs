@@ -4,9 +4,9 @@ use hyper::http::request::Parts;
 use serde_json::Value;
 
 use super::access::language;
-use super::http::{Reply, whole, with_field, with_status};
+use super::http::{Reply, uncached, with_field, with_status};
 
-/// Files of two folders under their own names.
+/// Lists the names and contents of files in two folders.
 macro_rules! files {
     ($($name:literal)+; $($of_module:literal)+) => {
         &[
@@ -16,7 +16,7 @@ macro_rules! files {
     };
 }
 
-/// Names and contents.
+/// Names and contents of the page's files.
 pub(crate) const FILES: &[(&str, &str)] = files! {
     "index.html" "wall.html" "operator.html" "entry.html" "look.css" "visitor.css" "wall.css"
     "operator.css" "entry.css" "drawer.css" "start.css" "pad.css" "picture.css" "keyboard.css"
@@ -28,21 +28,21 @@ pub(crate) const FILES: &[(&str, &str)] = files! {
     "here.js" "maker.js" "worker.js"
 };
 
-/// The `ETag` of all files, which changes with the program.
-pub(crate) fn mark() -> String {
+/// Returns the `ETag` of all files, which changes with the program.
+pub(crate) fn etag() -> String {
     let bytes: Vec<u8> = FILES.iter().flat_map(|(_, text)| text.bytes()).collect();
     format!("\"{}\"", &noctograph_core::digest::sha256(&bytes)[..16])
 }
 
-/// Languages of the page. The first is the default.
+/// Languages of the page. The first one is the default.
 const LANGUAGES: [&str; 4] = ["en", "de", "fr", "es"];
 
-/// The page for an address with another secret: one sentence, in the browser's language.
-pub(crate) fn of_old_address(head: &Parts) -> Reply {
+/// Returns the page for an address without a valid secret: a sentence in the browser's language.
+pub(crate) fn old_address_reply(head: &Parts) -> Reply {
     let code = language(head, &LANGUAGES).unwrap_or(LANGUAGES[0]);
     let name = format!("words/{code}.json");
-    let words = FILES.iter().find(|(known, _)| *known == name).map_or("", |(_, text)| text);
-    // The page has no script and no file, since nothing at this address is served.
+    let words = FILES.iter().find(|(file, _)| *file == name).map_or("", |(_, text)| text);
+    // The page loads no script and no file, since nothing else is served at this address.
     let words: Value = serde_json::from_str(words).expect("a table of words");
     let sentence = words["moved"].as_str().expect("it is in every table");
     let page = format!(
@@ -54,6 +54,6 @@ pub(crate) fn of_old_address(head: &Parts) -> Reply {
          <main><p>{sentence}</p></main>\n"
     );
     let policy = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'";
-    let reply = with_status(whole("text/html; charset=utf-8", page), 403);
+    let reply = with_status(uncached("text/html; charset=utf-8", page), 403);
     with_field(reply, "Content-Security-Policy", policy)
 }

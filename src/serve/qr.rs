@@ -1,13 +1,14 @@
-//! Codes that a telephone's camera reads: of the page, and of a visitor's own photo.
+//! QR codes of the page and of visitors' photos.
 
 use qrcode::{Color, EcLevel, QrCode};
 
-/// White modules around a code, which its readers need.
+/// Width of the white border around a code, in modules, which readers need.
 const QUIET: usize = 4;
 
-/// The modules of a code, row by row with its quiet zone, `true` if dark.
+/// Returns the rows of a code's modules with the white border, `true` for dark. Empty if the text
+/// is too long.
 fn modules(text: &str) -> Vec<Vec<bool>> {
-    // An address is far below the 2.3 kB that a code takes.
+    // Addresses are far shorter than the longest text, 2.3 kB.
     let Ok(code) = QrCode::with_error_correction_level(text, EcLevel::M) else { return Vec::new() };
     let n = code.width() + 2 * QUIET;
     let mut rows = vec![vec![false; n]; n];
@@ -19,7 +20,7 @@ fn modules(text: &str) -> Vec<Vec<bool>> {
     rows
 }
 
-/// A code as a picture (SVG), dark on white.
+/// Returns a code as a picture (SVG), dark on white.
 pub(crate) fn svg(text: &str) -> String {
     // One path for all dark modules, over a white square.
     let rows = modules(text);
@@ -37,10 +38,11 @@ pub(crate) fn svg(text: &str) -> String {
     )
 }
 
-/// A code for a terminal, two rows in a line. White is printed, for a black background.
+/// Returns a code for a terminal with a black background, with two rows of modules in a line. White
+/// modules are printed.
 pub fn printed(text: &str) -> String {
     let mut lines = String::new();
-    // A character cell is twice as high as wide: half blocks make the modules square.
+    // A character is twice as high as wide, so half blocks make square modules.
     for rows in modules(text).chunks(2) {
         for (x, dark) in rows[0].iter().enumerate() {
             lines.push(match (*dark, rows.get(1).is_some_and(|below| below[x])) {

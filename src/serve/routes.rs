@@ -1,4 +1,4 @@
-//! Routes: the answer to each address.
+//! Routes: answers the requests to each address.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use super::access::{Access, Base, OLD_ADDRESS, Request, wants_page};
 use super::address::Address;
 use super::brand::Brand;
-use super::entries::Entries;
+use super::entries::{Entries, Receipt};
 use super::gallery::{JPEG, PNG, Photo, REPLAY};
 use super::http::{self, Arrival, HttpError, MAX_BODY, Reply, with_field, with_status};
 use super::module::Module;
@@ -29,40 +29,42 @@ use noctograph_pipeline::scene::Scene;
 pub(crate) struct Server {
     pub(crate) access: Access,
     pub(crate) brand: Brand,
-    /// The scene that the controls begin with.
+    /// The scene that the page's controls show at the start.
     pub(crate) scene: Scene,
     /// The text of its file.
     pub(crate) base: String,
     /// The module with which visitors' browsers make photos.
     pub(crate) module: Option<Module>,
     /// The address of this machine in its network.
-    pub(crate) outside: Option<IpAddr>,
+    pub(crate) network_ip: Option<IpAddr>,
     /// Name of this run of the program.
     pub(crate) boot: String,
     /// Makes entries, and photos for browsers that cannot make them.
     pub(crate) visitors: Maker,
-    /// Makes photos for the host, who waits for no visitor.
+    /// Makes photos for the host, who does not wait for visitors.
     pub(crate) host: Maker,
-    /// Makes scripts for the operator, who waits for neither.
+    /// Makes scripts for the operator, who waits neither for visitors nor for the host.
     pub(crate) operator: Maker,
     pub(crate) entries: Entries,
-    pub(crate) mark: String,
+    /// The `ETag` of the page's files.
+    pub(crate) etag: String,
 }
 
 impl Server {
-    /// Answers a request. While it is worked on, its connection is not closed for another one.
-    pub(crate) async fn answer(self: Arc<Self>, (peer, request, working): Arrival) -> Reply {
+    /// Answers a request. Sets its flag while it is being worked on, so that its connection is not
+    /// closed.
+    pub(crate) async fn answer(self: Arc<Self>, (peer, request, is_working): Arrival) -> Reply {
         let (head, body) = request.into_parts();
         let reply = match self.access.admit(&head, peer) {
             Ok(mut request) => {
                 // A body is read only after the request was admitted.
                 let read = match &request.body {
-                    Some(_) => http::read(body).await.map(Some),
+                    Some(_) => http::read_body(body).await.map(Some),
                     None => Ok(None),
                 };
-                // Visitors who wait for news may have to wait again.
+                // A connection on which a visitor waits for news may be closed.
                 let waits = request.route == "news" && request.base != Base::Operator;
-                working.store(!waits, Ordering::Relaxed);
+                is_working.store(!waits, Ordering::Relaxed);
                 match read {
                     Ok(body) => {
                         request.body = body;
@@ -72,19 +74,20 @@ impl Server {
                 }
             }
             Err(error) => {
-                http::skip(body).await;
+                http::discard_body(body).await;
                 let is_page = error == HttpError(403, OLD_ADDRESS) && wants_page(&head);
-                if is_page { page::of_old_address(&head) } else { error.into() }
+                if is_page { page::old_address_reply(&head) } else { error.into() }
             }
         };
-        working.store(false, Ordering::Relaxed);
-        http::finished(reply)
+        is_working.store(false, Ordering::Relaxed);
+        http::with_common_fields(reply)
     }
 
+    /// Answers an admitted request by its address and route.
     async fn route(self: &Arc<Self>, request: Request) -> KeyResult<Reply> {
         let request = Arc::new(request);
         let parts: Vec<&str> = request.route.split('/').collect();
-        // Here are the routes that wait for a change or a worker. All others may wait for the disk,
+        // These routes wait for a change or a worker. All others may wait for the disk, so they run
         // on another thread.
         match (&request.base, &request.body, &*parts) {
             (_, None, ["news"]) => {
@@ -94,7 +97,7 @@ impl Server {
                 Ok(http::json(&json!({ "revision": revision, "boot": self.boot })))
             }
             (Base::Visitors | Base::Kiosk, Some(body), ["entries"]) => {
-                Ok(self.send(body, &request).await.unwrap_or_else(http::refused))
+                Ok(self.send_entry(body, &request).await.unwrap_or_else(http::refused))
             }
             (Base::Visitors | Base::Kiosk, Some(body), [name @ ("live" | "photos" | "script")]) => {
                 match PhotoRequest::parse(body, request.asker()) {
@@ -104,47 +107,49 @@ impl Server {
                 }
             }
             (Base::Visitors | Base::Kiosk, None, ["noctograph.wasm.gz"]) => {
-                let Module { gzip, mark } = self.module.as_ref().ok_or(Key::Closed)?;
-                let known = request.known_mark.as_deref();
-                Ok(http::marked("application/gzip", gzip.clone(), mark, known))
+                let Module { gzip, etag } = self.module.as_ref().ok_or(Key::Closed)?;
+                let if_none_match = request.if_none_match.as_deref();
+                Ok(http::with_etag("application/gzip", gzip.clone(), etag, if_none_match))
             }
             (Base::Operator, None, ["export.json"]) => Ok(http::json(&self.export(None).await?.0)),
             (Base::Operator, None, ["export.zip"]) => {
-                Ok(http::whole(ZIP, self.export(None).await?.1))
+                Ok(http::uncached(ZIP, self.export(None).await?.1))
             }
             (Base::Operator, None, ["entries", id, "flight.zip"]) => self.script(id).await,
             _ => {
                 let (server, request) = (self.clone(), request.clone());
-                let answer = tokio::task::spawn_blocking(move || server.with_disk(&request));
+                let answer = tokio::task::spawn_blocking(move || server.answer_with_disk(&request));
                 answer.await.unwrap_or(Err(Key::Broken))
             }
         }
     }
 
-    fn with_disk(&self, request: &Request) -> KeyResult<Reply> {
+    /// Answers a request that may wait for the disk.
+    fn answer_with_disk(&self, request: &Request) -> KeyResult<Reply> {
         let parts: Vec<&str> = request.route.split('/').collect();
         match (&request.base, &request.body) {
-            (Base::Visitors | Base::Kiosk, Some(body)) => self.post(&parts, body),
-            (Base::Visitors | Base::Kiosk, None) => self.get(&parts, request),
-            (Base::Operator, Some(body)) => self.operate(&parts, body),
-            (Base::Operator, None) => self.look(&parts, request),
+            (Base::Visitors | Base::Kiosk, Some(body)) => self.visitor_post(&parts, body),
+            (Base::Visitors | Base::Kiosk, None) => self.visitor_get(&parts, request),
+            (Base::Operator, Some(body)) => self.operator_post(&parts, body),
+            (Base::Operator, None) => self.operator_get(&parts, request),
             (Base::Entry(_), Some(_)) => Err(Key::NotHere),
-            (Base::Entry(id), None) => self.take_home(id, &parts, request),
+            (Base::Entry(id), None) => self.entry_get(id, &parts, request),
         }
     }
 
-    /// Routes of all addresses: the page, and the facts that it needs.
+    /// Answers the routes of all addresses: the page, and the facts that it needs.
     pub(crate) fn common(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["alive"] => Ok(http::json(&json!({ "boot": self.boot }))),
             ["about.json"] => Ok(http::json(&self.about(request))),
             ["brand", "logo.svg"] => {
-                Ok(drawing(http::whole(SVG, self.brand.svg.clone().ok_or(Key::Closed)?)))
+                Ok(sandboxed(http::uncached(SVG, self.brand.svg.clone().ok_or(Key::Closed)?)))
             }
             _ => self.page(request),
         }
     }
 
+    /// Returns the answer with a file of the page. An empty route is the page itself.
     fn page(&self, request: &Request) -> KeyResult<Reply> {
         let first = match request.base {
             Base::Visitors | Base::Kiosk => "index.html",
@@ -152,13 +157,14 @@ impl Server {
             Base::Entry(_) => "entry.html",
         };
         let name = if request.route.is_empty() { first } else { &request.route };
-        let (_, text) = FILES.iter().find(|(known, _)| *known == name).ok_or(Key::Closed)?;
-        let known = request.known_mark.as_deref();
-        let reply = http::marked(kind_of(name), text.as_bytes(), &self.mark, known);
+        let (_, text) = FILES.iter().find(|(file, _)| *file == name).ok_or(Key::Closed)?;
+        let if_none_match = request.if_none_match.as_deref();
+        let kind = content_type(name);
+        let reply = http::with_etag(kind, text.as_bytes(), &self.etag, if_none_match);
         Ok(with_field(reply, "Content-Security-Policy", POLICY))
     }
 
-    /// Facts that the page needs.
+    /// Returns the facts that the page needs, as JSON.
     fn about(&self, request: &Request) -> Value {
         let Self { brand, scene, boot, entries, .. } = self;
         let role = match request.base {
@@ -166,13 +172,13 @@ impl Server {
             Base::Operator => Role::Operator,
             Base::Entry(_) => Role::Entry,
         };
-        let network = self.outside.is_some();
+        let network = self.network_ip.is_some();
         let host = Host { role, boot, brand: &brand.words, network };
         if role == Role::Entry {
             return json!(host);
         }
-        // The program is faster than the module on the host's machine.
-        let makes_there = self.module.is_some() && !request.peer.is_loopback();
+        // On the host's machine the program is faster than the module.
+        let uses_module = self.module.is_some() && !request.peer.is_loopback();
         json!(About {
             host,
             alone: false,
@@ -183,32 +189,34 @@ impl Server {
             limits: Limits { letters: MAX_WORD, body_bytes: MAX_BODY },
             colors: colors(),
             deck: scene.light.deck,
-            base: makes_there.then_some(&*self.base),
+            base: uses_module.then_some(&*self.base),
             scene: request.is_home().then_some(scene),
         })
     }
 
-    fn get(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
+    /// Answers a GET of the visitors' or the kiosk's address.
+    fn visitor_get(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["wall"] => Ok(http::json(&self.entries.wall())),
             ["wall", name] => match name.split_once('.') {
-                Some((key, "jpg")) => sent(self.entries.shown(key, JPEG)),
-                Some((key, "json")) => sent(self.entries.shown(key, REPLAY)),
+                Some((key, "jpg")) => file_reply(self.entries.wall_file(key, JPEG)),
+                Some((key, "json")) => file_reply(self.entries.wall_file(key, REPLAY)),
                 _ => Err(Key::Closed),
             },
-            ["qr.svg"] => self.code(Address::of_visitors),
+            ["qr.svg"] => self.code(Address::visitors_url),
             ["entries", id] => Ok(http::json(&self.entries.for_visitor(id)?)),
-            ["entries", id, "qr.svg"] => self.code_of(id),
+            ["entries", id, "qr.svg"] => self.entry_code(id),
             _ => self.common(parts, request),
         }
     }
 
-    fn take_home(&self, id: &str, parts: &[&str], request: &Request) -> KeyResult<Reply> {
+    /// Answers a GET of an entry's address.
+    fn entry_get(&self, id: &str, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["entry.json"] => Ok(http::json(&self.entries.for_visitor(id)?)),
-            ["qr.svg"] => self.code_of(id),
-            [name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
-            // The page says that a photo is gone.
+            ["qr.svg"] => self.entry_code(id),
+            [name @ (PNG | JPEG | REPLAY)] => file_reply(self.entries.file(id, name)),
+            // The page then shows that the photo is gone.
             [""] if self.entries.for_visitor(id).is_err() => {
                 Ok(with_status(self.page(request)?, 404))
             }
@@ -216,7 +224,8 @@ impl Server {
         }
     }
 
-    fn post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
+    /// Answers a POST to the visitors' or the kiosk's address: a visitor withdraws an entry.
+    fn visitor_post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
         match *parts {
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "visitor"])?;
@@ -230,7 +239,8 @@ impl Server {
         }
     }
 
-    /// Makes a photo or scripts here, for the host or a browser without the module.
+    /// Returns the answer with a photo or scripts made on this machine, for the host or for a
+    /// browser without the module.
     async fn photo(&self, photo: PhotoRequest, name: &str, request: &Request) -> KeyResult<Reply> {
         let product = match name {
             "live" => Product::Live,
@@ -240,7 +250,7 @@ impl Server {
             _ => return Err(Key::NotHere),
         };
         let maker = if request.peer.is_loopback() { &self.host } else { &self.visitors };
-        // The server keeps no photo: the page sends the request again to have it flown.
+        // The server stores no photo, so the page sends the request again to have it flown.
         let body = request.body.as_deref().unwrap_or_default();
         let id = (name == "photos").then(|| String::from_utf8_lossy(body).into_owned());
         let (number, subject) = (photo.number, photo.subject);
@@ -250,37 +260,43 @@ impl Server {
             Err(message) if message.key == Key::Busy.name() => return Err(Key::Busy),
             Err(message) => PageAnswer::new(Asked { id: None, number }, Err(message)).json().into(),
         };
-        Ok(http::whole("application/json", answer))
+        Ok(http::uncached("application/json", answer))
     }
 
-    /// Makes the photo that a visitor sends to be flown, by its request, and keeps it as an entry.
-    async fn send(self: &Arc<Self>, body: &[u8], request: &Request) -> Result<Reply, Message> {
+    /// Adds an entry for the photo that a visitor sends to be flown, which is made again by its
+    /// request. Returns the answer with the entry's name, number and page.
+    async fn send_entry(
+        self: &Arc<Self>,
+        body: &[u8],
+        request: &Request,
+    ) -> Result<Reply, Message> {
         let posted = Posted::parse(body, &["visitor", "photo", "language"])?;
         let language = posted.member::<Option<String>>("language")?.unwrap_or_default();
-        let asked = posted.member::<String>("photo")?;
-        let photo = PhotoRequest::parse(asked.as_bytes(), request.asker())?;
-        if language.len() > 8 || photo.visitor != posted.member::<String>("visitor")? {
+        let photo_request = posted.member::<String>("photo")?;
+        let photo = PhotoRequest::parse(photo_request.as_bytes(), request.asker())?;
+        if language.len() > MAX_LANGUAGE || photo.visitor != posted.member::<String>("visitor")? {
             return Err(Key::PageOld.into());
         }
-        // The same request of the same visitor is kept once, however often it arrives.
-        let id = sha256(asked.as_bytes())[..32].to_owned();
-        let known = self.entries.admit(&id, request.peer)?;
-        let (id, number, is_new) = match known {
-            Some((id, number)) => (id, number, false),
-            None => self.keep(id, photo, language, request.peer).await?,
+        // A request that arrives again has the same digest, and gets the receipt of its entry.
+        let id = sha256(photo_request.as_bytes())[..32].to_owned();
+        let existing = self.entries.admit(&id, request.peer)?;
+        let Receipt { id, number, is_new } = match existing {
+            Some(receipt) => receipt,
+            None => self.make_entry(id, photo, language, request.peer).await?,
         };
-        let page = self.access.address.of_entry(self.ip(), &id);
+        let page = self.access.address.entry_url(self.ip(), &id);
         let reply = http::json(&json!({ "id": id, "number": number, "page": page }));
         Ok(with_status(reply, if is_new { 201 } else { 200 }))
     }
 
-    async fn keep(
+    /// Makes the photo of an admitted request, and adds its entry.
+    async fn make_entry(
         self: &Arc<Self>,
         id: String,
         photo: PhotoRequest,
         language: String,
         sender: IpAddr,
-    ) -> Result<(String, u32, bool), Message> {
+    ) -> Result<Receipt, Message> {
         let PhotoRequest { visitor, subject, .. } = photo;
         let product = Product::Large { advice: false, files: true };
         let job = Job { product, subject: subject.clone(), page: None };
@@ -291,33 +307,39 @@ impl Server {
         Ok(added.await.unwrap_or(Err(Key::Broken))?)
     }
 
-    /// The IP address in the pages' addresses.
+    /// Returns the IP address in the addresses of pages: in the network, or for this machine only.
     pub(crate) fn ip(&self) -> IpAddr {
-        self.outside.unwrap_or(Ipv4Addr::LOCALHOST.into())
+        self.network_ip.unwrap_or(Ipv4Addr::LOCALHOST.into())
     }
 
-    /// The code of a page, for telephones, if they can reach this machine.
+    /// Returns the answer with the QR code of a page, if phones can reach this machine.
     pub(crate) fn code(&self, page: impl Fn(&Address, IpAddr) -> String) -> KeyResult<Reply> {
-        Ok(code_of(&page(&self.access.address, self.outside.ok_or(Key::Closed)?)))
+        Ok(qr_code(&page(&self.access.address, self.network_ip.ok_or(Key::Closed)?)))
     }
 
-    fn code_of(&self, id: &str) -> KeyResult<Reply> {
+    /// Returns the answer with the QR code of an entry's page.
+    fn entry_code(&self, id: &str) -> KeyResult<Reply> {
         self.entries.for_visitor(id)?;
-        self.code(|address, ip| address.of_entry(ip, id))
+        self.code(|address, ip| address.entry_url(ip, id))
     }
 }
 
+/// Longest code of a language, in bytes.
+const MAX_LANGUAGE: usize = 8;
+
+/// The JSON object in the body of a POST.
 pub(crate) struct Posted(Map<String, Value>);
 
 impl Posted {
+    /// Reads an object. Refuses members whose names are not in `names`.
     pub(crate) fn parse(body: &[u8], names: &[&str]) -> KeyResult<Self> {
         let members: Map<String, Value> =
             serde_json::from_slice(body).map_err(|_broken| Key::PageOld)?;
-        let is_known = members.keys().all(|name| names.contains(&&**name));
-        if is_known { Ok(Self(members)) } else { Err(Key::PageOld) }
+        let is_valid = members.keys().all(|name| names.contains(&&**name));
+        if is_valid { Ok(Self(members)) } else { Err(Key::PageOld) }
     }
 
-    /// A member, null if it is left out.
+    /// Returns a member. An omitted member is null.
     pub(crate) fn member<T: DeserializeOwned>(&self, name: &str) -> KeyResult<T> {
         let member = self.0.get(name).cloned().unwrap_or_default();
         serde_json::from_value(member).map_err(|_other| Key::PageOld)
@@ -332,18 +354,20 @@ const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; 
                       data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
 
-/// A text as a code.
-pub(crate) fn code_of(text: &str) -> Reply {
-    drawing(http::whole(SVG, qr::svg(text)))
+/// Returns the answer with the QR code of a text.
+pub(crate) fn qr_code(text: &str) -> Reply {
+    sandboxed(http::uncached(SVG, qr::svg(text)))
 }
 
-/// The answer with a drawing, which runs no script and loads nothing when it is opened.
-fn drawing(reply: Reply) -> Reply {
+/// Adds a policy to the answer with an SVG file: opened in a browser, it runs no script and loads
+/// nothing.
+fn sandboxed(reply: Reply) -> Reply {
     let policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox";
     with_field(reply, "Content-Security-Policy", policy)
 }
 
-fn kind_of(name: &str) -> &'static str {
+/// Returns the content type of a file by its extension.
+fn content_type(name: &str) -> &'static str {
     match name.rsplit_once('.').map_or("", |(_, end)| end) {
         "html" => "text/html; charset=utf-8",
         "css" => "text/css; charset=utf-8",
@@ -355,9 +379,9 @@ fn kind_of(name: &str) -> &'static str {
     }
 }
 
-/// The answer with a file, if it exists.
-pub(crate) fn sent(path: Option<PathBuf>) -> KeyResult<Reply> {
+/// Returns the answer with a file, or a refusal if it does not exist.
+pub(crate) fn file_reply(path: Option<PathBuf>) -> KeyResult<Reply> {
     let path = path.ok_or(Key::Closed)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    http::file(kind_of(&name), &path).map_err(|_cause| Key::Closed)
+    http::file(content_type(&name), &path).map_err(|_cause| Key::Closed)
 }

@@ -1,14 +1,15 @@
-//! The time of day in the form of RFC 3339, in Coordinated Universal Time.
+//! The current time as RFC 3339 text, in Coordinated Universal Time.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
 const DAY_S: u64 = 86_400;
 
-/// The present: `2026-11-26T19:05:12Z`.
+/// Returns the current time: `2026-11-26T19:05:12Z`.
 pub(crate) fn now() -> String {
     rfc3339(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()))
 }
 
+/// Returns the text of a time, in seconds since the beginning of 1970.
 fn rfc3339(since_1970_s: u64) -> String {
     let [year, month, day] = date(since_1970_s / DAY_S);
     let s = since_1970_s % DAY_S;
@@ -16,17 +17,21 @@ fn rfc3339(since_1970_s: u64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// Year, month and day of a day since 1970-01-01, in the Gregorian calendar (Hinnant,
-/// "chrono-Compatible Low-Level Date Algorithms").
-fn date(days: u64) -> [u64; 3] {
-    // Years begin in March, so that the leap day is the last one. An era has 400 years.
-    let days = days + 719_468;
-    let (era, of_era) = (days / 146_097, days % 146_097);
-    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let from_march = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * from_march + 2) / 5 + 1;
-    let month = if from_march < 10 { from_march + 3 } else { from_march - 9 };
+/// Returns year, month and day for a number of days since 1970-01-01, in the Gregorian calendar
+/// (Hinnant, "chrono-Compatible Low-Level Date Algorithms").
+fn date(days_since_1970: u64) -> [u64; 3] {
+    // Years begin in March, so that the leap day is the last one. An era has 400 years, 146,097
+    // days. Year 0 begins 719,468 days before 1970.
+    let days = days_since_1970 + 719_468;
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    // 100 years have 36,524 days. 4 and 400 years have 1460 and 146,096 before their last leap day.
+    let leap_days = day_of_era / 1460 - day_of_era / 36_524 + day_of_era / 146_096;
+    let year = (day_of_era - leap_days) / 365;
+    let day_of_year = day_of_era - (365 * year + year / 4 - year / 100);
+    // From March on, five months always have 153 days.
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
     [year + 400 * era + u64::from(month <= 2), month, day]
 }
 

@@ -1,7 +1,7 @@
-//! Workers: processes that make photos and files one after another.
+//! Workers: processes that make photos and scripts, one after another.
 //!
-//! A worker that is too slow, too large or broken is killed, and the server goes on. A worker ends
-//! when its pipe is closed, so it does not survive the server. It is another process of the same
+//! A worker that is too slow, uses too much memory or fails is killed, and the server continues. A
+//! worker ends when its pipe is closed, so it does not survive the server. It runs the same
 //! program. A job is a line of JSON, and so is an answer, followed by the bytes of its files.
 
 use std::cell::RefCell;
@@ -32,56 +32,62 @@ use noctograph_photo_service::messages::{Key, Message};
 use noctograph_photo_service::request::{Product, Subject};
 use noctograph_pipeline::scene::Scene;
 
-/// Most jobs that wait for a worker.
+/// Greatest number of jobs that wait for a worker.
 const MAX_WAITING: usize = 64;
-/// Most memory of a worker, without its code: enough for a large picture.
+/// Greatest memory of a worker in bytes, without its code: enough for a large picture.
 #[cfg(unix)]
 const MEMORY: u64 = 1 << 30;
-/// Longest time of a photo while a visitor types, and of a large one, for whose advice a word is
-/// flown some thirty times. They end a worker that hangs, and suffice on a busy machine.
+/// Longest time for a photo while a visitor types. It stops a worker that hangs, and is enough on a
+/// busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
+/// Longest time for other products. The advice of a large photo takes thirty simulated flights.
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
-/// Longest wait for a killed worker's end, which takes a millisecond unless its disk hangs.
+/// How often to check if a killed worker has ended.
 const END_TRIES: usize = 100;
+/// Time between checks. A worker ends within a millisecond, unless its disk hangs.
 const END_PAUSE: Duration = Duration::from_millis(1);
-/// Longest line of an answer, and most bytes of its files: a photo of two megapixels with its
-/// files, also in base64.
+/// Longest line of an answer, in bytes.
 const MAX_LINE: u64 = 1 << 20;
+/// Greatest total size of an answer's files, in bytes: a photo of two megapixels with its files,
+/// also in base64.
 const MAX_BYTES: usize = 32 << 20;
 
-/// A line to a worker.
+/// A job, which is sent to a worker as a line of JSON.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub(crate) struct Job {
     pub(crate) product: Product,
     pub(crate) subject: Subject,
-    /// What a page gets back. Its answer is one file, otherwise the answer is all files.
+    /// The members of the request that its page gets back. With them, the answer is one file for
+    /// the page. If it is `None`, the answer is all files.
     pub(crate) page: Option<Asked>,
 }
 
+/// The answer to a job.
 #[derive(Debug)]
 pub(crate) struct Parcel {
-    /// Figures of a large photo that is kept.
+    /// Facts about a large photo for its entry.
     pub(crate) figures: Figures,
     pub(crate) files: Vec<File>,
 }
 
-/// The line of an answer: figures, and names and lengths of the files that follow.
+/// The line of an answer: facts for the entry, and names and sizes of the files that follow.
 type Head = std::result::Result<(Figures, Vec<(String, usize)>), Message>;
 
 /// Queues jobs for one worker.
 #[derive(Debug)]
 pub(crate) struct Maker {
     program: Program,
-    /// Folder of the workers' folders.
+    /// Folder in which each worker gets a folder.
     scratch: PathBuf,
     worker: Arc<Mutex<Option<Worker>>>,
-    places: Semaphore,
+    /// Limits the jobs that wait.
+    permits: Semaphore,
 }
 
-/// A task that is aborted when this is dropped, and its worker killed with it.
-struct Ending<T>(JoinHandle<T>);
+/// Aborts a task when it is dropped, which kills the worker that the task owns.
+struct AbortOnDrop<T>(JoinHandle<T>);
 
-impl<T> Drop for Ending<T> {
+impl<T> Drop for AbortOnDrop<T> {
     fn drop(&mut self) {
         self.0.abort();
     }
@@ -89,18 +95,18 @@ impl<T> Drop for Ending<T> {
 
 impl Maker {
     pub(crate) fn new(program: Program, scratch: &Path) -> Self {
-        let places = Semaphore::new(MAX_WAITING);
-        Self { program, scratch: scratch.to_owned(), worker: Arc::default(), places }
+        let permits = Semaphore::new(MAX_WAITING);
+        Self { program, scratch: scratch.to_owned(), worker: Arc::default(), permits }
     }
 
-    /// Does a job. If it is dropped while it waits, it is not begun. If it is dropped later, it is
-    /// ended, except for the photo of a keystroke, which is soon done.
+    /// Does a job. If the future is dropped while the job waits, the job is not begun. If it is
+    /// dropped later, the job is stopped, except for the photo of a keystroke, which is soon done.
     pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
-        let _place = self.places.try_acquire().map_err(|_full| Key::Busy)?;
+        let _permit = self.permits.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
         let (program, scratch) = (self.program, self.scratch.clone());
         let is_live = job.product == Product::Live;
-        // The worker is put back only after an answer: a job that fails kills it.
+        // The worker returns to its slot only after an answer, so a job that fails kills it.
         let made = tokio::spawn(async move {
             let mut worker = match slot.take() {
                 Some(worker) => worker,
@@ -117,13 +123,13 @@ impl Maker {
         });
         let made = match is_live {
             true => made.await,
-            false => (&mut Ending(made).0).await,
+            false => (&mut AbortOnDrop(made).0).await,
         };
         made.unwrap_or(Err(Key::Broken.into()))
     }
 }
 
-/// A worker that runs. Dropped, it is killed.
+/// A running worker, which is killed when this is dropped.
 #[derive(Debug)]
 struct Worker {
     child: Child,
@@ -133,10 +139,12 @@ struct Worker {
 }
 
 impl Worker {
+    /// Starts a worker in a new folder.
     fn start(program: Program, scratch: &Path) -> std::io::Result<Self> {
         let folder = tempfile::Builder::new().prefix("worker-").tempdir_in(scratch)?;
         let mut command = Command::from((program.worker)()?);
-        // In another process group, Ctrl-C in the terminal ends only the server, and then the pipe.
+        // In its own process group, a worker does not get Ctrl-C from the terminal, but ends with
+        // the server, which closes its pipe.
         #[cfg(unix)]
         command.process_group(0);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
@@ -146,12 +154,13 @@ impl Worker {
         Ok(Self { child, jobs, answers, _folder: folder })
     }
 
+    /// Sends a job, and reads the answer.
     async fn answer(&mut self, job: &Job) -> std::io::Result<std::result::Result<Parcel, Message>> {
         let line = serde_json::to_string(job).expect("a job is plain data") + "\n";
         self.jobs.write_all(line.as_bytes()).await?;
         let mut line = String::new();
         (&mut self.answers).take(MAX_LINE).read_line(&mut line).await?;
-        // A worker that was taken over by a drawing could announce any size.
+        // A malicious drawing might take over the worker, so the sizes are checked.
         let (figures, sizes) = match serde_json::from_str::<Head>(&line)? {
             Ok(head) => head,
             Err(message) => return Ok(Err(message)),
@@ -172,7 +181,7 @@ impl Worker {
 impl Drop for Worker {
     fn drop(&mut self) {
         let _ = self.child.start_kill();
-        // Windows does not remove the present folder of a process.
+        // Waits for its end, since Windows does not remove the current folder of a process.
         for _ in 0..END_TRIES {
             match self.child.try_wait() {
                 Ok(None) => std::thread::sleep(END_PAUSE),
@@ -182,8 +191,8 @@ impl Drop for Worker {
     }
 }
 
-/// Runs a worker in the present folder until its pipe is closed. `scene` names the scene that the
-/// page begins with.
+/// Runs a worker in the current folder until its pipe is closed. `scene` is the name of the scene
+/// that the page's controls show at the start.
 ///
 /// # Errors
 ///
@@ -191,30 +200,31 @@ impl Drop for Worker {
 pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     limit_memory();
     let (sender, jobs) = channel();
-    let listening = std::thread::Builder::new().spawn(move || {
+    // Another thread reads the jobs, to notice the end of the server during a job.
+    let reading = std::thread::Builder::new().spawn(move || {
         let lines = std::io::stdin().lines().map_while(|line| line.ok());
         for job in lines.map_while(|line| serde_json::from_str::<Job>(&line).ok()) {
             let _ = sender.send(job);
         }
-        // The server has ended, and the present job with it.
         std::process::exit(0);
     });
-    listening.map_err(no_thread)?;
+    reading.map_err(no_thread)?;
     let folder = std::env::current_dir().map_err(|source| Error::read(".".as_ref(), source))?;
     let maker = JobMaker { program, scene, faces: RefCell::default() };
     for job in jobs {
-        // Only the cache of typefaces survives a job, and a panic does not break it.
+        // A panic cannot break the cache of typefaces, which is all that remains from a job.
         let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&folder, &job)));
         let made = made.unwrap_or_else(|_| Err(Key::Broken.into()));
-        if hand_over(made.and_then(|answer| packed(answer, job.page))).is_err() {
+        if write_answer(made.and_then(|answer| to_parcel(answer, job.page))).is_err() {
             break;
         }
     }
     Ok(())
 }
 
-/// The part of an answer that the server gets. A photo is kept only if its flight is safe.
-fn packed(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Message> {
+/// Returns the part of an answer that the server gets: an answer for the page, or the files and the
+/// facts for an entry, which is refused if its flight is not safe.
+fn to_parcel(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Message> {
     if let Some(asked) = page {
         let bytes = PageAnswer::new(asked, Ok(answer)).json().into_bytes();
         let files = vec![File { name: "answer.json".into(), bytes }];
@@ -227,13 +237,14 @@ fn packed(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Me
     if !facts.stops.is_empty() {
         return Err(Message::of_stops(&facts.stops));
     }
-    // The wall exposes the photo again by the map of its light.
+    // With the path of the light, the wall exposes the photo again.
     let replay = json!(facts.photo.replay).to_string().into_bytes();
     files.push(File { name: REPLAY.into(), bytes: replay });
     Ok(Parcel { figures: Figures::new(*facts), files })
 }
 
-fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> {
+/// Writes an answer or a refusal to the server.
+fn write_answer(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> {
     let (head, files): (Head, _) = match made {
         Ok(Parcel { figures, files }) => {
             let sizes = files.iter().map(|file| (file.name.clone(), file.bytes.len())).collect();
@@ -241,7 +252,7 @@ fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> 
         }
         Err(message) => (Err(message), Vec::new()),
     };
-    // The line says how many bytes follow it.
+    // The line contains the sizes of the files that follow.
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", json!(head))?;
     for file in files {
@@ -250,16 +261,17 @@ fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> 
     out.flush()
 }
 
-/// Most words whose typefaces are cached: those of an evening, letter by letter.
-const MOST_FACES: usize = 4096;
+/// Greatest number of words whose typefaces are cached: those of an evening, letter by letter.
+const MAX_FACES: usize = 4096;
 
-/// The folder of a job, which is the present folder as long as this exists.
+/// The folder of a job, which is the current folder until this is dropped.
 struct JobFolder<'a> {
     _folder: TempDir,
     parent: &'a Path,
 }
 
 impl<'a> JobFolder<'a> {
+    /// Makes a folder in `parent` the current folder.
     fn enter(parent: &'a Path) -> std::io::Result<Self> {
         let folder = tempfile::tempdir_in(parent)?;
         std::env::set_current_dir(folder.path())?;
@@ -269,26 +281,27 @@ impl<'a> JobFolder<'a> {
 
 impl Drop for JobFolder<'_> {
     fn drop(&mut self) {
-        // Windows does not remove a present folder.
+        // Windows does not remove the current folder.
         let _ = std::env::set_current_dir(self.parent);
     }
 }
 
+/// Does the jobs of a worker.
 struct JobMaker<'a> {
     program: Program,
     scene: Option<&'a str>,
-    /// Typefaces of this machine for the letters that the scene's font lacks.
+    /// Typefaces on this machine by the letters of a word.
     faces: RefCell<BTreeMap<BTreeSet<char>, Option<PathBuf>>>,
 }
 
 impl JobMaker<'_> {
-    /// Does a job in a new folder with all its files, so that no path of this machine gets into the
-    /// answer.
+    /// Does a job in a new folder that contains all of its files, so that the answer has no path of
+    /// this machine.
     fn make_in(&self, parent: &Path, Job { product, subject, .. }: &Job) -> Made {
         let Ok(_folder) = JobFolder::enter(parent) else { return Err(Key::DiskFull.into()) };
         let studio = Studio {
             scene: &|settings| self.base(settings),
-            typeface: &|word| self.face(word).map(|face| brought_here(&face)).transpose(),
+            typeface: &|word| self.face(word).map(|face| bring_here(&face)).transpose(),
             advice: &self.program.advice,
             has_audience: true,
             watch: &|_stage, _fraction| {},
@@ -296,21 +309,23 @@ impl JobMaker<'_> {
         studio.make(*product, subject)
     }
 
+    /// Returns the page's scene with settings over its keys, and its files in the current folder.
     fn base(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let mut scene = match self.scene {
             Some(named) => Scene::find(named, settings)?.scene,
             None => Scene::parse_with("", "scene", settings)?,
         };
         for file in scene.files_mut().filter(|file| Path::new(file).is_absolute()) {
-            *file = brought_here(file.as_ref())?;
+            *file = bring_here(file.as_ref())?;
         }
         Ok(scene)
     }
 
+    /// Returns a typeface on this machine that has all letters of a word. `None` if there is none.
     fn face(&self, word: &str) -> Option<PathBuf> {
         let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
         let mut faces = self.faces.borrow_mut();
-        if faces.len() == MOST_FACES {
+        if faces.len() == MAX_FACES {
             faces.clear();
         }
         let face = faces.entry(letters).or_insert_with_key(|letters| {
@@ -320,25 +335,25 @@ impl JobMaker<'_> {
     }
 }
 
-/// Brings a file into the present folder, unless it is there. Returns its name there.
-fn brought_here(path: &Path) -> Result<String> {
+/// Links or copies a file into the current folder, unless it is there. Returns its name there.
+fn bring_here(path: &Path) -> Result<String> {
     let here = std::env::current_dir().map_err(|source| Error::read(path, source))?;
     let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if path.parent() == Some(&here) {
         return Ok(name);
     }
-    // Another file may have its name.
+    // Another file may have the same name.
     while Path::new(&name).exists() {
         name.insert(0, '_');
     }
-    // A link is not possible from another disk.
+    // A file on another disk cannot be linked, and is copied.
     let linked = std::fs::hard_link(path, &name);
-    let brought = linked.or_else(|_| std::fs::copy(path, &name).map(drop));
-    brought.map_err(|source| Error::read(name.as_ref(), source))?;
+    let copied = linked.or_else(|_| std::fs::copy(path, &name).map(drop));
+    copied.map_err(|source| Error::read(name.as_ref(), source))?;
     Ok(name)
 }
 
-/// Limits the memory of this process, if the system can. Otherwise only the timeout ends it.
+/// Limits the memory of this process, if the system can. Otherwise only the timeout stops it.
 fn limit_memory() {
     #[cfg(unix)]
     {

@@ -32,8 +32,7 @@ pub struct Avionics {
     sensors: Sensors,
     motor_max: f64,
     tick_s: f64,
-    /// `None`: an estimator outside the program.
-    kinds: (ControllerKind, Option<EstimatorKind>),
+    kinds: Kinds,
     /// Heading that is held, from world x toward y.
     yaw_rad: f64,
     estimate: State,
@@ -53,7 +52,7 @@ pub struct Avionics {
     stopped_s: Option<f64>,
     /// First setpoint of the firmware's landing, if those before it are of another kind.
     lands_from: Option<usize>,
-    kind: Kind,
+    mode: Mode,
     short_steps: u32,
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
@@ -62,9 +61,16 @@ pub struct Avionics {
     logs_covariance: bool,
 }
 
+/// Kinds of the controller and the estimator. `None` is an estimator outside the program.
+#[derive(Clone, Copy, Debug)]
+struct Kinds {
+    controller: ControllerKind,
+    estimator: Option<EstimatorKind>,
+}
+
 /// Kinds of setpoints that the firmware tells apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum Mode {
     /// Those of the host.
     Sent,
     /// The firmware's own since the host is silent.
@@ -100,7 +106,10 @@ impl Avionics {
             sensors,
             motor_max: believed.vehicle.motor_max,
             tick_s: 1.0 / f64::from(rate_hz),
-            kinds: (believed.controller.kind, Some(believed.observer.kind)),
+            kinds: Kinds {
+                controller: believed.controller.kind,
+                estimator: Some(believed.observer.kind),
+            },
             estimate: State::zeros(),
             fresh: false,
             command: Command::default(),
@@ -112,10 +121,10 @@ impl Avionics {
             streamed: actual.radio.setpoints == Setpoints::Streamed,
             stopped_s: None,
             lands_from: match believed.controller.setpoints {
-                SetpointKind::FullState => landing(plan),
+                SetpointKind::FullState => landing_setpoint(plan),
                 SetpointKind::Position => None,
             },
-            kind: Kind::Sent,
+            mode: Mode::Sent,
             short_steps: 0,
             saturated_ticks: 0,
             saturated_writing_ticks: 0,
@@ -129,11 +138,11 @@ impl Avionics {
         self.logs_covariance = true;
     }
 
-    /// Replaces the estimator by one outside the program, made from the state at rest.
+    /// Replaces the estimator by one outside the program, which `make` makes of the state at rest.
     pub fn estimate_by(&mut self, make: impl FnOnce([f64; 12]) -> Update) {
         let state = self.estimator.state();
         self.estimator = Box::new(Outside { update: make(state.into()), state });
-        self.kinds.1 = None;
+        self.kinds.estimator = None;
     }
 
     /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions
@@ -145,16 +154,10 @@ impl Avionics {
         plant: &Plant,
         fleet_m: &[Vector3<f64>],
     ) -> bool {
-        let short = plant.short_steps() > self.short_steps;
+        let is_battery_limited = plant.short_steps() > self.short_steps;
         self.short_steps = plant.short_steps();
-        self.saturated_ticks += u32::from(self.command.saturated || short);
-        // The setpoint that is due, and the one that the radio has brought.
-        let further = plan.setpoints.iter().skip(self.setpoint + 1);
-        self.setpoint += further.take_while(|s| s.time_s <= time_s + TIME_TOLERANCE_S).count();
-        self.heard = match &mut self.link {
-            None => self.setpoint,
-            Some(link) => link.hear(time_s, self.setpoint),
-        };
+        self.saturated_ticks += u32::from(self.command.saturated || is_battery_limited);
+        self.advance_setpoint(plan, time_s);
 
         // Sensors and estimator run at every tick, also while the motors are off.
         let body = plant.body();
@@ -165,7 +168,7 @@ impl Avionics {
 
         // A setpoint at or below the floor switches the motors off. A host that was silent for too
         // long does so for good.
-        let target_m = &plan.setpoints[self.flown()].position_m;
+        let target_m = &plan.setpoints[self.followed_setpoint()].position_m;
         let is_grounded = target_m.z <= plant.floor_m(target_m.x, target_m.y);
         if !is_grounded && self.silent_s(time_s) > MOTORS_STOP_S {
             self.stopped_s.get_or_insert(time_s);
@@ -175,7 +178,7 @@ impl Avionics {
                 filter.rest();
             }
             self.refresh_estimate();
-            self.controller.rest(&ahead(&self.estimate, self.yaw_rad));
+            self.controller.rest(&turned_ahead(&self.estimate, self.yaw_rad));
             self.command = Command::default();
             return false;
         }
@@ -186,26 +189,36 @@ impl Avionics {
         due
     }
 
+    /// Moves on to the setpoint that is due, and to the one that the radio has brought.
+    fn advance_setpoint(&mut self, plan: &Plan, time_s: f64) {
+        let later = plan.setpoints.iter().skip(self.setpoint + 1);
+        self.setpoint += later.take_while(|s| s.time_s <= time_s + TIME_TOLERANCE_S).count();
+        self.heard = match &mut self.link {
+            None => self.setpoint,
+            Some(link) => link.hear(time_s, self.setpoint),
+        };
+    }
+
     /// Commands the motors by the drone's controller.
     pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
-        let flown = self.flown();
-        let setpoint = &plan.setpoints[flown];
+        let row = self.followed_setpoint();
+        let setpoint = &plan.setpoints[row];
         let reference_s = self.reference_time_s(plan, time_s);
-        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(flown), reference_s);
-        reference.jerk_m_s3 = plan.jerk_m_s3(flown);
+        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(row), reference_s);
+        reference.jerk_m_s3 = plan.jerk_m_s3(row);
         // Controllers are designed for a drone that looks along world x.
         let mut reference = reference.turned(-self.yaw_rad);
-        let mut estimate = ahead(&self.estimate, self.yaw_rad);
+        let mut estimate = turned_ahead(&self.estimate, self.yaw_rad);
         // A change of the kind of setpoint resets the controller before it flies the first one.
-        let kind = match self.silent_s(time_s) > LEVEL_OUT_S {
-            true => Kind::Level,
-            false if self.lands_from.is_some_and(|row| flown >= row) => Kind::Landing,
-            false => Kind::Sent,
+        let mode = match self.silent_s(time_s) > LEVEL_OUT_S {
+            true => Mode::Level,
+            false if self.lands_from.is_some_and(|first| row >= first) => Mode::Landing,
+            false => Mode::Sent,
         };
-        if std::mem::replace(&mut self.kind, kind) != kind {
+        if std::mem::replace(&mut self.mode, mode) != mode {
             self.controller.change_mode(&estimate);
         }
-        if kind == Kind::Level {
+        if mode == Mode::Level {
             self.controller.level_out(&mut estimate, &mut reference);
         }
         if let Some(filter) = self.estimator.altitude() {
@@ -220,21 +233,22 @@ impl Avionics {
         self.command = Command { motors: motors.into(), saturated: motors != wanted };
     }
 
-    /// Index of the setpoint that the drone follows.
-    fn flown(&self) -> usize {
+    /// Index of the setpoint that the drone follows: the last one heard if they are streamed, else
+    /// the one that is due.
+    fn followed_setpoint(&self) -> usize {
         if self.streamed { self.heard } else { self.setpoint }
     }
 
-    /// Time at which the reference on the motion of the setpoint is taken.
+    /// Time at which the setpoint's motion is evaluated to give the reference.
     fn reference_time_s(&self, plan: &Plan, time_s: f64) -> f64 {
-        let holds = self.kinds.0 == ControllerKind::Geometric;
-        let from_s = plan.setpoints[self.flown()].time_s;
+        let holds = self.kinds.controller == ControllerKind::Geometric;
+        let from_s = plan.setpoints[self.followed_setpoint()].time_s;
         // A late setpoint moves on from when it was heard, until the next one is due.
         let now_s = match self.link.as_ref().filter(|_| self.streamed) {
             None => time_s,
             Some(link) => {
                 let last_s = if holds { time_s - link.silent_s(time_s) } else { time_s };
-                let next = plan.setpoints.get(self.flown() + 1);
+                let next = plan.setpoints.get(self.followed_setpoint() + 1);
                 let until_s = next.map_or(from_s, |next| next.time_s);
                 (from_s + (last_s - link.since_s())).min(until_s).max(from_s)
             }
@@ -248,41 +262,42 @@ impl Avionics {
         from_s + ((now_s - from_s + TIME_TOLERANCE_S) / step_s).floor() * step_s
     }
 
-    /// Time since a setpoint was heard. It is 0 for a trajectory on board.
+    /// Time since the last setpoint was heard, or 0 for a trajectory on board.
     fn silent_s(&self, time_s: f64) -> f64 {
         let streamed = self.link.as_ref().filter(|_| self.streamed);
         streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
-    /// Ends a tick, with an error for a drone that the controller has lost.
+    /// Ends a tick. A drone that the controller has lost is an error.
     pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
-        let writes = plan.setpoints[self.setpoint].letter.is_some();
-        self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
-        let Some(fault) = lost(&plant.body(), &self.estimate) else { return Ok(()) };
-        if plant.warnings().iter().any(|warning| warning.code == BATTERY[1]) {
+        let is_writing = plan.setpoints[self.setpoint].letter.is_some();
+        self.saturated_writing_ticks += u32::from(self.command.saturated && is_writing);
+        let Some(fault) = loss(&plant.body(), &self.estimate) else { return Ok(()) };
+        let [_, empty_code] = BATTERY;
+        if plant.warnings().iter().any(|warning| warning.code == empty_code) {
             let what = format!("the battery is empty, and the drone {fault} after {time_s:.3} s");
-            return Err(Error::infeasible(what, EMPTY).coded(BATTERY[1]));
+            return Err(Error::infeasible(what, EMPTY_HELP).coded(empty_code));
         }
+        let keys = tuning_keys(self.kinds);
         Err(Error::infeasible(
             format!("the drone {fault} after {time_s:.3} s"),
-            format!(
-                "check {} against the vehicle, and that the plan makes no large jump",
-                tuned_by(self.kinds)
-            ),
+            format!("check {keys} against the vehicle, and that the plan makes no large jump"),
         ))
     }
 
+    /// The estimated state, as of the last refresh.
     pub(super) fn estimate(&self) -> &State {
         &self.estimate
     }
 
-    /// The reference at this instant, without the offset for the drone's own controller.
+    /// The planned motion at this instant, without the offset of sent positions.
     pub(super) fn design(&self, plan: &Plan, time_s: f64) -> Reference {
         let setpoint = &plan.setpoints[self.setpoint];
         Reference::from_setpoint(setpoint, setpoint.position_m, time_s)
     }
 
+    /// The drone's next message to the fleet, or `None` if its estimator sends none.
     pub(super) fn message(&mut self) -> Option<Message> {
         self.estimator.fleet_filter()?.message()
     }
@@ -310,8 +325,8 @@ impl Avionics {
         &self.sensors
     }
 
-    /// Logs this tick. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
-    /// decimals gives back exactly the flight that was written.
+    /// Logs this tick. Values are rounded to 1e-6, so that a file with six decimals gives back
+    /// exactly the flight that was written.
     pub(super) fn log(&mut self, recorder: &mut Recorder, plan: &Plan, time_s: f64, plant: &Plant) {
         self.refresh_estimate();
         let (setpoint, body) = (&plan.setpoints[self.setpoint], plant.body());
@@ -341,8 +356,8 @@ impl Avionics {
         recorder.record(sample, lights, [Some(saturated_s), volts, joules, sigma_m, nees]);
     }
 
-    /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at
-    /// which they are used.
+    /// Updates the estimated state if it is not of the present tick. It is called only when the
+    /// state is used, since its angles take as long as a step of the physics.
     fn refresh_estimate(&mut self) {
         if !self.fresh {
             self.estimate = self.estimator.state();
@@ -350,7 +365,7 @@ impl Avionics {
         }
     }
 
-    /// Warnings about saturated motors and about the sensors, with those of the plant between them.
+    /// Warnings about saturated motors, a silent host, the plant and the sensors.
     pub(super) fn warnings(&self, plant: &Plant) -> Vec<Diagnostic> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let saturated = (saturated_s > 0.0).then(|| warning::motor_at_limit(saturated_s));
@@ -364,19 +379,22 @@ impl Avionics {
     }
 }
 
-/// The setpoint of a plan at which an exported script hands over to the firmware's own landing.
-fn landing(plan: &Plan) -> Option<usize> {
-    let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some())?;
-    let written_s = plan.setpoints.get(last + 1)?.time_s;
+/// Index of the first setpoint after an exported script has handed over to the firmware's landing,
+/// or `None` if no letter is written or none follows the last letter.
+fn landing_setpoint(plan: &Plan) -> Option<usize> {
+    let last_written = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some())?;
+    let written_s = plan.setpoints.get(last_written + 1)?.time_s;
     let lands_s = written_s + LANDS_AFTER_S - TIME_TOLERANCE_S;
     Some(plan.setpoints.partition_point(|setpoint| setpoint.time_s < lands_s))
 }
 
-/// A state turned so that the held heading is along world x, as controllers are designed.
-pub(super) fn ahead(state: &State, yaw_rad: f64) -> State {
+/// The state turned about the vertical by `-yaw_rad`: the held heading is then along world x, for
+/// which controllers are designed.
+pub(super) fn turned_ahead(state: &State, yaw_rad: f64) -> State {
     if yaw_rad == 0.0 {
         return *state;
     }
+    // Position and yaw change. Velocity and rate are in the body frame.
     let mut ahead = *state;
     ahead.fixed_rows_mut::<3>(0).copy_from(&turned(&state.fixed_rows::<3>(0).into(), -yaw_rad));
     let (sin, cos) = libm::sincos(state[3] - yaw_rad);
@@ -384,34 +402,34 @@ pub(super) fn ahead(state: &State, yaw_rad: f64) -> State {
     ahead
 }
 
-/// Keys of the gains and weights of the controller and the estimator that fly.
-fn tuned_by((controller, estimator): (ControllerKind, Option<EstimatorKind>)) -> String {
+/// Scene keys of the gains and weights of the controller and the estimator, for messages.
+fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
     use EstimatorKind::{Altitude, Cooperative, Ekf, EkfImproved, Luenberger, Truth};
-    let estimator = match estimator {
+    let estimator_keys = match estimator {
         None => ", and your estimator's units and signs,",
         Some(Luenberger) => " and observer.luenberger",
         Some(Ekf | EkfImproved | Cooperative) => " and observer.ekf",
         Some(Altitude) => " and observer.altitude",
         Some(Truth) => "",
     };
-    format!("{}{estimator}", controller.keys())
+    format!("{}{estimator_keys}", controller.keys())
 }
 
 /// Advice for a drone that is lost with an empty battery.
-const EMPTY: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
+const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
                                 hovering; or a larger vehicle.battery";
 
-/// How the controller has lost a drone, by its true or its estimated state.
-fn lost(body: &RigidBody, estimate: &State) -> Option<&'static str> {
-    // Without a branch per value, which a processor would have to predict.
-    fn is_near(values: &[f64]) -> bool {
-        values.iter().fold(true, |is_near, x| is_near & (x.abs() < LOST))
+/// How the controller has lost a drone, by its true or its estimated state, if it has.
+fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
+    // Without a branch per value, which a processor would have to predict. NaN is out of bounds.
+    fn are_bounded(values: &[f64]) -> bool {
+        values.iter().fold(true, |are_bounded, x| are_bounded & (x.abs() < LOST))
     }
     let RigidBody { position_m, velocity_m_s, rate_rad_s, .. } = body;
-    let is_near = is_near(position_m.as_slice())
-        & is_near(velocity_m_s.as_slice())
-        & is_near(rate_rad_s.as_slice())
-        & is_near(estimate.as_slice());
+    let is_near = are_bounded(position_m.as_slice())
+        & are_bounded(velocity_m_s.as_slice())
+        & are_bounded(rate_rad_s.as_slice())
+        & are_bounded(estimate.as_slice());
     if !is_near {
         Some("flies away")
     } else if body.is_on_its_back() {
@@ -430,12 +448,12 @@ mod tests {
     #[test]
     fn a_lost_drone_and_a_lost_observer_are_both_found() {
         let (body, estimate) = (RigidBody::resting_at(Vector3::z()), State::zeros());
-        assert_eq!(lost(&body, &estimate), None, "at the start");
+        assert_eq!(loss(&body, &estimate), None, "at the start");
         let away = RigidBody { position_m: Vector3::new(f64::NAN, 0.0, 0.0), ..body };
-        assert_eq!(lost(&away, &estimate), Some("flies away"));
+        assert_eq!(loss(&away, &estimate), Some("flies away"));
         let mut astray = estimate;
         astray[6] = -1e5;
-        assert_eq!(lost(&body, &astray), Some("flies away"));
+        assert_eq!(loss(&body, &astray), Some("flies away"));
         for (axis, angle_rad, want) in [
             (Vector3::x_axis(), -2.0, Some("turns over")),
             (Vector3::x_axis(), 1.57, None),
@@ -446,7 +464,7 @@ mod tests {
         ] {
             let world_from_body = UnitQuaternion::from_axis_angle(&axis, angle_rad);
             assert_eq!(
-                lost(&RigidBody { world_from_body, ..body }, &estimate),
+                loss(&RigidBody { world_from_body, ..body }, &estimate),
                 want,
                 "{angle_rad}"
             );

@@ -35,9 +35,9 @@ pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Res
     Ok(fly_fleet(&[(plan, *drone)], progress)?.remove(0))
 }
 
-/// Flies several plans in step. The drones blow upon those below them (`air.downwash`). If their
-/// sensors and estimators are set to, they measure the distances between each other and exchange
-/// their measurements. A drone that has landed goes on ranging until the last one has.
+/// Flies several plans in step. Drones are in the downwash of those above (`air.downwash`). If
+/// their sensors and estimators are set to, they measure the distances between each other and
+/// exchange their measurements. A drone that has landed goes on ranging until the last one has.
 ///
 /// # Errors
 ///
@@ -66,19 +66,20 @@ pub fn fly_watched(
     let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
     let n_ticks = rigs.iter().map(|rig| rig.n_ticks).max().unwrap_or(0);
     let is_fleet = rigs.len() > 1;
-    let blows = is_fleet && first.actual.air.downwash == Downwash::Jet;
+    let has_downwash = is_fleet && first.actual.air.downwash == Downwash::Jet;
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(first.actual.rates.control_hz);
         // Positions, downwash and messages of one instant are gathered before any drone moves, so
         // that the order of the drones has no effect.
         let in_fleet = rigs.iter().filter(|_| is_fleet);
         let fleet_m: Vec<_> = in_fleet.map(|rig| rig.plant.body().position_m).collect();
-        let jets: Vec<Jet> = rigs.iter().filter(|_| blows).map(|rig| rig.plant.jet()).collect();
+        let jets = rigs.iter().filter(|_| has_downwash).map(|rig| rig.plant.jet());
+        let jets: Vec<Jet> = jets.collect();
         while let Some((to, message)) = air.arrived(time_s) {
             rigs[to].avionics.receive(&message);
         }
         for (place, rig) in rigs.iter_mut().enumerate() {
-            if blows {
+            if has_downwash {
                 rig.plant.enter(jets[..place].iter().chain(&jets[place + 1..]));
             }
             let plan = fleet[place].0;
@@ -104,7 +105,7 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// The drones of a fleet on the floor.
+/// The drones of a fleet at rest at their starts, after the checks of options and plans.
 pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     let first = &fleet[0].1;
     let mut members = Vec::new();
@@ -137,6 +138,7 @@ pub(super) struct Rig {
 }
 
 impl Rig {
+    /// A drone at rest at the start of its plan.
     fn new(plan: &Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
         let rates = &drone.actual.rates;
         let n_ticks = n_ticks(plan, rates.control_hz)?;
@@ -155,7 +157,7 @@ impl Rig {
         })
     }
 
-    /// The rest of a tick: its sample and its motion.
+    /// Ends a tick: checks that the drone is not lost, calls `watch`, logs, and moves the drone.
     pub(super) fn conclude(
         &mut self,
         plan: &Plan,
@@ -175,18 +177,19 @@ impl Rig {
         Ok(())
     }
 
+    /// The recorded flight with its warnings.
     pub(super) fn finish(self) -> Flight {
         self.recorder.finish(self.avionics.warnings(&self.plant))
     }
 }
 
-/// True position at the start.
+/// True position at the start: the first setpoint's, or on the floor if that is below it.
 fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     let first_m = plan.setpoints[0].position_m;
     Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
 }
 
-/// Checks that the plan has setpoints, motions within a drone's reach, and a path above the floor.
+/// Checks that the plan has setpoints, values that a drone can reach, and a path above the floor.
 fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let hint = "plan the word again, or correct the file that the plan was read from";
     if plan.setpoints.is_empty() {
@@ -194,21 +197,21 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     }
     for (i, s) in plan.setpoints.iter().enumerate() {
         let sent_m = plan.sent_m(i);
-        let moving = s.velocity_m_s.iter().chain(&s.acceleration_m_s2);
-        let mut values = s.position_m.iter().chain(moving).chain(&sent_m);
+        let derivatives = s.velocity_m_s.iter().chain(&s.acceleration_m_s2);
+        let mut values = s.position_m.iter().chain(derivatives).chain(&sent_m);
         if let Some(value) = values.find(|value| value.abs() >= LOST) {
             let wanted = format!("a number within ±{LOST}");
             return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
         }
     }
-    check_above(plan, floor)
+    check_clearance(plan, floor)
 }
 
 /// Checks that the plan stays above the steps of the floor while the drone is in the air.
-fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
+fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     // Height of each setpoint, and of the floor below it.
     let positions_m = plan.setpoints.iter().map(|s| s.position_m);
-    let heights_m: Vec<[f64; 2]> = positions_m.map(|m| [m.z, floor.height_m(m.x, m.y)]).collect();
+    let heights_m: Vec<[f64; 2]> = positions_m.map(|p| [p.z, floor.height_m(p.x, p.y)]).collect();
     // The drone is in the air from the first setpoint above the floor, or of a letter, to the last.
     let mut in_air = (0..heights_m.len()).filter(|row| {
         let [z, floor] = heights_m[*row];
@@ -232,7 +235,7 @@ fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     ))
 }
 
-/// Control ticks from the first setpoint to the last.
+/// Number of control ticks to the last setpoint. A plan longer than an hour is an error.
 fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {

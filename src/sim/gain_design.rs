@@ -123,13 +123,13 @@ struct Loop {
 }
 
 impl Loop {
-    /// The same with inputs that follow their commands with a lag.
+    /// The loop with inputs that follow their commands with a lag.
     fn lagging(&self, lag_s: f64) -> Self {
         let [a, b, k] = with_input_lag(&self.a, &self.b, &self.k, lag_s);
         Self { a, b, k }
     }
 
-    /// `A − B K`.
+    /// Matrix of the closed loop, `A − B K`.
     fn closed(&self) -> DMatrix<f64> {
         &self.a - &self.b * &self.k
     }
@@ -155,22 +155,13 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
     let dragged_a = a + drag(vehicle);
+    let (feedback, states) = feedback_loop(options, [&a, &dragged_a], &b)?;
 
     // Poles and margins of the loop without lag and with it, and the longest lag by bisection.
-    let (feedback, states) = match options.controller.kind.law() {
-        Law::StateFeedback { .. } => {
-            let gain = Gain::new(options, &with_integrals(options, &a, &b))?;
-            regulator(with_integrals(options, &dragged_a, &b), gain, modeled_lag_s(options))
-        }
-        // The controller's own code, linearized.
-        Law::Cascade | Law::Geometric | Law::Own => {
-            (loops(&dynamic(&dragged_a), &dynamic(&b), &LinearController::new(options)?), vec![])
-        }
-    };
     let lagging = feedback.lagging(motor_lag_s);
     let [regulator_poles, lagging_poles] = [&feedback, &lagging].map(|l| poles(&l.closed()));
     let lagging_margins = lagging.margins();
-    let longest_lag_s = longest(|lag_s| is_hurwitz(&feedback.lagging(lag_s).closed()));
+    let longest_lag_s = longest_lag_s(|lag_s| is_hurwitz(&feedback.lagging(lag_s).closed()));
     let warnings = warnings(
         options,
         motor_lag_s,
@@ -183,14 +174,9 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     // without the yaw, which no position shows.
     let (motion_a, _) = hover_model(linearize_finely);
     let l = observer_gain(&options.observer.luenberger, &motion_a)?;
-    let (observed_a, position) = (without_yaw(&motion_a), DMatrix::identity(3, 9));
-    let motion_a = dynamic(&motion_a);
+    let observer_a = without_yaw(&motion_a) - l * SMatrix::<f64, 3, 8>::identity();
+    let (motion_a, position) = (dynamic(&motion_a), DMatrix::identity(3, 9));
     let unobservable = unobservable_states(&motion_a, &position);
-
-    // Controllability by duality. The scale of an input does not change the states that it reaches.
-    let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
-    let controllability_rank =
-        observability_rank(&dynamic(&dragged_a.transpose()), &dynamic(&per_size.transpose()));
     let largest_inputs = largest_inputs(vehicle);
     Ok(Design {
         a: dynamic(&dragged_a),
@@ -199,11 +185,11 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         margins: feedback.margins(),
         k: (!states.is_empty()).then_some(feedback.k),
         states,
-        controllability_rank,
+        controllability_rank: controllability_rank(&dragged_a, &b),
         observability_rank: observability_rank(&motion_a, &position),
         unobservable: unobservable.into_iter().map(|i| STATES[i]).collect(),
         regulator_poles,
-        observer_poles: poles(&dynamic(&(observed_a - l * SMatrix::<f64, 3, 8>::identity()))),
+        observer_poles: poles(&dynamic(&observer_a)),
         l: dynamic(&l),
         motor_lag_s,
         lagging_poles,
@@ -215,29 +201,55 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     })
 }
 
+/// The loop of the options' controller on the plant with drag, and the names of the regulator's
+/// states, or none for other controllers. A regulator is designed for `A` without drag.
+fn feedback_loop(
+    options: &SimOptions,
+    [a, dragged_a]: [&SMatrix<f64, 12, 12>; 2],
+    b: &SMatrix<f64, 12, 4>,
+) -> Result<(Loop, Vec<&'static str>)> {
+    Ok(match options.controller.kind.law() {
+        Law::StateFeedback { .. } => {
+            let gain = Gain::new(options, &with_integrals(options, a, b))?;
+            regulator_loop(with_integrals(options, dragged_a, b), gain, modeled_lag_s(options))
+        }
+        Law::Cascade | Law::Geometric | Law::Own => {
+            let controller = LinearController::new(options)?;
+            (controller_loop(&dynamic(dragged_a), &dynamic(b), &controller), vec![])
+        }
+    })
+}
+
+/// Number of states that the inputs reach, by duality with observability.
+fn controllability_rank(a: &SMatrix<f64, 12, 12>, b: &SMatrix<f64, 12, 4>) -> usize {
+    // The scale of an input does not change the states that it reaches.
+    let unit_b = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
+    observability_rank(&dynamic(&a.transpose()), &dynamic(&unit_b.transpose()))
+}
+
 /// The loop of a regulator, for lagging or immediate motors, and the names of its states.
-fn regulator(
+fn regulator_loop(
     [a, b]: [DMatrix<f64>; 2],
     gain: Gain,
-    known_lag_s: Option<f64>,
+    modeled_lag_s: Option<f64>,
 ) -> (Loop, Vec<&'static str>) {
     let n = a.nrows();
     let states = STATES[..n].iter().copied();
-    let Some(known_lag_s) = known_lag_s else {
+    let Some(modeled_lag_s) = modeled_lag_s else {
         return (Loop { a, b, k: gain.k }, states.collect());
     };
     // The modeled rotors run on the regulator's own commands: they are part of it, not of the
     // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
-    let from_state = -&gain.k / known_lag_s;
-    let decay = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
+    let from_state = -&gain.k / modeled_lag_s;
+    let decay = -(gain.k_rotor + Matrix4::identity()) / modeled_lag_s;
     let a = with_states(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));
     let mut k = gain.k.resize_horizontally(n + 4, 0.0);
     k.columns_mut(n, 4).copy_from(&gain.k_rotor);
     (Loop { a, b: b.resize_vertically(n + 4, 0.0), k }, states.chain(ROTOR_STATES).collect())
 }
 
-/// The loop of a controller with a memory, whose states follow the drone's twelve.
-fn loops(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> Loop {
+/// The loop of a controller with a memory, whose states come after the drone's twelve.
+fn controller_loop(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> Loop {
     let LinearController { k, h, f, g } = controller;
     let m = f.nrows();
     let a = with_states(a, &DMatrix::zeros(12, m), g, f);
@@ -246,18 +258,20 @@ fn loops(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> L
     Loop { a, b: b.clone().resize_vertically(12 + m, 0.0), k }
 }
 
-/// Largest deviation of each input by itself from hover until the first motor is at its limit.
+/// Largest deviation of each input by itself from hover at which no motor exceeds its limits.
 fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
     let mixer = Mixer::new(vehicle);
     let hover = mixer.motors(&vehicle.hover()).0;
-    let room = hover.map(|motor| motor.min(vehicle.motor_max - motor));
+    let headroom = hover.map(|motor| motor.min(vehicle.motor_max - motor));
     std::array::from_fn(|input| {
         let mut unit = Wrench::zeros();
         unit[input] = 1.0;
-        room.component_div(&mixer.unbounded_motors(&unit).abs()).min()
+        headroom.component_div(&mixer.unbounded_motors(&unit).abs()).min()
     })
 }
 
+/// Warnings about a loop that is unstable with the lag, and about the altitude's loop. `poles` are
+/// those without lag and with it.
 fn warnings(
     options: &SimOptions,
     lag_s: f64,
@@ -293,8 +307,8 @@ fn warnings(
     warnings
 }
 
-/// Share of the air in A at hover: drag of body and rotors, and the moment of the air across the
-/// rotors, for a small velocity in the body frame.
+/// The part of `A` that the air causes at hover: drag of body and rotors, and the moment of the air
+/// across the rotors, for a small velocity in the body frame.
 fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     const VELOCITY: usize = 6;
     const RATE: usize = 9;
@@ -313,14 +327,14 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
 }
 
 /// Longest stable lag, by bisection. `None` if even [`MAX_LAG_S`] is stable.
-fn longest(stable: impl Fn(f64) -> bool) -> Option<f64> {
-    if stable(MAX_LAG_S) {
+fn longest_lag_s(is_stable: impl Fn(f64) -> bool) -> Option<f64> {
+    if is_stable(MAX_LAG_S) {
         return None;
     }
     let (mut low, mut high) = (0.0, MAX_LAG_S);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        if stable(middle) { low = middle } else { high = middle }
+        if is_stable(middle) { low = middle } else { high = middle }
     }
     Some(low)
 }

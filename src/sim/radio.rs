@@ -25,10 +25,10 @@ pub(super) struct Link {
     outage: [f64; 2],
     turn_s: f64,
     round_s: f64,
-    /// Index of the last setpoint that was heard, and when last.
-    heard: (usize, f64),
-    /// When that setpoint was heard first.
+    /// Index of the last setpoint that was heard, and when it was heard first and last.
+    heard: usize,
     since_s: f64,
+    last_s: f64,
 }
 
 impl Link {
@@ -48,8 +48,9 @@ impl Link {
             outage: [f64::INFINITY; 2],
             turn_s: slot * (PACKET_S + switch_s),
             round_s: n * (PACKET_S + switch_s),
-            heard: (0, 0.0),
+            heard: 0,
             since_s: 0.0,
+            last_s: 0.0,
         };
         if options.outage_every_s > 0.0 {
             link.outage = [0.0; 2];
@@ -58,24 +59,24 @@ impl Link {
         Some(link)
     }
 
-    /// The setpoint that the drone has heard by `time_s`, while the host sends `newest`.
+    /// Index of the setpoint that the drone has heard by `time_s`, while the host sends `newest`.
     pub(super) fn hear(&mut self, time_s: f64, newest: usize) -> usize {
         while self.turn_s <= time_s {
             while self.turn_s >= self.outage[1] {
                 self.next_outage();
             }
             // Chance is drawn first, at every turn, so that outages do not shift its stream.
-            let lost =
+            let is_lost =
                 self.chance.uniform() < self.options.loss_frac || self.turn_s >= self.outage[0];
-            if !lost {
-                if self.heard.0 != newest {
+            if !is_lost {
+                if self.heard != newest {
                     self.since_s = self.turn_s;
                 }
-                self.heard = (newest, self.turn_s);
+                (self.heard, self.last_s) = (newest, self.turn_s);
             }
             self.turn_s += self.round_s;
         }
-        self.heard.0
+        self.heard
     }
 
     /// Time at which the setpoint that the drone follows was heard first.
@@ -83,11 +84,12 @@ impl Link {
         self.since_s
     }
 
-    /// Time since the drone heard a setpoint.
+    /// Time since the drone last heard a setpoint.
     pub(super) fn silent_s(&self, time_s: f64) -> f64 {
-        time_s - self.heard.1
+        time_s - self.last_s
     }
 
+    /// Draws the next outage, after the end of the present one.
     fn next_outage(&mut self) {
         // Exponential times, by the inverse of their distribution function.
         let [after_s, lasts_s] = [self.options.outage_every_s, self.options.outage_s]

@@ -22,7 +22,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder for about `n` samples.
+    /// An empty recorder with room for `n` samples, and for the plan's light channels.
     pub(super) fn new(plan: &Plan, n: usize) -> Self {
         let lights: BTreeMap<_, _> =
             plan.lights.keys().map(|channel| (channel.clone(), Vec::with_capacity(n))).collect();
@@ -48,6 +48,7 @@ impl Recorder {
         }
     }
 
+    /// The flight with its warnings, and a further one if the drone never took off.
     pub(super) fn finish(self, mut warnings: Vec<Diagnostic>) -> Flight {
         warnings.extend(grounded(&self.flight.samples));
         let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);
@@ -59,12 +60,12 @@ impl Recorder {
 /// Least rise of a plan that takes off, m.
 const TAKE_OFF_M: f64 = 0.2;
 
-/// A warning about a drone that stays on the floor under a plan that rises.
+/// A warning about a drone that stays on the floor while its plan rises, or `None`.
 fn grounded(samples: &[FlightSample]) -> Option<Diagnostic> {
     let first = samples.first()?;
     let planned_m = samples.iter().map(|s| s.design_m.z).fold(f64::MIN, f64::max);
-    let rises = planned_m - first.design_m.z > TAKE_OFF_M;
-    let motors = samples.iter().flat_map(|sample| sample.motors).fold(0.0, f64::max);
-    let rests = rises && rests_on_floor(samples, first.position_m.z);
-    rests.then(|| warning::grounded(motors))
+    let plan_rises = planned_m - first.design_m.z > TAKE_OFF_M;
+    let largest_command = samples.iter().flat_map(|sample| sample.motors).fold(0.0, f64::max);
+    let is_grounded = plan_rises && rests_on_floor(samples, first.position_m.z);
+    is_grounded.then(|| warning::grounded(largest_command))
 }

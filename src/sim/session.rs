@@ -20,10 +20,10 @@ pub struct Session {
 }
 
 impl Session {
-    /// A drone that waits for its first command. `begin` may change its avionics before.
-    pub fn new(plan: Plan, drone: &Drone<'_>, begin: impl FnOnce(&mut Avionics)) -> Result<Self> {
+    /// A drone that waits for its first command. `set_up` may change its avionics before.
+    pub fn new(plan: Plan, drone: &Drone<'_>, set_up: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
-        begin(&mut rig.avionics);
+        set_up(&mut rig.avionics);
         let mut session = Self { plan, rig, tick: 0, has_landed: false };
         session.run()?;
         Ok(session)
@@ -37,7 +37,7 @@ impl Session {
         Ok(())
     }
 
-    /// Commands the motors by the drone's controller, until it waits again or has landed.
+    /// Commands the motors by the drone's controller, and flies until the next command or landing.
     pub fn control(&mut self) -> Result<()> {
         if self.has_landed {
             return Ok(());
@@ -78,7 +78,8 @@ impl Session {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
 
-    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, until it waits again or has landed.
+    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, and flies until the next command or
+    /// landing.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
         if self.has_landed {
             return Ok(());
@@ -95,7 +96,7 @@ impl Session {
         self.rig.finish()
     }
 
-    /// Goes on until a command is due, or to the last setpoint.
+    /// Flies until a command is due, or to the last setpoint.
     fn run(&mut self) -> Result<()> {
         while self.tick <= self.rig.n_ticks {
             let time_s = self.time_s();

@@ -9,7 +9,7 @@ settings! {
     /// Camera body.
     ///
     /// Sensor sizes are the makers' (Sony ILCE-6400: 23.5 mm wide, Sony DSC-RX100M7, 1-inch type:
-    /// 13.2 mm, Canon EOS 2000D: 22.3 mm, a phone's 1/1.56-inch type: 8.2 mm; the Pixel 8 Pro's,
+    /// 13.2 mm, Canon EOS 2000D: 22.3 mm, a phone's 1/1.56-inch type: 8.2 mm, the Pixel 8 Pro's:
     /// 9.8 mm, and the iPhone 15 Pro's, 4032 pixels of 2.44 µm). Full wells are 2500 electrons per
     /// µm² of pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
     /// assumptions of the right size, not measurements of one camera.
@@ -105,12 +105,16 @@ pub struct LensFigures {
     wide_open_stops: f64,
 }
 
+/// Least and greatest sensitivity of a telephone: see [`BodyModel::figures`].
+const PHONE_ISO: [f64; 2] = [50.0, 3200.0];
+
 /// Bodies that EXIF may name.
 const NAMED_IN_EXIF: [BodyModel; 3] =
     [BodyModel::A6400, BodyModel::CanonEos2000D, BodyModel::OneInch];
 
 impl BodyModel {
-    /// The table of bodies. Fixed lenses see the maker's angle over the sensor's diagonal (4:3).
+    /// The body's sensor, lens and EXIF names. The focal length of a fixed lens gives the maker's
+    /// angle of view over the sensor's diagonal (4:3).
     pub fn figures(&self) -> BodyFigures {
         fn body(sensor_width_m: f64, width_px: f64, exif: &'static [&'static str]) -> BodyFigures {
             BodyFigures { sensor_width_m, width_px, fixed_lens: None, exif }
@@ -121,8 +125,8 @@ impl BodyModel {
             f_number: f64,
             longest_s: f64,
         ) -> BodyFigures {
-            let iso = [50.0, 3200.0];
-            let fixed_lens = Some(FixedLens { focal_length_m, f_number, iso, longest_s });
+            let fixed_lens =
+                Some(FixedLens { focal_length_m, f_number, iso: PHONE_ISO, longest_s });
             BodyFigures { fixed_lens, ..body(sensor_width_m, 4000.0, &[]) }
         }
         match self {
@@ -152,14 +156,14 @@ impl BodyModel {
         self.figures().fixed_lens
     }
 
-    /// The body of a model name in EXIF.
+    /// The body with this model name in EXIF, or `None` for any other.
     pub fn from_exif_model(model: &str) -> Option<Self> {
         NAMED_IN_EXIF.into_iter().find(|body| body.figures().exif.contains(&model.trim()))
     }
 }
 
 impl LensModel {
-    /// The table of lenses.
+    /// The lens's focal length, widest aperture, distortion and vignetting.
     pub fn figures(&self) -> LensFigures {
         const NONE: [f64; 4] = [0.0; 4];
         let (focal_length_m, min_f_number, wide_open_stops, distortion) = match self {
@@ -187,7 +191,7 @@ impl LensModel {
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
         let lens = self.figures();
         let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);
-        let part = off_axis_m / FULL_FRAME_CORNER_M;
-        ((1.0 - libm::exp2(-stops)) * part * part).min(1.0)
+        let radius = off_axis_m / FULL_FRAME_CORNER_M;
+        ((1.0 - libm::exp2(-stops)) * radius * radius).min(1.0)
     }
 }

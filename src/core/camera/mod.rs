@@ -76,7 +76,7 @@ pub struct ImagePoint {
 }
 
 impl Camera {
-    /// The same camera with a picture of another width.
+    /// The same camera with a picture of another width, and a height in proportion.
     pub fn at_width(&self, width_px: u32) -> Self {
         let height = u64::from(self.height_px) * u64::from(width_px);
         let height = height.div_ceil(u64::from(self.width_px.max(1))).max(1);
@@ -93,8 +93,8 @@ impl Camera {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
-    /// Image of a point of the world, or `None` behind the camera and where the distortion folds
-    /// back.
+    /// Image of a point of the world, or `None` if the point is behind the camera, or so far off
+    /// the axis that the distortion folds back.
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
         if p.z <= 0.0 {
@@ -109,9 +109,8 @@ impl Camera {
         })
     }
 
-    /// Direction in the world, of length 1, of a point of the picture: the inverse of
-    /// [`Self::image_from_world`], by fixed-point iteration to 1e-12, or `None` if a strong
-    /// distortion has no inverse.
+    /// Unit vector in the world toward a point of the picture, the inverse of
+    /// [`Self::image_from_world`] by fixed-point iteration, or `None` if it does not converge.
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
@@ -127,7 +126,7 @@ impl Camera {
         None
     }
 
-    /// Tangents off the axis with distortion, or `None` where it folds back.
+    /// Applies the distortion to the tangents of a ray, or returns `None` if it folds back there.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {
@@ -176,7 +175,7 @@ impl Camera {
         })
     }
 
-    /// Luminous exposure, lx s, in the middle of the picture by 1 cd/m²: `π τ t / (4 N²)`.
+    /// Luminous exposure, lx s, of 1 cd/m² in the middle of the picture: `π τ t / (4 N²)`.
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
         std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s

@@ -17,6 +17,9 @@ pub const MAX_PIXELS: u64 = 1 << 26;
 /// Width of a full-frame sensor.
 const FULL_FRAME_WIDTH_M: f64 = 0.036;
 
+/// A word nearer than this is not focused at.
+const LEAST_FOCUS_M: f64 = 0.1;
+
 settings! {
     /// The camera.
     ///
@@ -162,7 +165,8 @@ impl CameraOptions {
             .map_or(self.lens.figures().focal_length_m, |lens| lens.focal_length_m)
     }
 
-    /// Distance at which a word fills a fraction of the picture.
+    /// Distance at which a word within `[left, bottom, right, top]` fills a fraction of the
+    /// picture's width or height. An empty word is an error.
     fn distance_m(&self, [left, bottom, right, top]: [f64; 4], fill_frac: f64) -> Result<f64> {
         let aspect = f64::from(self.width_px) / f64::from(self.height_px);
         let width_m = (right - left).max((top - bottom) * aspect) / fill_frac;
@@ -173,6 +177,24 @@ impl CameraOptions {
         let hint = "write something, or set camera.framing to fixed";
         let wanted = "a word that the camera can be set up for";
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
+    }
+
+    /// Position of the camera and rotation from the world to its frame, for a word with its middle
+    /// at `middle`.
+    fn pose(
+        &self,
+        bounds_m: [f64; 4],
+        middle: Vector3<f64>,
+    ) -> Result<(Vector3<f64>, Matrix3<f64>)> {
+        match &self.framing {
+            Framing::Word(framing) => {
+                let distance_m = self.distance_m(bounds_m, framing.fill_frac)?;
+                let mut position_m = middle - Vector3::y() * distance_m;
+                position_m.z = framing.height_m.unwrap_or(middle.z);
+                Ok((position_m, camera_from_world(middle - position_m)))
+            }
+            Framing::Fixed(pose) => Ok((pose.position_m.into(), pose.camera_from_world(middle)?)),
+        }
     }
 
     /// The camera for a word within `[left, bottom, right, top]`, and a flight that ends at
@@ -186,25 +208,17 @@ impl CameraOptions {
         let (body, lens) = (self.body.figures(), self.lens.figures());
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
-        let (position_m, camera_from_world) = match &self.framing {
-            Framing::Word(framing) => {
-                let distance_m = self.distance_m(bounds_m, framing.fill_frac)?;
-                let mut position_m = middle - Vector3::y() * distance_m;
-                position_m.z = framing.height_m.unwrap_or(middle.z);
-                (position_m, camera_from_world(middle - position_m))
-            }
-            Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
-        };
+        let (position_m, camera_from_world) = self.pose(bounds_m, middle)?;
         // The lens of a telephone is fixed, with its own aperture and without distortion.
         let fixed = body.fixed_lens;
-        let at_word_m = (camera_from_world * (middle - position_m)).z;
-        let focuses = !matches!(self.lens, LensModel::Custom(_)) && at_word_m > 0.1;
+        let depth_m = (camera_from_world * (middle - position_m)).z;
+        let is_focused = !matches!(self.lens, LensModel::Custom(_)) && depth_m > LEAST_FOCUS_M;
         Ok(Camera {
             position_m,
             camera_from_world,
             focal_length_m: self.focal_length_m(),
             sensor_width_m: body.sensor_width_m,
-            focus_m: self.focus_m.or(focuses.then_some(at_word_m)),
+            focus_m: self.focus_m.or(is_focused.then_some(depth_m)),
             distortion: fixed.map_or(lens.distortion, |_| [0.0; 4]),
             vignetting: self.vignetting_at(self.f_number),
             white_balance: self.white_balance.gains(),
@@ -222,7 +236,8 @@ impl CameraOptions {
 }
 
 impl FixedPose {
-    /// The rotation from the world to the camera frame. The camera looks at `middle` by default.
+    /// The rotation from the world to the camera frame: by the orientation, else toward the target,
+    /// else toward `middle`. A target at the camera, or a quaternion not of length 1, is an error.
     fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
             let forward =
@@ -230,7 +245,6 @@ impl FixedPose {
             if forward.norm() > 1e-9 {
                 return Ok(camera_from_world(forward));
             }
-            // A camera at its own target looks nowhere.
             let position_m = self.position_m;
             return Err(input_error!(
                 "camera.framing.target_m",

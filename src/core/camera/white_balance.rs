@@ -43,6 +43,7 @@ impl WhiteBalance {
             Self::Kelvin(kelvin) => {
                 let light = planckian_rgb(kelvin);
                 let most = light.into_iter().fold(0.0, f64::max);
+                // Gains are at most 100, also for a channel without light.
                 light.map(|channel| most / channel.max(0.01 * most))
             }
         }
@@ -51,8 +52,10 @@ impl WhiteBalance {
 
 /// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (to within 0.0003 in x, y).
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
-    // Chromaticity x is a cubic of the mired, and y one of x, piece by piece.
-    let cubic = |[a, b, c, d]: [f64; 4], t: f64| ((a * t + b) * t + c) * t + d;
+    fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
+        ((a * t + b) * t + c) * t + d
+    }
+    // Chromaticity x is a cubic of 1000 K / T, and y one of x, piece by piece.
     let t = 1000.0 / kelvin;
     let x = if kelvin <= 4000.0 {
         cubic([-0.266_123_9, -0.234_358_9, 0.877_695_6, 0.179_910], t)

@@ -117,12 +117,12 @@ impl Feature {
         Self::BRUSHLESS,
     ];
 
-    /// The last release without it.
+    /// The last release that lacks the feature.
     pub fn last_without(&self) -> Release {
         Release::ALL[(self.since as usize).saturating_sub(1)]
     }
 
-    /// All of them as a table for `docs/fly.md`.
+    /// All features as a Markdown table for `docs/fly.md`.
     pub fn table() -> String {
         let row = |Self { what, since, before, source, here }: &Self| {
             format!("| {} | {what} | {before} | {source} | {here} |\n", since.name())
@@ -138,21 +138,23 @@ impl Release {
     /// That of [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
 
-    /// The release that flies as a firmware such as `2025.12.1`, or `None` for a custom build.
-    pub fn parse(firmware: &str) -> Option<Self> {
-        let month = number(firmware)?;
+    /// The release that flies as a firmware of a version such as `2025.12.1`: the last one that is
+    /// not newer, or the oldest. `None` for a custom build, which has no such version.
+    pub fn parse(version: &str) -> Option<Self> {
+        let firmware = year_and_month(version)?;
         let mut releases = Self::ALL.iter();
-        let not_newer = releases.rfind(|r| number(r.name()).is_some_and(|known| known <= month));
+        let not_newer =
+            releases.rfind(|r| year_and_month(r.name()).is_some_and(|release| release <= firmware));
         Some(match not_newer {
-            Some(Self::R2026_08) if month > (2026, 8) => Self::After2026_08,
+            Some(Self::R2026_08) if firmware > (2026, 8) => Self::After2026_08,
             Some(release) => *release,
             None => Self::OLDEST,
         })
     }
 
-    /// The release of this name, with or without the number of a patch.
+    /// The release of this name, with or without the number of a patch, or `None` if none has it.
     pub fn named(name: &str) -> Option<Self> {
-        Self::parse(name).filter(|release| number(release.name()) == number(name))
+        Self::parse(name).filter(|release| year_and_month(release.name()) == year_and_month(name))
     }
 
     /// True if it has a feature.
@@ -172,8 +174,8 @@ impl Release {
     }
 }
 
-/// Year and month of a release, which may have the number of a patch.
-fn number(name: &str) -> Option<(u32, u32)> {
+/// Year and month of a version `2025.12` or `2025.12.1`, or `None` for a text of another form.
+fn year_and_month(name: &str) -> Option<(u32, u32)> {
     let parts: Vec<&str> = name.splitn(3, '.').collect();
     let (year, month) = (parts[0], parts.get(1)?);
     let are_digits =

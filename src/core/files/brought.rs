@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 static BROUGHT: Mutex<BTreeMap<PathBuf, Vec<u8>>> = Mutex::new(BTreeMap::new());
 
-/// Brings a file, in the place of one of the same name.
+/// Stores a file that the page brought, and replaces one of the same name.
 pub fn bring(name: &str, bytes: Vec<u8>) {
     BROUGHT.lock().unwrap_or_else(PoisonError::into_inner).insert(name.into(), bytes);
 }
@@ -17,12 +17,14 @@ pub fn bring(name: &str, bytes: Vec<u8>) {
 pub(super) struct File(Cursor<Vec<u8>>);
 
 impl File {
+    /// Opens a stored file. Any other name is `NotFound`.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let brought = BROUGHT.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = brought.get(path).ok_or(Error::from(ErrorKind::NotFound))?;
         Ok(Self(Cursor::new(bytes.clone())))
     }
 
+    /// Always an error: a file in memory has no metadata.
     pub(super) fn metadata(&self) -> Result<Metadata> {
         Err(ErrorKind::Unsupported.into())
     }

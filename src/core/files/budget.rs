@@ -39,18 +39,18 @@ impl Budget {
         Self { place, hint, steps_left, bytes_left, beyond: Cell::new(None) }
     }
 
-    /// Subtracts steps. True if there were as many, and the budget is not spent yet.
+    /// Subtracts steps. True unless they, or an earlier amount, exceed the budget.
     pub fn spend_steps(&self, steps: usize) -> bool {
         self.spend(&self.steps_left, steps, Beyond::Steps)
     }
 
-    /// Subtracts steps.
+    /// Subtracts steps. Exceeding the budget is an error.
     pub fn steps(&self, steps: usize) -> Result<()> {
         self.spend_steps(steps);
         self.check()
     }
 
-    /// Subtracts bytes: memory that the input will hold.
+    /// Subtracts bytes that the input will hold. Exceeding the budget is an error.
     pub fn bytes(&self, bytes: usize) -> Result<()> {
         self.spend(&self.bytes_left, bytes, Beyond::Bytes);
         self.check()
@@ -88,6 +88,8 @@ impl Budget {
             .in_file(&self.place, None))
     }
 
+    /// Subtracts an amount from what is left, unless the budget was exceeded before. True if it
+    /// still is not exceeded.
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {
         if self.beyond.get().is_none() {
             match left.get().checked_sub(amount as u64) {
@@ -99,8 +101,8 @@ impl Budget {
     }
 }
 
-/// Adds a number to a column of unknown length, whose capacity grows by an eighth: doubled, it
-/// would hold up to twice the bytes that are taken off its budget.
+/// Adds a value to a column of unknown length. Its capacity grows by an eighth: if it doubled, the
+/// column could hold twice the bytes that were taken off the budget.
 pub fn push<T>(column: &mut Vec<T>, value: T) {
     if column.len() == column.capacity() {
         column.reserve_exact(column.len() / 8 + 64);

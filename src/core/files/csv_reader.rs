@@ -12,10 +12,14 @@ use crate::input_error;
 const HEAD_LINES: usize = 200;
 /// Most columns of a table.
 const MAX_COLUMNS: usize = 1024;
-/// Steps of reading a byte, and of a cell besides.
-const STEPS: [usize; 2] = [1, 60];
-/// How many different texts of a column are kept, and how much of each.
-const TEXTS: (usize, usize) = (4, 60);
+/// Steps of reading a byte, and further steps of a cell.
+const STEPS_PER_BYTE: usize = 1;
+const STEPS_PER_CELL: usize = 60;
+/// Different texts of a column that are kept for messages, and characters of each.
+const MAX_TEXTS: usize = 4;
+const MAX_TEXT_CHARS: usize = 60;
+/// Longest unit, or name within a group, in the line below the titles.
+const MAX_UNIT_BYTES: usize = 8;
 
 /// The separator between the cells of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +89,7 @@ pub struct SheetColumn {
 impl Separator {
     const ALL: [Self; 4] = [Self::Byte(b'\t'), Self::Byte(b';'), Self::Byte(b','), Self::Blanks];
 
-    /// The most frequent in a line, or a comma without any.
+    /// The most frequent separator of a line other than blanks, or a comma if it has none.
     pub fn most_in(line: &[u8]) -> Self {
         let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
         Self::Byte([b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
@@ -108,7 +112,7 @@ impl Separator {
         cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
     }
 
-    /// How many cells a line has, without empty ones at its end.
+    /// Number of cells of a line, without empty ones at its end.
     fn count(self, line: &[u8]) -> usize {
         let filled = self.cells(line).enumerate().filter(|(_, cell)| !cell.is_empty());
         filled.last().map_or(0, |(place, _)| place + 1)
@@ -144,7 +148,7 @@ fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 impl Head {
-    /// Finds the head of a table.
+    /// Finds the head of a table: the line of titles above the first row of numbers.
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
@@ -153,48 +157,30 @@ impl Head {
             Some((index, Separator::ALL.into_iter().find(|s| s.is_row(line))?))
         });
         match first {
-            Some((row, separator)) => Self::above(&lines, row, separator),
-            None => Self::alone(&lines),
+            Some((row, separator)) => Self::above_row(&lines, row, separator),
+            None => Self::without_rows(&lines),
         }
     }
 
-    /// The head above a row.
-    fn above(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
-        let (n, n_cells) = (separator.count(lines[row]), separator.cells(lines[row]).count());
-        // Lines that are no comments, and lines that have as many titles as the row has cells. A
-        // title may have blanks in it, and a row an empty cell at its end.
-        let [mut bare, mut fitting, mut both] = [const { Vec::new() }; 3];
-        let filled = (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
-        let filled: Vec<usize> = filled.collect();
-        for &index in &filled {
-            let n_titles = separator.count(uncommented(lines[index]));
-            let may_end_empty = separator != Separator::Blanks && n_titles > n;
-            let fits = n_titles == n || may_end_empty && n_titles == n_cells;
-            let is_bare = !is_comment(lines[index]);
-            bare.extend(is_bare.then_some(index));
-            fitting.extend(fits.then_some(index));
-            both.extend((fits && is_bare).then_some(index));
-        }
+    /// The head above the first row of numbers, whose index is `row`.
+    fn above_row(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
+        let LinesAbove { filled, mut bare, fitting, both } =
+            LinesAbove::sort(lines, row, separator);
         // Without a line that fits, the last one is the head, and its row is refused with its
         // place.
-        let named = both.first().or(fitting.last()).or(bare.last()).copied();
-        let mut titles = named.map_or(Vec::new(), |index| separator.titles(lines[index]));
+        let title_line = both.first().or(fitting.last()).or(bare.last()).copied();
+        let mut titles = title_line.map_or(Vec::new(), |index| separator.titles(lines[index]));
         // Names of groups, of pandas' columns of two levels, repeat. Titles do not.
         let in_groups =
             titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
         // A second line of short names has units, or names within groups.
-        let mut units = None;
-        if let [_, second] = both[..]
-            && separator.cells(lines[second]).all(|cell| cell.len() <= 8)
-        {
-            units = Some(second);
-            for (title, unit) in titles.iter_mut().zip(separator.titles(lines[second])) {
-                match unit.trim_matches(['[', ']', '(', ')']) {
-                    "" | "-" => {}
-                    name if in_groups => *title = format!("{title}/{name}"),
-                    unit => *title = format!("{title} [{unit}]"),
-                }
-            }
+        let is_short = |cell: &[u8]| cell.len() <= MAX_UNIT_BYTES;
+        let unit_line = match both[..] {
+            [_, second] if separator.cells(lines[second]).all(is_short) => Some(second),
+            _ => None,
+        };
+        if let Some(index) = unit_line {
+            add_units(&mut titles, &separator.titles(lines[index]), in_groups);
         }
         // Below groups, a line has only the name of the index.
         for index in filled.iter().filter(|_| in_groups) {
@@ -202,18 +188,19 @@ impl Head {
                 titles[0] = separator.titles(lines[*index]).swap_remove(0);
             }
         }
-        bare.retain(|index| ![named, units].contains(&Some(*index)));
+        bare.retain(|index| ![title_line, unit_line].contains(&Some(*index)));
         let notes = bare.into_iter().map(|index| {
             let line = String::from_utf8_lossy(lines[index]);
             let shown: String = line.trim().chars().take(40).collect();
             format!("line {} stands before the head and is not read: {shown}", index + 1)
         });
+        let n_cells = separator.cells(lines[row]).count();
         let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
         Self { titles, n_columns, separator, row, notes: notes.collect() }
     }
 
     /// The head of a table without rows of numbers: its first line, unless most cells are numbers.
-    fn alone(lines: &[&[u8]]) -> Self {
+    fn without_rows(lines: &[&[u8]]) -> Self {
         let filled = lines.iter().enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
         let bare = filled.clone().find(|(_, line)| !is_comment(line));
         let first = bare.or(filled.clone().next());
@@ -239,8 +226,55 @@ impl Head {
     }
 }
 
+/// Indices of the lines above the first row that are not empty.
+#[derive(Default)]
+struct LinesAbove {
+    filled: Vec<usize>,
+    /// Lines that are not comments.
+    bare: Vec<usize>,
+    /// Lines with as many titles as the row has cells.
+    fitting: Vec<usize>,
+    /// Lines that are both.
+    both: Vec<usize>,
+}
+
+impl LinesAbove {
+    /// Sorts the lines above a row.
+    fn sort(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
+        let (n_filled, n_cells) =
+            (separator.count(lines[row]), separator.cells(lines[row]).count());
+        let mut above = Self::default();
+        for (index, line) in lines[..row].iter().enumerate() {
+            if line.trim_ascii().is_empty() {
+                continue;
+            }
+            // A title may have blanks in it, and a row empty cells at its end.
+            let n_titles = separator.count(uncommented(line));
+            let may_end_empty = separator != Separator::Blanks && n_titles > n_filled;
+            let fits = n_titles == n_filled || may_end_empty && n_titles == n_cells;
+            let is_bare = !is_comment(line);
+            above.filled.push(index);
+            above.bare.extend(is_bare.then_some(index));
+            above.fitting.extend(fits.then_some(index));
+            above.both.extend((fits && is_bare).then_some(index));
+        }
+        above
+    }
+}
+
+/// Adds the cells of a second line to the titles: units, or names within groups.
+fn add_units(titles: &mut [String], cells: &[String], in_groups: bool) {
+    for (title, cell) in titles.iter_mut().zip(cells) {
+        match cell.trim_matches(['[', ']', '(', ')']) {
+            "" | "-" => {}
+            name if in_groups => *title = format!("{title}/{name}"),
+            unit => *title = format!("{title} [{unit}]"),
+        }
+    }
+}
+
 impl Sheet {
-    /// Reads the rows of a table. `number` parses a cell that is not a plain number, given the
+    /// Reads the rows of a table. `parse_cell` parses a cell that is not a plain number, given the
     /// index of its column, or returns `None` for text.
     ///
     /// # Errors
@@ -250,19 +284,23 @@ impl Sheet {
         text: &Text<'_>,
         head: Head,
         RowRules { file, budget, hint, needs_line_ends }: RowRules<'_>,
-        mut number: impl FnMut(usize, &str) -> Option<f64>,
+        mut parse_cell: impl FnMut(usize, &str) -> Option<f64>,
     ) -> Result<Self> {
         let n = head.n_columns;
         if n > MAX_COLUMNS {
             return Err(input_error!(file, "{n} columns", "at most {MAX_COLUMNS}", "{hint}"));
         }
-        budget.steps(STEPS[0] * text.bytes.len())?;
-        // The form of numbers is one for the whole table.
-        let mut sheet = Self::begun(&head);
+        budget.steps(STEPS_PER_BYTE * text.bytes.len())?;
+        // All numbers of a table have one form.
+        let mut sheet = Self::without_rows(&head);
         sheet.notes = text.notes.iter().chain(&head.notes).cloned().collect();
-        let marks =
-            Marks::in_rows(&text.bytes, &head).map_err(|error| error.in_file(file, None))?;
-        sheet.notes.extend(marks.note());
+        let form =
+            NumberForm::detect(&text.bytes, &head).map_err(|error| error.in_file(file, None))?;
+        sheet.notes.extend(form.note());
+        let mut number = |place: usize, cell: &[u8]| {
+            let parsed = form.number(cell);
+            parsed.or_else(|| parse_cell(place, &String::from_utf8_lossy(unquoted(cell))))
+        };
         let mut row = vec![0.0; n];
         let mut rows = lines(&text.bytes).enumerate().skip(head.row).peekable();
         while let Some((index, line)) = rows.next() {
@@ -276,25 +314,13 @@ impl Sheet {
                 continue;
             }
             budget.bytes(size_of::<f64>() * (n + 1))?;
-            budget.steps(STEPS[1] * n)?;
+            budget.steps(STEPS_PER_CELL * n)?;
             push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
             // Most rows are of plain numbers. Other rows are read cell by cell.
-            if marks.thousands.is_none() && plain_row(line, head.separator, &mut row).is_some() {
+            if form.thousands.is_none() && plain_row(line, head.separator, &mut row).is_some() {
                 let values = sheet.columns.iter_mut().map(|column| &mut column.values);
                 values.zip(&row).for_each(|(values, value)| push(values, *value));
-                continue;
-            }
-            let mut cells = head.separator.cells(line);
-            for (place, column) in sheet.columns.iter_mut().enumerate() {
-                let Some(cell) = cells.next() else { break };
-                let value = marks
-                    .number(cell)
-                    .or_else(|| number(place, &String::from_utf8_lossy(unquoted(cell))));
-                column.push(value, cell, index + 1);
-            }
-            let is_short = sheet.columns.last().is_some_and(|c| c.values.len() < sheet.lines.len());
-            // A separator at the end of each line makes one more cell, which is empty.
-            if is_short || cells.any(|cell| !cell.is_empty()) {
+            } else if !sheet.push_row(line, index + 1, head.separator, &mut number) {
                 let count = format!("{} of {n} cells", head.separator.cells(line).count());
                 let wanted = "as many cells as the head has titles";
                 let error = Error::input("row", count, wanted, hint);
@@ -304,8 +330,26 @@ impl Sheet {
         Ok(sheet)
     }
 
-    /// No row yet.
-    fn begun(head: &Head) -> Self {
+    /// Adds the cells of a line, parsed by `number`. False if it has fewer cells than the sheet has
+    /// columns, or more.
+    fn push_row(
+        &mut self,
+        line: &[u8],
+        line_number: usize,
+        separator: Separator,
+        mut number: impl FnMut(usize, &[u8]) -> Option<f64>,
+    ) -> bool {
+        let mut cells = separator.cells(line);
+        for (place, column) in self.columns.iter_mut().enumerate() {
+            let Some(cell) = cells.next() else { return false };
+            column.push(number(place, cell), cell, line_number);
+        }
+        // A separator at the end of each line makes one more cell, which is empty.
+        cells.all(<[u8]>::is_empty)
+    }
+
+    /// The columns of a head, without rows.
+    fn without_rows(head: &Head) -> Self {
         let titles = head.titles.iter().cloned().chain(std::iter::repeat(String::new()));
         let column = |(number, title)| SheetColumn { title, number, ..SheetColumn::default() };
         let columns = (1..=head.n_columns).zip(titles).map(column).collect();
@@ -317,12 +361,12 @@ impl Sheet {
         self.lines.get(row).map_or(1, |line| *line as usize)
     }
 
-    /// How many rows there are.
+    /// Number of rows.
     pub fn n_rows(&self) -> usize {
         self.lines.len()
     }
 
-    /// The first column with a text where a number is needed, with the line and the text.
+    /// The column with the first text among those that need numbers, the text's line, and the text.
     pub fn first_text(
         &self,
         is_needed: impl Fn(&SheetColumn) -> bool,
@@ -336,14 +380,14 @@ impl Sheet {
 impl SheetColumn {
     /// Adds a row's cell to the column, as a number or as text.
     fn push(&mut self, value: Option<f64>, cell: &[u8], line: usize) {
-        // Of texts, the first line and the first different ones are kept for messages.
         push(&mut self.values, value.unwrap_or(f64::NAN));
         if value.is_none() {
+            // The line of the first text and the first different texts are kept for messages.
             self.text_line = if self.n_texts == 0 { line } else { self.text_line };
             self.n_texts += 1;
-            if self.texts.len() < TEXTS.0 {
+            if self.texts.len() < MAX_TEXTS {
                 let text = String::from_utf8_lossy(unquoted(cell));
-                let shown: String = text.chars().take(TEXTS.1).collect();
+                let shown: String = text.chars().take(MAX_TEXT_CHARS).collect();
                 if !self.texts.contains(&shown) {
                     self.texts.push(shown);
                 }
@@ -357,7 +401,7 @@ impl SheetColumn {
     }
 }
 
-/// True for the bytes of a line without content.
+/// True for a byte that an empty line may have: a blank, a separator or a quotation mark.
 fn is_empty(byte: &u8) -> bool {
     matches!(byte, b' ' | b'\t' | b',' | b';' | b'"' | b'\r')
 }
@@ -381,39 +425,43 @@ fn is_number(cell: &[u8]) -> bool {
     commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
 }
 
-/// Signs in the numbers of a table beside digits and decimal points.
-struct Marks {
+/// Form of the numbers of a table: their signs beside digits and decimal points.
+struct NumberForm {
     /// The sign between thousands.
     thousands: Option<u8>,
     has_decimal_commas: bool,
 }
 
-impl Marks {
-    /// Finds the signs. The error is a cell whose comma may be between thousands or decimals.
-    fn in_rows(text: &[u8], head: &Head) -> Result<Self> {
-        let is_free = head.separator != Separator::Byte(b',');
-        let has_quotes = text.contains(&b'"');
-        if !is_free && !has_quotes {
+impl NumberForm {
+    /// Finds the signs. A comma that may be between thousands or decimals is an error.
+    fn detect(text: &[u8], head: &Head) -> Result<Self> {
+        // Commas that separate cells are in numbers only within quotation marks.
+        let separates_by_commas = head.separator == Separator::Byte(b',');
+        if separates_by_commas && !text.contains(&b'"') {
             return Ok(Self { thousands: None, has_decimal_commas: false });
         }
         let rows = || lines(text).skip(head.row).filter(|line| !is_comment(line));
-        let has = |sign: u8| {
+        let any_number_has = |sign: u8| {
             let mut cells = rows().flat_map(|line| head.separator.cells(line)).map(unquoted);
             cells.any(|cell| cell.contains(&sign) && is_number(cell))
         };
-        let has_commas = has(b',');
+        let has_commas = any_number_has(b',');
         // A cell with commas and a point is no number until its commas are left out.
-        let may_have_commas =
-            has_commas || is_free && lines(text).skip(head.row).any(|line| line.contains(&b','));
-        let sign = if may_have_commas || !is_free { b',' } else { b'.' };
-        let may_part = sign == b',' || head.separator != Separator::Blanks;
-        let thousands = if may_part { thousands(rows(), head, sign)? } else { None };
+        let may_have_commas = separates_by_commas
+            || has_commas
+            || lines(text).skip(head.row).any(|line| line.contains(&b','));
+        // Points are not between thousands in a table with commas, or with blanks between cells.
+        let thousands = match (may_have_commas, head.separator) {
+            (true, _) => thousands_separator(rows(), head, b',')?,
+            (false, Separator::Blanks) => None,
+            (false, Separator::Byte(_)) => thousands_separator(rows(), head, b'.')?,
+        };
         // Commas beside points may be between thousands, too: such cells are texts.
-        let has_decimal_commas = thousands.is_none() && has_commas && !has(b'.');
+        let has_decimal_commas = thousands.is_none() && has_commas && !any_number_has(b'.');
         Ok(Self { thousands, has_decimal_commas })
     }
 
-    /// What a reader of the table should know.
+    /// A note on signs that a reader may not expect, or `None` for plain numbers.
     fn note(&self) -> Option<String> {
         match self.thousands {
             Some(sign) => {
@@ -438,15 +486,15 @@ impl Marks {
     }
 }
 
-/// The sign, if it is between thousands: three digits follow each, and no number begins with zero.
-/// It is certain if a column also has whole numbers below a thousand, or if a number has two signs,
-/// or a comma and a point. Else a point is a decimal one, and a comma is an error.
-fn thousands<'a>(
+/// The sign if it separates thousands, else `None`: three digits follow each, and no number begins
+/// with zero. It is certain if a column also has whole numbers below a thousand, or if a number has
+/// two signs, or a comma and a point. Else a point is a decimal one, and a comma is an error.
+fn thousands_separator<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     head: &Head,
     sign: u8,
 ) -> Result<Option<u8>> {
-    // For each column: does it have whole numbers of two or three digits, and cells with the sign?
+    // For each column: has it whole numbers of two or three digits? Has it cells with the sign?
     let mut columns = vec![[false; 2]; head.n_columns];
     let (mut first, mut is_clear) = (None, false);
     for line in rows {
@@ -508,7 +556,7 @@ fn unquoted(cell: &[u8]) -> &[u8] {
     cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell)
 }
 
-/// True if a cell begins as a date or a time of day does.
+/// True if a cell begins with a digit and has the signs of a date or a time of day.
 fn is_date(cell: &[u8]) -> bool {
     let cell = unquoted(cell);
     let digits = cell.first().is_some_and(u8::is_ascii_digit);
@@ -516,7 +564,7 @@ fn is_date(cell: &[u8]) -> bool {
     digits && (points == 2 || cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/')))
 }
 
-/// Reads a line of only short numbers and separators, or `None` for any other.
+/// Reads a line of only short numbers and separators into `row`. `None` for any other line.
 fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<()> {
     let Separator::Byte(separator) = separator else { return None };
     for (place, value) in row.iter_mut().enumerate() {
@@ -532,14 +580,16 @@ fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<(
 const TENS: [f64; 16] =
     [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// A number of up to 15 digits without an exponent at the beginning of a text, and its length.
-/// Numerator and denominator are exact, and their quotient is rounded once (Clinger 1990).
+/// A number of up to 15 digits without an exponent at the beginning of a text, and its length in
+/// bytes. `None` for any other text. Numerator and denominator are exact, and their quotient is
+/// rounded once (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
     // The digits as an integer, and the place of the point.
     let (mut numerator, mut point) = (0_u64, None);
     let mut length = usize::from(is_negative);
     let begin = length;
+    // 15 digits and a point at most: more digits could be inexact.
     while let Some(byte) = text.get(length).filter(|_| length < begin + 16) {
         match byte {
             b'0'..=b'9' => numerator = 10 * numerator + u64::from(byte - b'0'),
@@ -550,8 +600,8 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     }
     // Both are exact in an f64, so that one division gives the nearest number.
     let n_digits = length - begin - usize::from(point.is_some());
-    let size = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
-    let value = if is_negative { -size } else { size };
+    let magnitude = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
+    let value = if is_negative { -magnitude } else { magnitude };
     (1..=15).contains(&n_digits).then_some((value, length))
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::output::{Output, STANDARD_OUTPUT, WholeFile};
+use super::output::{BUFFER_BYTES, Output, STANDARD_OUTPUT, WholeFile};
 use super::staging::{Former, Place, folder_in, locked};
 use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
@@ -31,7 +31,7 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Opens a folder, making it where it does not exist.
+    /// Opens a folder, or makes it if it does not exist.
     ///
     /// # Errors
     ///
@@ -69,19 +69,19 @@ impl OutputFolder {
         })
     }
 
-    /// Writes a file that will be called `name`, and gives its digest.
+    /// Stages a file that will be called `name`, and returns its digest.
     pub fn write(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<String> {
         self.write_with(name, |out| out.write_all(content.as_ref()))
     }
 
-    /// Writes the file that has its name before all others: one that says which files they are, so
-    /// that it shows where a kill came between two names.
+    /// Stages the file that gets its name before all others. It lists them, so that a reader sees
+    /// which are missing if the program is killed between two names.
     pub fn write_first(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
         self.first = self.names.len();
         self.write(name, content).map(drop)
     }
 
-    /// Writes a file that will be called `name`, piece by piece, and gives its digest.
+    /// Stages a file that will be called `name`, written by `write`, and returns its digest.
     pub fn write_with(
         &mut self,
         name: &str,
@@ -90,7 +90,7 @@ impl OutputFolder {
         // The file is on the disk before it gets its name.
         let file = File::create(self.staging.path().join(name));
         let written = file.and_then(|file| {
-            let mut out = BufWriter::with_capacity(1 << 18, Digested::new(file));
+            let mut out = BufWriter::with_capacity(BUFFER_BYTES, Digested::new(file));
             write(&mut out)?;
             let Digested { to: file, digest } = out.into_inner()?;
             file.sync_all()?;
@@ -101,12 +101,13 @@ impl OutputFolder {
         Ok(sha256)
     }
 
-    /// Has files of an earlier set removed when this one has its names.
+    /// Adds files of an earlier set, which [`Self::keep`] removes.
     pub fn replaces(&mut self, former: Vec<PathBuf>) {
         self.former.extend(former);
     }
 
-    /// Renames all staged files to their final names, in the order of writing but for the first.
+    /// Renames all staged files to their final names, that of [`Self::write_first`] first, then in
+    /// the order of writing. Returns their paths in the order of writing.
     ///
     /// # Errors
     ///
@@ -116,12 +117,12 @@ impl OutputFolder {
         let _lock = locked(&self.path);
         // Everything that can fail comes before the first name: a file at a link or on another disk
         // is copied now.
-        let ready = self.names.iter().map(|name| self.ready(name).map(Some));
+        let ready = self.names.iter().map(|name| self.prepare(name).map(Some));
         let mut ready = ready.collect::<Result<Vec<_>>>()?;
         let mut former = Former::default();
         for index in std::iter::once(self.first).chain(0..self.names.len()) {
             if let Some(file) = ready.get_mut(index).and_then(Option::take) {
-                former.replaced(file.place(), || file.keep())?;
+                former.replace(file.replaced(), || file.keep())?;
             }
         }
         former.forget();
@@ -132,19 +133,19 @@ impl OutputFolder {
         Ok(self.names.iter().map(|name| self.path.join(name)).collect())
     }
 
-    /// A staged file, all of it on the disk of its place.
-    fn ready(&self, name: &str) -> Result<Ready> {
+    /// Prepares the rename of a staged file, by copying it if its target is on another disk.
+    fn prepare(&self, name: &str) -> Result<Ready> {
         let (staged, path) = (self.staging.path().join(name), self.path.join(name));
-        let place = match Place::for_path(&path) {
+        let target = match Place::for_path(&path) {
             Ok(Place::Regular(_)) if path.is_symlink() => {
                 let linked = Output::create(&path)?;
-                Whereto::Linked(linked.write_with(|out| copy(&staged, out))?)
+                Target::Linked(linked.write_with(|out| copy(&staged, out))?)
             }
-            Ok(Place::Regular(permissions)) => Whereto::Renamed(permissions),
-            Ok(Place::Through(file)) => Whereto::Through(file),
+            Ok(Place::Regular(permissions)) => Target::Renamed(permissions),
+            Ok(Place::Through(file)) => Target::Through(file),
             Err(source) => return Err(Error::write(&path, source)),
         };
-        Ok(Ready { staged, path, place })
+        Ok(Ready { staged, path, target })
     }
 }
 
@@ -152,10 +153,10 @@ impl OutputFolder {
 struct Ready {
     staged: PathBuf,
     path: PathBuf,
-    place: Whereto,
+    target: Target,
 }
 
-enum Whereto {
+enum Target {
     /// Nothing, or a file whose permissions it takes over.
     Renamed(Option<Permissions>),
     /// Where a link leads to, perhaps on another disk.
@@ -165,33 +166,36 @@ enum Whereto {
 }
 
 impl Ready {
-    /// The file that it replaces.
-    fn place(&self) -> Option<PathBuf> {
-        match &self.place {
-            Whereto::Renamed(_) => Some(self.path.clone()),
-            Whereto::Linked(file) => file.place().map(Path::to_owned),
-            Whereto::Through(_) => None,
+    /// The path of the regular file that it replaces, or `None` for a device, pipe or socket.
+    fn replaced(&self) -> Option<PathBuf> {
+        match &self.target {
+            Target::Renamed(_) => Some(self.path.clone()),
+            Target::Linked(file) => file.place().map(Path::to_owned),
+            Target::Through(_) => None,
         }
     }
 
+    /// Gives the file its name, or writes it to its device, pipe or socket.
     fn keep(self) -> Result<()> {
-        let Self { staged, path, place } = self;
-        let named = match place {
-            Whereto::Linked(file) => return file.keep().map(drop),
-            Whereto::Renamed(permissions) => permissions
+        let Self { staged, path, target } = self;
+        let named = match target {
+            Target::Linked(file) => return file.keep().map(drop),
+            Target::Renamed(permissions) => permissions
                 .map_or(Ok(()), |permissions| std::fs::set_permissions(&staged, permissions))
                 .and_then(|()| std::fs::rename(&staged, &path)),
-            Whereto::Through(mut file) => copy(&staged, &mut file),
+            Target::Through(mut file) => copy(&staged, &mut file),
         };
         named.map_err(|source| Error::write(&path, source))
     }
 }
 
+/// Copies a file to a writer.
 fn copy(from: &Path, to: &mut impl Write) -> std::io::Result<()> {
     std::io::copy(&mut File::open(from)?, to).map(|_| ())
 }
 
 impl Drop for OutputFolder {
+    /// Removes a folder that was made for files that were not kept.
     fn drop(&mut self) {
         self.lock = None;
         if self.made {

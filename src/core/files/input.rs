@@ -22,11 +22,11 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// Opens a file as a stream that fails where it goes beyond the limit.
+    /// Opens a file as a stream that fails once more than the limit is read.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] where it cannot be opened.
+    /// [`Error::Io`] if it cannot be opened.
     pub fn open(self, path: &Path) -> Result<impl Read + use<>> {
         let file = File::open(path).map_err(|source| Error::read(path, source))?;
         Ok(Bounded { file: file.take(self.bytes + 1), limit: self })
@@ -36,7 +36,7 @@ impl Limit {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] where it cannot be read, [`Error::Input`] where it is larger.
+    /// [`Error::Io`] if it cannot be read, [`Error::Input`] if it is larger than the limit.
     pub fn read(self, path: &Path) -> Result<Vec<u8>> {
         let unreadable = |source| Error::read(path, source);
         let file = File::open(path).map_err(unreadable)?;
@@ -50,14 +50,14 @@ impl Limit {
         Ok(bytes)
     }
 
-    /// Reads the beginning of a file.
+    /// Reads the first `n_bytes` of a file, or all of a shorter one.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] where it cannot be read.
-    pub fn beginning(self, path: &Path, bytes: usize) -> Result<Vec<u8>> {
-        let mut head = Vec::with_capacity(bytes);
-        let read = self.open(path)?.take(bytes as u64).read_to_end(&mut head);
+    /// [`Error::Io`] if it cannot be read.
+    pub fn beginning(self, path: &Path, n_bytes: usize) -> Result<Vec<u8>> {
+        let mut head = Vec::with_capacity(n_bytes);
+        let read = self.open(path)?.take(n_bytes as u64).read_to_end(&mut head);
         read.map(|_| head).map_err(|source| Error::read(path, source))
     }
 
@@ -65,7 +65,7 @@ impl Limit {
     ///
     /// # Errors
     ///
-    /// As [`Self::read`]. [`Error::Input`] with the byte where it is not Unicode.
+    /// As [`Self::read`]. [`Error::Input`] with the first byte that is not Unicode.
     pub fn read_text(self, path: &Path) -> Result<String> {
         let bytes = self.read(path)?;
         let text = Text::of_unicode(&bytes).into_owned();
@@ -85,7 +85,7 @@ impl Limit {
     ///
     /// [`Error::Input`] with their size.
     pub fn check_all<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
-        let sizes = paths.into_iter().map(|path| bytes_at(path));
+        let sizes = paths.into_iter().map(|path| n_bytes(path));
         let (n, sum) = sizes.fold((0, 0), |(n, sum), bytes| (n + 1, sum + bytes));
         if sum <= self.bytes {
             return Ok(());
@@ -95,24 +95,26 @@ impl Limit {
         Err(Error::input(self.what, actual, wanted, self.hint))
     }
 
+    /// Message of a file beyond the limit, as the value found.
     fn beyond(self) -> String {
         format!("more than {}", size(self.bytes))
     }
 
+    /// Message of a file beyond the limit, as the value wanted.
     fn wanted(self) -> String {
         format!("{} of at most that", self.what)
     }
 }
 
-/// Bytes of a file, or of the files in a folder, or none if they cannot be told, as of a pipe.
-fn bytes_at(path: &Path) -> u64 {
-    fn of_file(path: &Path) -> u64 {
+/// Bytes of a file, or of all files in a folder. 0 if they are unknown, as those of a pipe.
+fn n_bytes(path: &Path) -> u64 {
+    fn n_file_bytes(path: &Path) -> u64 {
         let metadata = std::fs::metadata(path).ok();
         metadata.filter(std::fs::Metadata::is_file).map_or(0, |metadata| metadata.len())
     }
     match path.is_dir() {
-        true => files_in(path).unwrap_or_default().iter().map(|path| of_file(path)).sum(),
-        false => of_file(path),
+        true => files_in(path).unwrap_or_default().iter().map(|path| n_file_bytes(path)).sum(),
+        false => n_file_bytes(path),
     }
 }
 
@@ -121,18 +123,18 @@ fn bytes_at(path: &Path) -> u64 {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where the folder cannot be read.
+/// [`Error::Io`] if the folder cannot be read.
 pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = entries_in(folder)?;
     paths.retain(|path| path.is_file());
     Ok(paths)
 }
 
-/// All that is in a folder, in the order of the names.
+/// The paths of all files and folders in a folder, in the order of their names.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where the folder cannot be read.
+/// [`Error::Io`] if the folder cannot be read.
 pub fn entries_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let entries = entries.map_err(|source| Error::read(folder, source))?;
@@ -141,7 +143,7 @@ pub fn entries_in(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// A size as people write it.
+/// Formats a size in MiB, KiB or bytes, rounded down.
 fn size(bytes: u64) -> String {
     match bytes {
         mib if mib >= 1 << 20 => format!("{} MiB", mib >> 20),

@@ -35,6 +35,8 @@ impl JpegFrame {
         }
     }
 
+    /// The frame of a header after its marker and length, or `None` if the header is cut off.
+    /// `bytes` are the whole file, whose scans are counted.
     fn from_header(header: &[u8], progressive: bool, bytes: &[u8]) -> Option<Self> {
         let [_, h1, h0, w1, w0, n, ref components @ ..] = *header else { return None };
         let size_px = [[w1, w0], [h1, h0]].map(|side| u64::from(u16::from_be_bytes(side)));
@@ -51,7 +53,8 @@ impl JpegFrame {
         Some(Self { size_px, samples, scans, progressive, has_end })
     }
 
-    /// Bytes that a decoder holds: the picture, three channels a pixel, and the coefficients.
+    /// Bytes that a decoder holds: the picture, three channels a pixel, and, of a progressive one,
+    /// the coefficients.
     pub fn decoded_bytes(&self) -> u64 {
         let coefficients = if self.progressive { 2 * self.samples } else { 0 };
         3 * self.size_px[0] * self.size_px[1] + coefficients
@@ -59,7 +62,7 @@ impl JpegFrame {
 
     /// Nanoseconds that a core of 2020 takes for the scans after the first.
     pub fn later_scans_ns(&self) -> u64 {
-        // 20 ns a block of 64.
+        // 20 ns for a block of 64 samples.
         self.samples.saturating_mul(self.scans.saturating_sub(1)) / 3
     }
 }

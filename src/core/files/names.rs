@@ -14,7 +14,7 @@ pub fn ending(path: impl AsRef<Path>) -> String {
     path.as_ref().extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// True if a text ends as the name of a file does.
+/// True if a text ends as a file that the program reads or writes.
 pub fn is_file_name(text: &str) -> bool {
     ENDINGS.contains(&&*ending(text))
 }
@@ -24,8 +24,8 @@ pub fn file_name(path: impl AsRef<Path>) -> String {
     path.as_ref().file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The path that a name in a file refers to: from the file's folder on. Its folders are separated
-/// by `/` or, where no file is called so, by the `\` of Windows.
+/// The path that a name in a file refers to, relative to the file's folder. Its folders are
+/// separated by `/`, or by the `\` of Windows unless a file has a `\` in its name.
 pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
     match !name.contains('\\') || path.exists() {
@@ -34,18 +34,16 @@ pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// The name of a file from a folder above it, separated by `/`, or `None` for a file elsewhere.
-pub fn name_from(folder: &Path, path: &Path) -> Option<String> {
-    let folder = folder_of(&folder.join("file"))?;
-    let path = folder_of(path)?.join(path.file_name()?);
+/// The path of a file relative to a folder above it, separated by `/`, or `None` elsewhere.
+pub fn relative_name(folder: &Path, path: &Path) -> Option<String> {
+    // Only the file's folder is made canonical: a file that is a link keeps its name.
+    // An empty folder is the current one, `.`.
+    let folder = folder.join(".").canonicalize().ok()?;
+    let parent = std::path::absolute(path).ok()?.parent()?.canonicalize().ok()?;
+    let path = parent.join(path.file_name()?);
     let parts = path.strip_prefix(folder).ok()?.components();
     let parts: Vec<_> = parts.map(|part| part.as_os_str().to_string_lossy()).collect();
     Some(parts.join("/"))
-}
-
-/// The folder of a file without links and `..`.
-fn folder_of(path: &Path) -> Option<PathBuf> {
-    std::path::absolute(path).ok()?.parent()?.canonicalize().ok()
 }
 
 #[cfg(test)]
@@ -65,10 +63,10 @@ mod tests {
         std::fs::create_dir_all(folder.path().join("art/out")).unwrap();
         let path = folder.path().join("art/logo.svg");
         std::fs::write(&path, "").unwrap();
-        assert_eq!(name_from(folder.path(), &path).as_deref(), Some("art/logo.svg"));
+        assert_eq!(relative_name(folder.path(), &path).as_deref(), Some("art/logo.svg"));
         let roundabout = folder.path().join("art/out/../logo.svg");
-        assert_eq!(name_from(folder.path(), &roundabout).as_deref(), Some("art/logo.svg"));
-        assert_eq!(name_from(&folder.path().join("art/out"), &path), None, "it is not below");
+        assert_eq!(relative_name(folder.path(), &roundabout).as_deref(), Some("art/logo.svg"));
+        assert_eq!(relative_name(&folder.path().join("art/out"), &path), None, "it is not below");
         for name in ["art/logo.svg", r"art\logo.svg", &path.display().to_string()] {
             assert!(path_from(folder.path(), name).is_file(), "{name}");
         }

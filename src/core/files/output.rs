@@ -21,6 +21,9 @@ const STANDARD_OUTPUTS: [&str; 4] =
 /// Most symbolic links from one to the next.
 const MAX_LINKS: usize = 40;
 
+/// Bytes that are written to a file at a time.
+pub(super) const BUFFER_BYTES: usize = 1 << 18;
+
 /// A file under construction.
 ///
 /// A regular file is staged under a temporary name beside its place until [`Output::keep`] gives it
@@ -52,12 +55,12 @@ impl Output {
         Ok(Self { path: path.to_owned(), sink })
     }
 
-    /// True if it is a file, and no device, pipe or standard output.
+    /// True for a regular file, false for a device, a pipe or standard output.
     pub fn is_staged(&self) -> bool {
         matches!(self.sink, Sink::Staged { .. })
     }
 
-    /// Writes the content and gives the file its name.
+    /// Writes the content, gives the file its name, and returns its path.
     ///
     /// # Errors
     ///
@@ -66,17 +69,17 @@ impl Output {
         self.keep_with(|out| out.write_all(content.as_ref()))
     }
 
-    /// The same, written piece by piece.
+    /// [`Self::keep`] with the content written piece by piece by `write`.
     pub fn keep_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<PathBuf> {
         self.finish(write, false)?.keep()
     }
 
-    /// The same, on the disk before it has its name.
+    /// [`Self::keep`] with the content synced to the disk before the file has its name.
     pub fn keep_on_disk(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.write_with(|out| out.write_all(content.as_ref()))?.keep()
     }
 
-    /// Writes the content onto the disk, piece by piece. The file has no name yet.
+    /// Writes the content piece by piece by `write`, and syncs it. The file has no name yet.
     ///
     /// # Errors
     ///
@@ -85,11 +88,11 @@ impl Output {
         self.finish(write, true)
     }
 
-    /// Writes the content, onto the disk and with its digest if `is_bound` to other files.
+    /// Writes the content. If `is_durable`, syncs the file to the disk and takes its digest.
     fn finish(
         self,
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
-        is_bound: bool,
+        is_durable: bool,
     ) -> Result<WholeFile> {
         // Standard output and devices are written at once. A staged file gets its permissions, and
         // is named later.
@@ -98,7 +101,7 @@ impl Output {
         let written = match sink {
             Sink::StandardOutput => {
                 path = STANDARD_OUTPUT.into();
-                match buffered(&mut std::io::stdout().lock(), write, is_bound) {
+                match write_buffered(&mut std::io::stdout().lock(), write, is_durable) {
                     // A reader that went away, such as `head`, is no error.
                     Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                         Ok(String::new())
@@ -106,11 +109,12 @@ impl Output {
                     written => written,
                 }
             }
-            Sink::Through(mut file) => buffered(&mut file, write, is_bound),
+            Sink::Through(mut file) => write_buffered(&mut file, write, is_durable),
             Sink::Staged { mut file, place, permissions } => {
-                let written = buffered(file.as_file_mut(), write, is_bound).and_then(|sha256| {
+                let written = write_buffered(file.as_file_mut(), write, is_durable);
+                let written = written.and_then(|sha256| {
                     permissions.map_or(Ok(()), |p| file.as_file().set_permissions(p))?;
-                    if is_bound { file.as_file().sync_all() } else { Ok(()) }.map(|()| sha256)
+                    if is_durable { file.as_file().sync_all() } else { Ok(()) }.map(|()| sha256)
                 });
                 staged = Some((file, place));
                 written
@@ -137,22 +141,22 @@ pub struct WholeFile {
 }
 
 impl WholeFile {
-    /// Its name in its folder.
+    /// The file's name without its folder.
     pub fn name(&self) -> String {
         self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Its path.
+    /// The file's path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Digest of its content.
+    /// SHA-256 of the content in hexadecimal, or empty if it was not taken.
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
 
-    /// Gives it its name.
+    /// Gives the file its name, and returns its path.
     ///
     /// # Errors
     ///
@@ -166,12 +170,12 @@ impl WholeFile {
         }
     }
 
-    /// The regular file that it replaces.
+    /// The path of the regular file that it replaces, or `None` for a device, pipe or socket.
     pub(super) fn place(&self) -> Option<&Path> {
         self.staged.as_ref().map(|(_, place)| place.as_path())
     }
 
-    /// Gives files of one folder their names, in their order, while no other program does.
+    /// Gives files of one folder their names while the folder is locked, and returns their paths.
     ///
     /// # Errors
     ///
@@ -181,7 +185,7 @@ impl WholeFile {
         let mut former = Former::default();
         let named = files.into_iter().map(|file| {
             let place = file.place().map(Path::to_owned);
-            former.replaced(place, || file.keep())
+            former.replace(place, || file.keep())
         });
         let named = named.collect::<Result<Vec<_>>>()?;
         former.forget();
@@ -190,6 +194,7 @@ impl WholeFile {
 }
 
 impl Sink {
+    /// Opens what a path names: standard output, a device, or a staged file beside its place.
     fn open(path: &Path) -> std::io::Result<Self> {
         if STANDARD_OUTPUTS.iter().any(|name| path == Path::new(name)) {
             return Ok(Self::StandardOutput);
@@ -208,7 +213,7 @@ impl Sink {
     }
 }
 
-/// The error of a file whose folder does not exist.
+/// The error of a file whose folder does not exist, or `None` if `source` has another cause.
 fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
     // The folder of a link's target counts.
     let place = followed(path).ok()?;
@@ -225,7 +230,7 @@ fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
     })
 }
 
-/// The path that a link leads to, existing or not.
+/// The path that a link leads to, existing or not. Other paths stay as they are.
 fn followed(path: &Path) -> std::io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
@@ -237,14 +242,15 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
-/// Writes a file, and gives its digest if wanted: for a photograph it is a twelfth of all work.
-fn buffered(
+/// Writes a file by `write`. Returns its digest, or an empty text if it is not wanted: for a
+/// photograph it is a twelfth of all work.
+fn write_buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,
     is_digested: bool,
 ) -> std::io::Result<String> {
     let to = Digested { to: file, digest: is_digested.then(Digest::default) };
-    let mut out = BufWriter::with_capacity(1 << 18, to);
+    let mut out = BufWriter::with_capacity(BUFFER_BYTES, to);
     let written = write(&mut out).and_then(|()| out.flush());
     // After a failure the buffer is not flushed again on drop.
     let (digested, _) = out.into_parts();

@@ -21,15 +21,15 @@ const LOCK_TRIES: usize = 5000;
 #[cfg(windows)]
 const LOCK_PAUSE: Duration = Duration::from_millis(2);
 
-/// Mode of a new file before the umask.
+/// Gives new files the mode of an ordinary file, 0666 before the umask.
 #[cfg(unix)]
-fn mode(builder: &mut Builder<'_, '_>, mode: u32) {
+fn set_ordinary_mode(builder: &mut Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;
-    builder.permissions(Permissions::from_mode(mode));
+    builder.permissions(Permissions::from_mode(0o666));
 }
 
 #[cfg(not(unix))]
-fn mode(_: &mut Builder<'_, '_>, _: u32) {}
+fn set_ordinary_mode(_: &mut Builder<'_, '_>) {}
 
 /// Makes a temporary file in a folder, with the mode of an ordinary file.
 pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
@@ -37,7 +37,7 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     loop {
         let mut builder = Builder::new();
         builder.prefix(PREFIX).suffix(SUFFIX);
-        mode(&mut builder, 0o666);
+        set_ordinary_mode(&mut builder);
         let file = builder.tempfile_in(folder)?;
         let _ = file.as_file().lock();
         // Another program may have taken it for a leftover before it was locked.
@@ -88,8 +88,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 #[cfg(windows)]
 pub(super) use locked as locked_soon;
 
-/// [`locked`] with a time limit: who runs the program under a lock of the folder would wait
-/// forever.
+/// Locks a folder like [`locked`], or gives up after five seconds: if the program's caller holds
+/// the lock, it would wait forever.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok()?;
@@ -139,8 +139,8 @@ fn remove_leftovers(folder: &Path) {
         let name = name.to_string_lossy();
         let is_ours = name.starts_with(PREFIX) && name.ends_with(SUFFIX);
         // Others, such as a pipe, could block when they are opened.
-        let opens = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
-        let Some(kind) = entry.file_type().ok().filter(opens) else { continue };
+        let is_removable = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
+        let Some(kind) = entry.file_type().ok().filter(is_removable) else { continue };
         // A file that stays does no harm.
         let _ = remove_left_behind(&path, kind.is_dir());
     }
@@ -155,30 +155,29 @@ pub(super) enum Place {
 }
 
 impl Place {
-    /// Looks at a path, following links.
+    /// The state of a path, following links.
     ///
     /// # Errors
     ///
     /// [`Error::Io`] for a folder, and without write permission.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
-        // Opening tells now if the file may be written later.
-        let there = std::fs::metadata(path);
-        if there.as_ref().is_err_and(|error| error.kind() == ErrorKind::NotFound) {
-            return Ok(Self::Regular(None));
-        }
-        let there = there?;
-        if there.is_dir() {
+        let metadata = match std::fs::metadata(path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::Regular(None)),
+            metadata => metadata?,
+        };
+        if metadata.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
         }
+        // A file that cannot be opened for writing is refused now, not after the long work.
         let file = OpenOptions::new().write(true).open(path)?;
-        Ok(match there.is_file() {
-            true => Self::Regular(Some(there.permissions())),
+        Ok(match metadata.is_file() {
+            true => Self::Regular(Some(metadata.permissions())),
             false => Self::Through(file),
         })
     }
 }
 
-/// The folder of a file.
+/// The folder of a file, `.` if the path has none.
 pub(super) fn folder(path: &Path) -> &Path {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
@@ -190,8 +189,8 @@ pub(super) fn folder(path: &Path) -> &Path {
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
 
 impl Former {
-    /// Puts a file in its place, and remembers the former one.
-    pub(super) fn replaced<T, E>(
+    /// Calls `replace`, which puts a file in its place, and remembers the former one.
+    pub(super) fn replace<T, E>(
         &mut self,
         place: Option<PathBuf>,
         replace: impl FnOnce() -> std::result::Result<T, E>,
@@ -210,16 +209,17 @@ impl Former {
         Ok(replaced)
     }
 
-    /// All files have their names.
+    /// Removes the former files, once all new ones have their names.
     pub(super) fn forget(mut self) {
         self.0.clear();
     }
 }
 
 impl Drop for Former {
+    /// Puts the former files back, the last one first.
     fn drop(&mut self) {
         for (place, link) in self.0.drain(..).rev() {
-            // Nothing is left to be done where that fails.
+            // If putting one back fails, nothing more can be done.
             let _ = match link {
                 Some(link) => link.persist(&place).map_err(|error| error.error),
                 None => std::fs::remove_file(&place),

@@ -17,7 +17,7 @@ pub struct Text<'a> {
 const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
 
 impl<'a> Text<'a> {
-    /// The text of a file.
+    /// Decodes a file in UTF-8, UTF-16 or, with a note, Windows-1252.
     pub fn decode(bytes: &'a [u8]) -> Self {
         let bytes = Self::of_unicode(bytes);
         if !is_windows_1252(&bytes) {
@@ -27,7 +27,7 @@ impl<'a> Text<'a> {
         Self { bytes: Cow::Owned(from_windows_1252(&bytes).into_bytes()), notes }
     }
 
-    /// The text of a file in UTF-8 or UTF-16. Of another encoding its bytes.
+    /// Converts UTF-16 to UTF-8, and line ends to LF. Bytes of another encoding stay.
     pub fn of_unicode(bytes: &'a [u8]) -> Cow<'a, [u8]> {
         with_line_feeds(match bytes {
             [0xef, 0xbb, 0xbf, rest @ ..] => Cow::Borrowed(rest),
@@ -40,18 +40,20 @@ impl<'a> Text<'a> {
     }
 }
 
+/// Converts UTF-16 to UTF-8. `unit` makes a code unit of two bytes. Broken pairs become U+FFFD.
 fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
     text.collect::<String>().into_bytes()
 }
 
-/// True if bytes are text, but no UTF-8.
+/// True if bytes are not UTF-8, but have no control characters either.
 fn is_windows_1252(bytes: &[u8]) -> bool {
     std::str::from_utf8(bytes).is_err_and(|error| error.error_len().is_some())
         && !bytes.iter().any(|byte| *byte < 0x20 && !byte.is_ascii_whitespace())
 }
 
+/// Decodes Windows-1252.
 fn from_windows_1252(bytes: &[u8]) -> String {
     let characters = bytes.iter().map(|byte| match byte {
         0x80..0xa0 => WINDOWS_1252.chars().nth(usize::from(byte - 0x80)).unwrap_or_default(),
@@ -60,11 +62,11 @@ fn from_windows_1252(bytes: &[u8]) -> String {
     characters.collect()
 }
 
-/// Text whose lines end in LF, if any ends in a single CR.
+/// Ends all lines in LF if any ends in a single CR. Other texts stay, also with CR and LF.
 fn with_line_feeds(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
-    let is_alone =
+    let is_single_cr =
         |(index, byte): (usize, &u8)| *byte == b'\r' && text.get(index + 1) != Some(&b'\n');
-    if !text.contains(&b'\r') || !text.iter().enumerate().any(is_alone) {
+    if !text.contains(&b'\r') || !text.iter().enumerate().any(is_single_cr) {
         return text;
     }
     // Each CR is a line end, or the first half of one.

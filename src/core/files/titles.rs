@@ -20,15 +20,16 @@ const UNITS: [(&str, f64); 9] = [
 const UNITS_OF_TIME: [(&str, f64); 3] =
     [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
 
-/// The size of a unit, of a time or of another quantity.
+/// Size of a unit in SI units, or `None` for an unknown name. Minutes, hours and days are units
+/// only if `is_time`.
 pub fn unit(name: &str, is_time: bool) -> Option<f64> {
-    let of_time = if is_time { &UNITS_OF_TIME[..] } else { &[] };
-    let mut units = UNITS.iter().chain(of_time);
-    let unit = units.find(|(names, _)| names.split(' ').any(|known| known == name));
+    let units_of_time = if is_time { &UNITS_OF_TIME[..] } else { &[] };
+    let mut units = UNITS.iter().chain(units_of_time);
+    let unit = units.find(|(names, _)| names.split(' ').any(|unit_name| unit_name == name));
     unit.map(|(_, size)| *size)
 }
 
-/// A title without the unit in brackets at its end, and that unit.
+/// Splits a title into its name and the unit in brackets at its end, `None` without brackets.
 pub fn bracketed(title: &str) -> (&str, Option<&str>) {
     let trimmed = title.trim();
     for [open, close] in [['[', ']'], ['(', ')'], ['{', '}'], ['<', '>']] {
@@ -40,7 +41,7 @@ pub fn bracketed(title: &str) -> (&str, Option<&str>) {
     (trimmed, None)
 }
 
-/// A title in lower case, with underscores.
+/// A title in lower case, with underscores for blanks and signs: `Yaw [°/s]` becomes `yaw_deg_s`.
 pub fn simplified(title: &str) -> String {
     let lower = title.to_lowercase().replace("m/s²", "m_s2").replace("^-1", "");
     let lower = lower.replace('°', "deg").replace(['µ', 'μ'], "u").replace('²', "2");

@@ -24,7 +24,7 @@ const LONGEST_BREAK_S: f64 = 0.5;
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
-    // The longest stretch so far, and the one that goes on.
+    // The longest stretch so far, and the current one.
     let (mut longest, mut longest_s) = (0..0, 0.0);
     let (mut stretch, mut landed_s) = (0..0, None);
     for (index, sample) in flight.samples.iter().enumerate() {
@@ -68,8 +68,8 @@ pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
     pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
 }
 
-/// True if a drone rests on a floor of this height all the time, whatever its motors and setpoints
-/// are.
+/// True if a drone stays at the height of the floor, within 0.1 m, all the time, whatever its
+/// motors and setpoints are.
 pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     let heights_m = samples.iter().map(|sample| sample.position_m.z);
     let [low_m, high_m] = heights_m
@@ -77,8 +77,8 @@ pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     high_m - low_m < FLYING_HEIGHT_M && (high_m - floor_m).abs() < 2.0 * FLYING_HEIGHT_M
 }
 
-/// Why a flight counts as one on the floor, with the number that decides, or `None` if it flies, or
-/// neither motors, setpoints nor heights are logged.
+/// The reason for which a flight counts as one on the floor, with the value that decides. `None` if
+/// it flies, or if neither motors, setpoints nor heights are logged.
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;

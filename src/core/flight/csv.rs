@@ -58,20 +58,20 @@ impl Flight {
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
         // Time, the quantities of the log, letter, lights, gaps, further columns: names, then rows.
         let logged = || Quantity::TABLE.iter().filter(|(q, ..)| !self.unlogged.contains(q));
-        let places = logged().flat_map(|(quantity, ..)| quantity.places());
-        let places: Vec<usize> = [0].into_iter().chain(places).chain([N_NUMBERS - 1]).collect();
+        let indices = logged().flat_map(|(quantity, ..)| quantity.places());
+        let indices: Vec<usize> = [0].into_iter().chain(indices).chain([N_NUMBERS - 1]).collect();
         let after_gap = self.after_gap();
-        let gap = (!self.gaps.is_empty()).then_some(&after_gap);
+        let gap_column = (!self.gaps.is_empty()).then_some(&after_gap);
         let names = logged().flat_map(|(.., columns)| columns.iter());
         let standard = [&TIME].into_iter().chain(names).chain([&LETTER]);
         let mut header: Vec<String> = standard.map(|&name| name.to_owned()).collect();
         header.extend(self.lights.keys().map(|channel| format!("light.{channel}")));
-        header.extend(gap.map(|_| GAP.to_owned()));
+        header.extend(gap_column.map(|_| GAP.to_owned()));
         header.extend(self.extra.keys().cloned());
         let rows = self.samples.iter().enumerate().map(|(row, sample)| {
             let numbers = sample.numbers();
-            let standard = places.iter().map(move |&place| numbers[place]);
-            let further = self.lights.values().chain(gap).chain(self.extra.values());
+            let standard = indices.iter().map(move |&index| numbers[index]);
+            let further = self.lights.values().chain(gap_column).chain(self.extra.values());
             standard.chain(further.map(move |column| column[row]))
         });
         write_table(out, &header, rows)
@@ -97,7 +97,7 @@ impl Flight {
         digest.hex()
     }
 
-    /// 1 for each sample that ends a gap, 0 for the others.
+    /// The column of gaps: 1 for the first sample after a gap, 0 for the others.
     fn after_gap(&self) -> Vec<f64> {
         let mut gaps = self.gaps.iter().peekable();
         let flags = self.samples.iter().map(|sample| {
@@ -135,7 +135,7 @@ impl Flight {
     pub fn from_table(table: &Table) -> Result<Self> {
         // Columns of a sample's numbers. A quantity is there with all its columns or with none.
         let time_s = table.times_s(TIME)?;
-        let odd = odd_titles(table)?;
+        let title_notes = title_notes(table)?;
         let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
         cells[0] = Some(time_s);
         let mut unlogged = BTreeSet::new();
@@ -149,13 +149,14 @@ impl Flight {
             }
         }
         cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
-        whole(table, LETTER, MAX_QUANTITY, "0 outside letters, or the number of a letter")?;
-        whole(table, GAP, 1.0, "1 in the first row after a gap, else 0")?;
+        check_whole(table, LETTER, MAX_QUANTITY, "0 outside letters, or the number of a letter")?;
+        check_whole(table, GAP, 1.0, "1 in the first row after a gap, else 0")?;
         let samples = (0..table.n_rows()).map(|row| {
             FlightSample::from_numbers(cells.map(|cell| cell.map_or(0.0, |column| column[row])))
         });
         let samples: Vec<FlightSample> = samples.collect();
-        // Lights and further columns. A file of nothing else is no flight.
+        // Lights and further columns. A file with neither them nor a quantity is refused for its
+        // first missing column.
         let lights = light_columns(table)?;
         let further = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
         let extra: BTreeMap<_, _> =
@@ -163,42 +164,47 @@ impl Flight {
         if unlogged.len() == Quantity::TABLE.len() && extra.is_empty() {
             table.column(Quantity::TABLE[0].2[0])?;
         }
-        let flags = table.find(GAP).unwrap_or_default();
-        let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
-        let gaps = pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect();
-        let notes = table.notes().iter().cloned().chain(odd);
+        let gaps = gaps(table.find(GAP).unwrap_or_default(), &samples);
+        let notes = table.notes().iter().cloned().chain(title_notes);
         let notes = notes.map(|text| Diagnostic::warning("log", text));
         let warnings = warning::unlogged(&unlogged).into_iter().chain(notes).collect();
         Self::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })
     }
 }
 
-/// Names further columns that are nearly ours, and refuses two columns of one name.
-fn odd_titles(table: &Table) -> Result<Vec<String>> {
+/// Times of the samples before and after each gap, from the column that is not 0 after a gap.
+fn gaps(flags: &[f64], samples: &[FlightSample]) -> Vec<[f64; 2]> {
+    let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
+    pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
+}
+
+/// Notes on columns with nearly the name of a standard one. Two columns of one name are an error.
+fn title_notes(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
     }
     // Names are compared by their letters and digits.
-    let ours = Quantity::TABLE.iter().flat_map(|(.., names)| *names).chain(&[LETTER, GAP, TIME]);
-    let ours: Vec<(&str, String)> = ours.map(|name| (*name, bare(name))).collect();
-    let (mut seen, mut odd) = (BTreeSet::new(), Vec::new());
+    let standard = Quantity::TABLE.iter().flat_map(|(.., names)| *names);
+    let standard = standard.chain(&[LETTER, GAP, TIME]).map(|name| (*name, bare(name)));
+    let standard: Vec<(&str, String)> = standard.collect();
+    let (mut seen, mut notes) = (BTreeSet::new(), Vec::new());
     for (title, _) in table.columns_after("") {
         if !seen.insert(title) && !title.is_empty() {
             return Err(table.wrong(title, 1, "two columns of one name", "one", REWRITE_HINT));
         }
         let plain = bare(title);
         let is_light = title.to_lowercase().starts_with("light");
-        let near = ours.iter().find(|(_, name)| *name == plain).map(|(name, _)| *name);
+        let near = standard.iter().find(|(_, name)| *name == plain).map(|(name, _)| *name);
         let near = near.or(is_light.then_some("light.<channel>"));
         if let Some(near) = near.filter(|_| !is_standard_column(title)) {
-            odd.push(format!("column {title} is kept and not used: a flight's is named {near}"));
+            notes.push(format!("column {title} is kept and not used: a flight's is named {near}"));
         }
     }
-    Ok(odd)
+    Ok(notes)
 }
 
 /// Checks that a column, if present, has whole numbers from 0 to `most`.
-fn whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
+fn check_whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
     let is_odd = |(_, value): &(_, &f64)| value.fract() != 0.0 || !(0.0..=most).contains(*value);
     match table.find(name).unwrap_or_default().iter().enumerate().find(is_odd) {
         None => Ok(()),
@@ -207,7 +213,7 @@ fn whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
 }
 
 impl FlightSample {
-    /// Its numbers in the order of the file.
+    /// The sample's numbers in the order of the file: time, quantities, letter.
     pub fn numbers(&self) -> [f64; N_NUMBERS] {
         let Attitude { yaw_rad, pitch_rad, roll_rad } = self.attitude;
         let vectors = [
@@ -218,7 +224,6 @@ impl FlightSample {
             self.estimate_m,
             self.design_m,
         ];
-        // Time, vectors, four motors, letter.
         let mut numbers = [0.0; N_NUMBERS];
         numbers[0] = self.time_s;
         for (cells, vector) in numbers[1..].chunks_exact_mut(3).zip(vectors) {
@@ -252,7 +257,7 @@ impl FlightSample {
 ///
 /// [`Error::Input`] with the channel of a level outside, or for headlights in two columns.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
-    // A column `light` and one of the headlights would be the same channel.
+    // The column `light` is that of the headlights: a file with both has one channel twice.
     let mut lights = BTreeMap::new();
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
     for (channel, levels) in table.columns_after("light.").chain(bare) {
@@ -273,7 +278,7 @@ pub fn number_from_letter(letter: Option<usize>) -> f64 {
     letter.map_or(0.0, |index| index as f64 + 1.0)
 }
 
-/// The index of a letter for the file's number.
+/// The index of a letter for the file's number, or `None` for 0, outside letters.
 pub fn letter_from_number(number: f64) -> Option<usize> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     (number >= 1.0).then(|| number as usize - 1)

@@ -73,6 +73,7 @@ impl FlightData {
 }
 
 impl Rules for FlightData {
+    /// Checks times, numbers, lights, lengths of further columns, and gaps.
     fn check(&self) -> Result<()> {
         check_times(self.samples.iter().map(|sample| sample.time_s))?;
         for (row, sample) in self.samples.iter().enumerate() {
@@ -122,7 +123,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Each quantity with its name in messages and its columns in a flight file, in order of both.
+    /// Each quantity with its name in messages and its columns, in the order of a flight file.
     pub const TABLE: [(Self, &str, &[&str]); 7] = [
         (Self::Position, "position", &["x_m", "y_m", "z_m"]),
         (Self::Attitude, "attitude", &["yaw_rad", "pitch_rad", "roll_rad"]),

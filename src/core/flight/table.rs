@@ -28,21 +28,24 @@ const MAX_TIME_S: f64 = 4e9;
 /// Largest file: an hour of 36 columns at 100 Hz in numbers of nine digits.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HINT };
 
+/// Multiples of 1e-6 from here on, near 2^52, are not rounded: a double has no finer digits.
+const MAX_SCALED: f64 = 4.5e15;
+
 /// Rounds to the grid of the files, 1e-6. Negative zero becomes zero.
 ///
 /// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
 #[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
     // Adding and subtracting 2^52 rounds to the nearest whole number.
-    const WHOLE: f64 = 4_503_599_627_370_496.0;
+    const TWO_POW_52: f64 = 4_503_599_627_370_496.0;
     let size = (value * 1e6).abs();
-    let near = (size + WHOLE) - WHOLE;
+    let nearest = (size + TWO_POW_52) - TWO_POW_52;
     // Half away from zero, as `round`, which is a function call on many processors. Without a
     // branch, so that a row of numbers is vectorized.
-    let below = near - if near > size { 1.0 } else { 0.0 };
+    let below = nearest - if nearest > size { 1.0 } else { 0.0 };
     let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
     let rounded = (below + above).copysign(value) / 1e6 + 0.0;
-    if size < 4.5e15 { rounded } else { value }
+    if size < MAX_SCALED { rounded } else { value }
 }
 
 /// A table read from a file: named columns of equal length, of finite numbers where needed.
@@ -57,8 +60,8 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] where the file cannot be opened, [`Error::Input`] with line and column where
-    /// a cell is no finite number, a row is short or long, or the table is too large.
+    /// [`Error::Io`] if the file cannot be opened. [`Error::Input`] with line and column if a cell
+    /// is not a finite number, a row is short or long, or the table is too large.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(&LIMIT.read(path)?, &path.display().to_string())
     }
@@ -74,12 +77,17 @@ impl Table {
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a head. A column that nobody `needs` may hold texts.
+    /// Reads the rows below a head. Columns whose title `is_needed` must have only numbers.
     ///
     /// # Errors
     ///
     /// [`Error::Input`], as [`Self::read`].
-    pub fn below(head: Head, text: &Text<'_>, file: &str, needs: fn(&str) -> bool) -> Result<Self> {
+    pub fn below(
+        head: Head,
+        text: &Text<'_>,
+        file: &str,
+        is_needed: fn(&str) -> bool,
+    ) -> Result<Self> {
         // Numbers and names of columns first, then texts in columns that need numbers.
         let budget = Budget::new(file, SMALLER_HINT);
         let number = |_, cell: &str| cell.parse().ok().filter(|v: &f64| v.abs() <= MAX_NUMBER);
@@ -87,7 +95,7 @@ impl Table {
         let rules = RowRules { file, budget, hint, needs_line_ends };
         let sheet = Sheet::read(text, head, rules, number)?;
         budget.bytes(size_of::<f64>() * sheet.n_rows() * sheet.columns.len())?;
-        if let Some((column, line, cell)) = sheet.first_text(|column| needs(&column.title)) {
+        if let Some((column, line, cell)) = sheet.first_text(|column| is_needed(&column.title)) {
             let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
             let place = format!("column {}", column.title);
             let hint = "write numbers, and times in seconds; or let the program write it again";
@@ -107,7 +115,7 @@ impl Table {
         self.sheet.line(row)
     }
 
-    /// How many rows there are.
+    /// Number of rows.
     pub fn n_rows(&self) -> usize {
         self.sheet.n_rows()
     }
@@ -116,7 +124,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where there is none.
+    /// [`Error::Input`] if there is none.
     pub fn column(&self, name: &str) -> Result<&[f64]> {
         self.find(name).ok_or_else(|| {
             let wanted = format!("a column {name}");
@@ -131,11 +139,11 @@ impl Table {
         Some(self.columns_after("").find(|(title, _)| *title == name)?.1)
     }
 
-    /// A column of a quantity: every number is within ±1e6.
+    /// A column of a quantity, with every number within ±1e6.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where there is none, and with the line of a number beyond.
+    /// [`Error::Input`] if there is none, and with the line of a number beyond ±1e6.
     pub fn quantity(&self, name: &str) -> Result<&[f64]> {
         let column = self.column(name)?;
         match column.iter().position(|value| value.abs() > MAX_QUANTITY) {
@@ -147,7 +155,7 @@ impl Table {
         }
     }
 
-    /// An error in a line of a column.
+    /// The error of a value in a line of a column.
     pub(super) fn wrong(
         &self,
         name: &str,
@@ -164,7 +172,7 @@ impl Table {
         self.find(name).is_some()
     }
 
-    /// All columns whose name begins with `prefix`, without it.
+    /// Names without the prefix, and numbers, of all columns whose name begins with `prefix`.
     pub fn columns_after<'a>(
         &'a self,
         prefix: &'a str,
@@ -175,37 +183,38 @@ impl Table {
         })
     }
 
-    /// A column of times, which must not be empty, must not fall, and lasts an hour at most.
+    /// A column of times in seconds.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the line where time falls or goes beyond.
+    /// [`Error::Input`] for an empty column, and with the line of a time that falls, or that is
+    /// more than an hour after the first.
     pub fn times_s(&self, name: &str) -> Result<&[f64]> {
         self.times_in(name, 1.0)
     }
 
-    /// The same, of a column in another unit than seconds.
+    /// A column of times in a unit of `unit_s`, with the errors of [`Self::times_s`].
     pub fn times_in(&self, name: &str, unit_s: f64) -> Result<&[f64]> {
-        // Some rows, in order, within an hour.
-        let time_s = self.column(name)?;
-        if time_s.is_empty() {
+        let times = self.column(name)?;
+        if times.is_empty() {
             return Err(Error::input("", "no row", "at least one row", REWRITE_HINT)
                 .in_file(&self.file, None));
         }
-        if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
-            let wanted = format!("at least {}, the time before it", time_s[row]);
+        if let Some(row) = times.windows(2).position(|pair| pair[1] < pair[0]) {
+            let wanted = format!("at least {}, the time before it", times[row]);
             let (line, hint) = (self.line(row + 1), "sort the rows by time");
-            return Err(self.wrong(name, line, time_s[row + 1], wanted, hint));
+            return Err(self.wrong(name, line, times[row + 1], wanted, hint));
         }
-        let first_s = time_s[0] * unit_s;
-        let mut times_s = time_s.iter().map(|time| time * unit_s);
+        // Times beyond 4e9 s lose microseconds to rounding.
+        let first_s = times[0] * unit_s;
+        let mut times_s = times.iter().map(|time| time * unit_s);
         if let Some(row) =
             times_s.position(|t_s| t_s.abs() > MAX_TIME_S || t_s - first_s > MAX_DURATION_S)
         {
             let wanted = format!("seconds, at most {MAX_DURATION_S} after the first");
-            return Err(self.wrong(name, self.line(row), time_s[row], wanted, MILLISECONDS_HINT));
+            return Err(self.wrong(name, self.line(row), times[row], wanted, MILLISECONDS_HINT));
         }
-        Ok(time_s)
+        Ok(times)
     }
 }
 
@@ -217,7 +226,7 @@ const SMALLER_HINT: &str = "thin the log out, or cut it into parts";
 
 pub(super) const REWRITE_HINT: &str = "correct the file, or let the program write it again";
 
-/// Writes a table: the header, then each row of `width` numbers on the grid of 1e-6.
+/// Writes a table: the header, then each row of numbers on the grid of 1e-6.
 ///
 /// # Errors
 ///
@@ -246,26 +255,27 @@ pub fn write_table(
 /// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a fraction
 /// of its time, for the 300,000 numbers of a flight.
 fn push_number(line: &mut Vec<u8>, value: f64) {
+    /// Index of the decimal point: up to 17 digits before it and six after.
+    const POINT: usize = 17;
     let scaled = (value * 1e6).abs();
-    if scaled >= 4.5e15 {
+    if scaled >= MAX_SCALED {
         line.extend_from_slice(value.to_string().as_bytes());
         return;
     }
     #[expect(clippy::cast_possible_truncation, reason = "below 4.5e15")]
-    let rest = (scaled + 0.5) as u64;
-    if value < 0.0 && rest > 0 {
+    let millionths = (scaled + 0.5) as u64;
+    if value < 0.0 && millionths > 0 {
         line.push(b'-');
     }
-    // Micrometers, microseconds and the like, as an integer.
-    let (mut whole, mut part) = (rest / 1_000_000, (rest % 1_000_000) as u32);
+    let (mut whole, mut part) = (millionths / 1_000_000, (millionths % 1_000_000) as u32);
     // From the last digit to the first, six after the point: divided by constants, which the
     // compiler turns into multiplications.
-    let mut digits = [b'.'; 24];
-    for digit in digits[18..].iter_mut().rev() {
+    let mut digits = [b'.'; POINT + 7];
+    for digit in digits[POINT + 1..].iter_mut().rev() {
         *digit = b'0' + (part % 10) as u8;
         part /= 10;
     }
-    let mut first = 17;
+    let mut first = POINT;
     loop {
         first -= 1;
         digits[first] = b'0' + (whole % 10) as u8;
@@ -276,7 +286,7 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
     }
     let last = digits.iter().rposition(|digit| *digit != b'0').unwrap_or(first);
     // Without a part, neither zeros nor point.
-    line.extend_from_slice(&digits[first..if last == 17 { 17 } else { last + 1 }]);
+    line.extend_from_slice(&digits[first..if last == POINT { POINT } else { last + 1 }]);
 }
 
 #[cfg(test)]

@@ -26,25 +26,26 @@ pub struct FoundUnit {
     pub in_doubt: bool,
 }
 
-/// Length of a unit of timestamps in seconds, from the step between them. A Crazyflie logs every
+/// Guesses the unit of timestamps from the step between them. A Crazyflie logs every
 /// 0.1 ms to 2.55 s. A larger step is in ms, from a thousand on in µs, from a million on in ns. A
 /// smaller one is in the first of minutes, hours and days that gives a usual step, or in days if
 /// the timestamps are today's dates. Steps of 1 in whole numbers are ms, except with several rows a
 /// timestamp, or if the log would be shorter than a flight. Any other step stays in seconds.
-pub fn unit_of(stamps: &[f64]) -> FoundUnit {
-    // The usual step decides, with what is known of flights.
-    let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
+    // The median step decides, together with the limits of logs and flights.
+    let steps = timestamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
-    let are_whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
-    let is_rising = stamps.windows(2).all(|pair| pair[1] > pair[0]);
-    let is_long = stamps.last().is_some_and(|last| last - stamps[0] > 1e3 * SHORTEST_FLIGHT_S);
+    let are_whole = timestamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
+    let is_rising = timestamps.windows(2).all(|pair| pair[1] > pair[0]);
+    let is_long =
+        timestamps.last().is_some_and(|last| last - timestamps[0] > 1e3 * SHORTEST_FLIGHT_S);
     let unit_s = match step {
         step if step > 1e9 * SLOWEST_PERIOD_S => 1.0,
         step if step >= 1e6 => 1e-9,
         step if step >= 1e3 => 1e-6,
         step if step > SLOWEST_PERIOD_S => 1e-3,
         step if step > 0.0 && step < FASTEST_PERIOD_S => {
-            let is_day = DAY_NUMBERS.iter().any(|days| days.contains(&stamps[0]));
+            let is_day = DAY_NUMBERS.iter().any(|days| days.contains(&timestamps[0]));
             let mut units = [60.0, 3600.0, 86_400.0].into_iter().skip(if is_day { 2 } else { 0 });
             let usual = USUAL_PERIOD_S..=SLOWEST_PERIOD_S;
             units.find(|unit_s| usual.contains(&(step * unit_s))).unwrap_or(1.0)
@@ -52,7 +53,7 @@ pub fn unit_of(stamps: &[f64]) -> FoundUnit {
         step if are_whole && step > 0.0 && (step > 1.0 || is_rising && is_long) => 1e-3,
         _ => 1.0,
     };
-    // Rounded as it is printed.
+    // The step is rounded for messages.
     let per_unit = if step < 1e-3 { 1e10 } else { 1e6 };
     let step = (step * per_unit).round() / per_unit;
     let in_doubt = unit_s == 1.0 && step > 0.5 && (!are_whole || is_rising && !is_long);

@@ -12,24 +12,24 @@ pub const UNSEEN: &str = "unseen";
 /// Codes of a battery that cannot give the thrust, or is empty.
 pub const BATTERY: [&str; 2] = ["battery-weak", "battery-empty"];
 
-/// A motor was at its limit while the drone wrote.
+/// The warning that a motor was at its limit while the drone wrote.
 pub fn motor_at_limit(lasts_s: f64) -> Diagnostic {
     let message = format!("a motor was at its limit for {lasts_s:.2} s while writing");
     Diagnostic::warning("motor-at-limit", message).with("lasts_s", lasts_s)
 }
 
-/// The battery could not give the thrust asked for.
+/// The warning that the battery could not give the thrust asked for.
 pub fn battery_weak(lasts_s: f64) -> Diagnostic {
     let message = format!("the battery could not give the thrust asked for during {lasts_s:.2} s");
     Diagnostic::warning(BATTERY[0], message).with("lasts_s", lasts_s)
 }
 
-/// The battery was empty, and the motors stopped.
+/// The warning that the battery was empty and the motors stopped.
 pub fn battery_empty() -> Diagnostic {
     Diagnostic::warning(BATTERY[1], "the battery was empty and the motors stopped")
 }
 
-/// Fewer than two base stations saw the drone.
+/// The warning that fewer than two base stations saw the drone.
 pub fn unseen(lasts_s: f64) -> Diagnostic {
     let message = format!("fewer than two base stations saw the drone for {lasts_s:.2} s");
     Diagnostic::warning(UNSEEN, message)
@@ -37,22 +37,22 @@ pub fn unseen(lasts_s: f64) -> Diagnostic {
         .helped("move the base stations, or the word (see `coverage`)")
 }
 
-/// The host was silent for so long that the motors stopped.
+/// The warning that the motors stopped because the host was silent.
 pub fn host_silent(stopped_s: f64) -> Diagnostic {
     let message = format!("no setpoint came for 2 s and the motors stopped at {stopped_s:.1} s");
     Diagnostic::warning("host-silent", message).with("time_s", stopped_s)
 }
 
-/// The drone stood on the floor under a plan that rises, with motor commands up to this one.
-pub fn grounded(motors: f64) -> Diagnostic {
+/// The warning that the drone stayed on the floor although its plan rises.
+pub fn grounded(largest_command: f64) -> Diagnostic {
     let message = format!(
-        "the drone never left the floor: its motor commands reach {motors:.1} of 65535 (are they \
+        "the drone never left the floor: its motor commands reach {largest_command:.1} of 65535 (are they \
          rpm, N or 0 to 1; are lengths in m with z up, and angles in rad?)"
     );
-    Diagnostic::warning("grounded", message).with("motors", motors)
+    Diagnostic::warning("grounded", message).with("motors", largest_command)
 }
 
-/// Quantities that a log lacks, which are zeros in the samples, or `None` if it lacks none.
+/// The warning that a log lacks quantities (zeros in the samples), or `None` if it lacks none.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
     let message = format!("not in the log: {}", names.join(", "));

@@ -1,9 +1,10 @@
 //! Polylines in a plane, in any unit of length.
 
-/// The box around points: left, bottom, right, top. Inverted and infinite without any.
+/// The box around points: left, bottom, right, top. Without points it is infinite, with left beyond
+/// right and bottom beyond top.
 pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
-    let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    points.into_iter().fold(none, |[left, bottom, right, top], [x, y]| {
+    let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    points.into_iter().fold(empty, |[left, bottom, right, top], [x, y]| {
         [left.min(x), bottom.min(y), right.max(x), top.max(y)]
     })
 }
@@ -17,18 +18,18 @@ pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;
-    // The foot of the perpendicular, a part t of the way, or the nearer end.
+    // The nearest point is the foot of the perpendicular, at the fraction t, or the nearer end.
     let t = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
     let t = t.clamp(0.0, 1.0);
     libm::hypot(x - ax - t * dx, y - ay - t * dy)
 }
 
-/// Distance of each point from the first one along the line, or empty for an empty line.
+/// Arc length from the first point to each point of a line. Empty for an empty line.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
-    let mut along = 0.0;
+    let mut arc_length = 0.0;
     let later = line.windows(2).map(|ends| {
-        along += distance(ends[0], ends[1]);
-        along
+        arc_length += distance(ends[0], ends[1]);
+        arc_length
     });
     line.first().map(|_| 0.0).into_iter().chain(later).collect()
 }
@@ -43,8 +44,8 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
     }
-    // The ends stay. Of each span between kept points, the farthest point stays if it is off by
-    // more than the error, and parts the span in two.
+    // The ends are kept. In each span between kept points, the farthest point is kept if it is off
+    // by more than the error, and splits the span in two.
     let mut keep = vec![false; line.len()];
     (keep[0], keep[line.len() - 1]) = (true, true);
     let mut spans = vec![(0, line.len() - 1)];
@@ -69,10 +70,10 @@ pub struct Chords<const N: usize> {
 }
 
 impl<const N: usize> Chords<N> {
-    /// Every slope.
+    /// Chords of every gradient.
     pub const ALL: Self = Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
-    /// Keeps the chords that pass between two offsets from the first sample after `elapsed_s`.
+    /// Keeps only the chords whose offset after `elapsed_s` is between `low` and `high`.
     pub fn keep_between(&mut self, low: [f64; N], high: [f64; N], elapsed_s: f64) {
         for i in 0..N {
             self.least[i] = self.least[i].max(low[i] / elapsed_s);

@@ -61,7 +61,7 @@ pub const COLOR_LED: &Channel = &CHANNELS[2];
 pub const HEADLIGHTS: &str = CHANNELS[0].name;
 
 impl Channel {
-    /// The channel of a deck with a name. `None` is a custom lamp.
+    /// The channel of a deck with this name, or `None` for the channel of a custom lamp.
     pub fn named(name: &str) -> Option<&'static Self> {
         CHANNELS.iter().find(|channel| channel.name == name)
     }

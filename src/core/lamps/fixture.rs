@@ -84,6 +84,7 @@ pub enum Drive {
 }
 
 impl Described for Drive {
+    /// Checks the numbers of a blink or a flicker.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         // Key, value and range of each number.
         let ranges = match *self {
@@ -104,7 +105,7 @@ impl Described for Drive {
 }
 
 impl Drive {
-    /// The light channel of a plan that it follows.
+    /// The light channel of a plan that the lamp follows, or `None` if it follows none.
     pub fn channel(&self) -> Option<&str> {
         match self {
             Self::Command(channel) => Some(channel),
@@ -123,8 +124,8 @@ impl Fixture {
     pub(super) fn check_drive(&self, key: &str) -> Result<()> {
         // Ranges beyond those of single settings, then the parameter, then what the drive needs.
         let place = |field: &str| format!("{key} `{}`: {field}", self.name);
-        let squares: f64 = self.axis_body.iter().map(|value| value * value).sum();
-        within(&place("axis_body (length squared)"), squares, 1e-6, 1e6)?;
+        let length_sq: f64 = self.axis_body.iter().map(|value| value * value).sum();
+        within(&place("axis_body (length squared)"), length_sq, 1e-6, 1e6)?;
         for Die { chromaticity: [x, y], .. } in &self.dies {
             within(&place("chromaticity y"), *y, 0.001, 0.9)?;
             within(&place("chromaticity x + y"), x + y, 0.0, 1.0)?;
@@ -142,17 +143,17 @@ impl Fixture {
         Err(Error::input(place("drive and dies"), actual, wanted, hint))
     }
 
-    /// Refuses a parameter that no export would set.
+    /// Checks that the parameter, if there is one, is a full name, and of a lamp with a channel
+    /// that is not a deck's: exports set no other.
     fn check_parameter(&self, key: &str) -> Result<()> {
-        // A lamp with a channel of its own may have one, named group.name.
         let Some(parameter) = &self.parameter else { return Ok(()) };
         fn is_name(part: &str) -> bool {
             !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
         }
-        let is_full =
+        let is_full_name =
             parameter.split_once('.').is_some_and(|(group, name)| is_name(group) && is_name(name));
         let (wanted, hint) = match self.drive.channel() {
-            _ if !is_full => {
+            _ if !is_full_name => {
                 ("group.name of letters, digits and _", "the firmware's list of parameters has it")
             }
             None => ("no parameter: nothing commands this lamp", "set drive.command"),

@@ -16,7 +16,8 @@ pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];
 pub const COLOR_LED_COLORS: [&str; 4] =
     ["color-led.white", "color-led.red", "color-led.green", "color-led.blue"];
 
-/// Bytes of a color at a level, the first one in the highest place, as decks are sent them.
+/// The bytes of a color, dimmed to a level from 0 to 1, as one number with the first byte highest:
+/// the form of the decks' parameters.
 pub fn packed(bytes: &[u8], level: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
@@ -26,12 +27,13 @@ pub fn packed(bytes: &[u8], level: f64) -> u32 {
 /// A color after the LED memory or the timing memory: packed into 5, 6 and 5 bits by cflib
 /// (`led_driver_memory.py`, `led_timings_driver_memory.py`), expanded by the firmware.
 pub fn ring_memory_rgb([red, green, blue]: [u8; 3]) -> [u8; 3] {
-    let five = |value: u8| expand(u32::from(value), [249, 1014, 11], [527, 23]);
-    let six = |value: u8| expand(u32::from(value), [253, 505, 10], [259, 33]);
-    [five(red), six(green), five(blue)]
+    // The integer constants of both programs.
+    let five_bits = |byte: u8| expanded(((u32::from(byte) * 249 + 1014) >> 11) * 527 + 23);
+    let six_bits = |byte: u8| expanded(((u32::from(byte) * 253 + 505) >> 10) * 259 + 33);
+    [five_bits(red), six_bits(green), five_bits(blue)]
 }
 
-fn expand(value: u32, [scale, offset, shift]: [u32; 3], [wide, round]: [u32; 2]) -> u8 {
-    let packed = (value * scale + offset) >> shift;
-    u8::try_from((packed * wide + round) >> 6).unwrap_or(u8::MAX)
+/// A byte from its multiple by 64.
+fn expanded(scaled: u32) -> u8 {
+    u8::try_from(scaled >> 6).unwrap_or(u8::MAX)
 }

@@ -94,12 +94,13 @@ settings! {
 }
 
 impl LightOptions {
-    /// The lamps.
+    /// The listed lamps, or those of deck and board if none are listed.
     pub fn fixtures(&self) -> Vec<Fixture> {
         self.fixtures.clone().unwrap_or_else(|| self.deck.fixtures())
     }
 
-    /// Color of the color LED deck on a letter, counted from 0.
+    /// White, red, green and blue of the color LED deck on a letter, counted from 0. The colors of
+    /// the letters repeat.
     pub fn wrgb_of(&self, letter: Option<usize>) -> [u8; 4] {
         let colors = &self.letters_wrgb;
         match letter {
@@ -108,7 +109,8 @@ impl LightOptions {
         }
     }
 
-    /// Color of the ring on a letter, counted from 0. White letters have the ring's own color.
+    /// Red, green and blue of the ring on a letter, counted from 0: the letter's, unless it has
+    /// only white, else that of the effect.
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {
             ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],

@@ -24,7 +24,7 @@ settings! {
 }
 
 impl Deck {
-    /// Its lamps, and the channel on which it writes unless the scene names others.
+    /// The deck's lamps, and the channel on which it writes unless the scene names others.
     fn row(self) -> (Vec<Fixture>, &'static str) {
         match self {
             Self::LedRing => (led_ring(), HEADLIGHTS),
@@ -38,7 +38,7 @@ impl Deck {
         self.row().0.into_iter().chain(crazyflie()).collect()
     }
 
-    /// The channel on which it writes unless the scene names others.
+    /// The channel on which the deck writes unless the scene names others.
     pub fn channel(self) -> &'static str {
         self.row().1
     }
@@ -79,7 +79,7 @@ pub fn crazyflie() -> Vec<Fixture> {
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
     let mut rows = Vec::new();
-    for (name, drive, [x, y], light, bit) in [
+    for (name, drive, [x, y], die, bit) in [
         ("power M2", Drive::Always, [-0.03, -0.03], blue.clone(), 5),
         ("power M3", Drive::Always, [-0.03, 0.03], blue, 0),
         ("status M1", status, [0.03, -0.03], red.clone(), 4),
@@ -90,7 +90,7 @@ pub fn crazyflie() -> Vec<Fixture> {
             drive,
             position_body_m: [x, y, 0.0],
             axis_body: [0.0, 0.0, 1.0],
-            dies: vec![light],
+            dies: vec![die],
             spill: 1.0,
             visible_cos: -0.5,
             diameter_m: 0.0075,
@@ -99,7 +99,8 @@ pub fn crazyflie() -> Vec<Fixture> {
             ..Fixture::default()
         });
     }
-    // Light of the link off the drone is too faint to see.
+    // Reflections of the first three. That of the link is too faint to see. The fractions and
+    // diameters of propeller and body are fitted to the photograph.
     for led in 0..3 {
         let [x, y, _] = rows[led].position_body_m;
         let propeller_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
@@ -189,6 +190,7 @@ fn ring_position_body_m(led: usize) -> [f64; 3] {
     [forward_m, left_m, -0.012]
 }
 
+/// A headlight of the ring deck, `left_m` from the middle.
 fn headlight(name: &str, left_m: f64) -> Fixture {
     Fixture {
         name: name.into(),

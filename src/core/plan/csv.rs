@@ -79,6 +79,8 @@ impl Plan {
         Self::from_table(&Table::parse(csv, file)?)
     }
 
+    /// Makes a plan of the table of such a file. A table with notes is refused: the program writes
+    /// plans without doubt.
     fn from_table(table: &Table) -> Result<Self> {
         if let Some(note) = table.notes().first() {
             let (wanted, hint) = ("a plan as the program writes it", "let the program write it");
@@ -103,18 +105,12 @@ impl Plan {
             }
         });
         let setpoints = setpoints.collect();
-        // Optional columns, of which a heading is the same in all rows.
-        let yaws = optional(table, YAW_COLUMN)?;
-        let yaw_rad = yaws.first().copied().unwrap_or_default();
-        if let Some(other) = yaws.iter().find(|other| **other != yaw_rad) {
-            let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
-            let hint = "turn the drone before take-off";
-            return Err(Error::input(YAW_COLUMN, other, wanted, hint));
-        }
+        // The optional columns.
+        let yaw_rad = heading_rad(table)?;
         Self::new(PlanData {
             setpoints,
             lights: light_columns(table)?,
-            lit: optional(table, LIT_COLUMN)?,
+            lit: optional_column(table, LIT_COLUMN)?,
             sent_m: optional_vectors(table, SENT_COLUMNS)?,
             jerk_m_s3: optional_vectors(table, JERK_COLUMNS)?,
             yaw_rad,
@@ -122,12 +118,25 @@ impl Plan {
     }
 }
 
-/// A column, or nothing if the table lacks it.
-fn optional(table: &Table, name: &str) -> Result<Vec<f64>> {
+/// The heading, 0 without its column. One that changes from row to row is an error.
+fn heading_rad(table: &Table) -> Result<f64> {
+    let yaws_rad = optional_column(table, YAW_COLUMN)?;
+    let yaw_rad = yaws_rad.first().copied().unwrap_or_default();
+    match yaws_rad.iter().find(|other| **other != yaw_rad) {
+        None => Ok(yaw_rad),
+        Some(other) => {
+            let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
+            Err(Error::input(YAW_COLUMN, other, wanted, "turn the drone before take-off"))
+        }
+    }
+}
+
+/// A column of a quantity, or an empty one if the table lacks it.
+fn optional_column(table: &Table, name: &str) -> Result<Vec<f64>> {
     if table.has(name) { table.quantity(name).map(<[f64]>::to_vec) } else { Ok(Vec::new()) }
 }
 
-/// Three columns as vectors, or nothing if the table lacks the first.
+/// Three columns as vectors, or an empty list if the table lacks the first.
 fn optional_vectors(table: &Table, names: [&str; 3]) -> Result<Vec<Vector3<f64>>> {
     if !table.has(names[0]) {
         return Ok(Vec::new());

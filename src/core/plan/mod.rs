@@ -55,12 +55,13 @@ pub struct Setpoint {
 }
 
 impl PlanData {
-    /// When the last setpoint is sent: the end of the plan.
+    /// Time of the last setpoint, or 0 for an empty plan.
     pub fn duration_s(&self) -> f64 {
         self.setpoints.last().map_or(0.0, |last| last.time_s)
     }
 
-    /// The plan, lights and all, by a clock of a rate, in true seconds a second.
+    /// The plan as a clock runs it that counts `rate` true seconds a second. Times are divided by
+    /// the rate, and derivatives scaled to match.
     #[must_use]
     pub fn paced(mut self, rate: f64) -> Self {
         for setpoint in &mut self.setpoints {
@@ -74,22 +75,22 @@ impl PlanData {
         self
     }
 
-    /// The position that is sent with a setpoint.
+    /// The position that is sent for a setpoint: that of feedforward, or the setpoint's own.
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
     }
 
-    /// The jerk that the drone knows of at a setpoint.
+    /// The jerk of the trajectory on board at a setpoint, or zero without one.
     pub fn jerk_m_s3(&self, row: usize) -> Vector3<f64> {
         self.jerk_m_s3.get(row).copied().unwrap_or_default()
     }
 
-    /// Row of the setpoint in force at a time, or the first one.
+    /// Row of the setpoint in force at a time, or 0 before the first.
     pub fn row_at(&self, time_s: f64) -> usize {
         self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
     }
 
-    /// The setpoint in force at a time, or the first one.
+    /// The setpoint in force at a time, or the first one before it. `None` for an empty plan.
     pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
         self.setpoints.get(self.row_at(time_s))
     }
@@ -102,7 +103,8 @@ impl PlanData {
         }
     }
 
-    /// Channels that switch lamps. `ring.red` is the color of a lamp if there is a channel `ring`.
+    /// Names and levels of the channels that switch lamps. A channel `ring.red` only sets a color
+    /// if there is a channel `ring`.
     pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
         self.lights.iter().filter(|(channel, _)| {
             let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);
@@ -110,7 +112,7 @@ impl PlanData {
         })
     }
 
-    /// Level that is commanded from each setpoint on: the highest of all lamps.
+    /// Light level that is commanded at each setpoint: the highest of all lamps.
     pub fn commanded(&self) -> Vec<f64> {
         let mut highest = vec![0.0; self.setpoints.len()];
         for (_, levels) in self.lamps() {
@@ -122,12 +124,12 @@ impl PlanData {
         highest
     }
 
-    /// Light level of the design from each setpoint on.
+    /// Light level of the design at each setpoint, held until the next.
     pub fn lit(&self) -> Vec<f64> {
         if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
     }
 
-    /// Time at full light that the design asks for: levels below 1 count in proportion.
+    /// Time at full light in the design, s. Levels below 1 count in proportion.
     pub fn full_light_s(&self) -> f64 {
         let lit = self.lit();
         let rows = self.setpoints.windows(2).zip(&lit);
@@ -148,6 +150,7 @@ impl PlanData {
 }
 
 impl Rules for PlanData {
+    /// Checks times, numbers, lights, and the lengths of optional columns.
     fn check(&self) -> Result<()> {
         // Setpoints by row, then columns beside them.
         let n = self.setpoints.len();
@@ -191,7 +194,7 @@ impl Setpoint {
         self.position_m + self.velocity_m_s * dt + self.acceleration_m_s2 * (0.5 * dt * dt)
     }
 
-    /// True if it asks for motors off.
+    /// True if the setpoint asks for motors off.
     pub fn on_floor(&self) -> bool {
         self.position_m.z <= 0.0
     }

@@ -6,7 +6,7 @@
 
 use std::f64::consts::FRAC_2_PI;
 
-/// The number with a high word at which msun changes its method.
+/// The number whose upper 32 bits are `word` and whose lower bits are zero.
 const fn high(word: u64) -> f64 {
     f64::from_bits(word << 32)
 }
@@ -40,14 +40,14 @@ pub(super) fn ln(x: f64) -> f64 {
     s * (half_sq + (odd + even)) + k * LN2[1] - half_sq + f + k * LN2[0]
 }
 
-/// Angles so near to a multiple of a quarter turn that msun reduces them with more digits.
+/// True for an angle so near to a multiple of a quarter turn that msun reduces it with more digits.
 #[inline(always)]
 pub(super) fn is_hard(x: f64) -> bool {
     let near = |word: u64| (x >= high(word)) & (x < high(word + 1));
     near(0x3ff9_21fb) | near(0x4009_21fb) | near(0x4012_d97c) | near(0x4019_21fb)
 }
 
-/// Of msun's `k_sin.c` and `k_cos.c`.
+/// Coefficients of msun's `k_sin.c` and `k_cos.c`.
 const S: [f64; 6] = [
     -1.666_666_666_666_663_2e-1,
     8.333_333_333_322_49e-3,
@@ -70,6 +70,7 @@ const C: [f64; 6] = [
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
     // The nearest multiple of a quarter turn, subtracted in two parts: a, and its rounding error b.
+    // The high words are those of π/4, 3π/4, 5π/4 and 7π/4, as msun compares them.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
     let z = x - quarters * QUARTER[0];
@@ -104,7 +105,7 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
 pub(super) fn cos(x: f64) -> f64 {
     const QUARTER: [f64; 3] =
         [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
-    /// Added and taken away, it leaves the nearest whole number.
+    /// 1.5 · 2⁵²: added and subtracted, it rounds to the nearest whole number.
     const WHOLE: f64 = 6_755_399_441_055_744.0;
     let quarters = (x * FRAC_2_PI + WHOLE) - WHOLE;
     let a = ((x - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];

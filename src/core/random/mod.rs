@@ -10,7 +10,7 @@ pub use self::normals::Normals;
 /// The odd number nearest to 2⁶⁴ over the golden ratio.
 pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// One step of `SplitMix64` (Steele, Lea, Flood 2014).
+/// Output of `SplitMix64` (Steele, Lea, Flood 2014) for a state.
 pub fn split_mix(state: u64) -> u64 {
     let z = state.wrapping_add(GOLDEN);
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -18,7 +18,7 @@ pub fn split_mix(state: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Poisson number of a mean up to 500 for a uniform number from 0 to 1, by inversion.
+/// Poisson-distributed number with a mean up to 500, by inversion of a uniform number from 0 to 1.
 pub fn poisson(mean: f64, uniform: f64) -> u32 {
     // P(0) = exp(−mean), and P(n) = P(n − 1) · mean / n.
     let mut p = libm::exp(-mean);

@@ -45,8 +45,8 @@ impl Noise {
         Self { rng, spare: None }
     }
 
-    /// Normal with mean 0 and variance 1, by Box and Muller (1958): with `libm` its bits are the
-    /// same on every machine, which the tails of a ziggurat are not.
+    /// Draws a normal number with mean 0 and variance 1, by Box and Muller (1958): with `libm` its
+    /// bits are the same on every machine, which the tails of a ziggurat are not.
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
@@ -58,12 +58,12 @@ impl Noise {
         radius * cos
     }
 
-    /// Three independent normals.
+    /// Draws three independent normal numbers.
     pub fn normals(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }
 
-    /// Uniform in `[0, 1)`.
+    /// Draws a uniform number in `[0, 1)`.
     pub fn uniform(&mut self) -> f64 {
         self.rng.random()
     }
@@ -84,7 +84,7 @@ struct Wave {
 }
 
 impl<const N: usize> Field<N> {
-    /// A field with standard deviation `sigma` of each component and length `length_m`.
+    /// A field with standard deviation `sigma` of each component and correlation length `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let waves = [(); N].map(|()| {
             [(); WAVES].map(|()| Wave {
@@ -97,12 +97,12 @@ impl<const N: usize> Field<N> {
         Self { waves, amplitude }
     }
 
-    /// The field at a place.
+    /// The components of the field at a position.
     pub fn value_at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
         SVector::from_fn(|component, _| self.component(component, position_m))
     }
 
-    /// One component of the field at a place.
+    /// One component of the field at a position.
     pub fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
         let heights = crate::dispatch(Heights(&self.waves[component], position_m));
         self.amplitude * heights.iter().sum::<f64>()

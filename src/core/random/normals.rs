@@ -24,25 +24,25 @@ pub struct Normals {
 }
 
 impl Normals {
-    /// The numbers of an unused stream.
+    /// The numbers of a stream from which nothing was drawn.
     pub fn new(noise: Noise) -> Self {
         let block = Block { cosines: [0.0; PAIRS], sines: [0.0; PAIRS] };
         Self { rng: noise.rng, block, drawn: 2 * PAIRS }
     }
 
-    /// The next number.
+    /// Draws the next number.
     #[expect(clippy::should_implement_trait, reason = "a stream without end")]
     #[inline]
     pub fn next(&mut self) -> f64 {
         if self.drawn == 2 * PAIRS {
             self.fill();
         }
-        let (pair, second) = (self.drawn / 2, self.drawn % 2 == 1);
+        let (pair, is_second) = (self.drawn / 2, self.drawn % 2 == 1);
         self.drawn += 1;
-        if second { self.block.sines[pair] } else { self.block.cosines[pair] }
+        if is_second { self.block.sines[pair] } else { self.block.cosines[pair] }
     }
 
-    /// Three independent normals.
+    /// Draws three independent numbers.
     #[inline]
     pub fn next_three(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.next())

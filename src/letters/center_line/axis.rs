@@ -11,8 +11,8 @@ use super::super::outline::Filled;
 use super::super::vector::direction;
 use noctograph_core::geometry::distance;
 
-/// Grid of the samples, in cap heights: nearer ones are one.
-const WELD: f64 = 1e-6;
+/// Grid to which samples are rounded, in cap heights.
+const SAMPLE_GRID: f64 = 1e-6;
 
 /// A graph of disc centers. Nodes that were cut off remain, without neighbors.
 #[derive(Debug, Default)]
@@ -29,8 +29,10 @@ impl Axis {
     /// The axis of the ink within an outline, or an empty one without ink.
     pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would have samples a rounding error apart.
-        let samples =
-            ink_edges.iter().flatten().map(|sample| sample.map(|x| (x / WELD).round() * WELD));
+        let samples = ink_edges
+            .iter()
+            .flatten()
+            .map(|sample| sample.map(|x| (x / SAMPLE_GRID).round() * SAMPLE_GRID));
         let samples = samples.map(|[x, y]| Point2::new(x, y)).collect();
         let Ok(mesh) = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(samples) else {
             return Self::default();
@@ -38,14 +40,14 @@ impl Axis {
         let mut axis = Self::default();
         let mut node_of = vec![None; mesh.num_all_faces()];
         for face in mesh.inner_faces() {
-            let (middle, square) = face.circumcircle();
-            // Samples on a straight side are not quite in line: their slivers' discs lie far off.
+            let (middle, radius_squared) = face.circumcircle();
             let middle = [middle.x, middle.y];
-            let center = face.center();
-            if ink.holds([center.x, center.y]) && ink.holds(middle) {
+            let centroid = face.center();
+            // Samples on a straight side are not quite in line: their slivers have discs far away.
+            if ink.holds([centroid.x, centroid.y]) && ink.holds(middle) {
                 node_of[face.fix().index()] = Some(axis.middles.len());
                 axis.middles.push(middle);
-                axis.radii.push(square.sqrt());
+                axis.radii.push(radius_squared.sqrt());
             }
         }
         // Voronoi edges, the dual of the triangles' sides, join the centers.
@@ -60,24 +62,28 @@ impl Axis {
         axis
     }
 
+    /// Number of neighbors of a node.
     pub(super) fn degree(&self, node: usize) -> usize {
         self.neighbors[node].len()
     }
 
+    /// Length of a path.
     pub(super) fn length(&self, path: &[usize]) -> f64 {
         path.windows(2).map(|step| self.distance(step[0], step[1])).sum()
     }
 
+    /// Distance between two nodes.
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
         distance(self.middles[a], self.middles[b])
     }
 
-    /// The path from a node through a neighbor, up to a node for which `ends` is true.
-    pub(super) fn path(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
+    /// The path from a node through a neighbor, up to a node for which `is_end` is true, to a node
+    /// without another neighbor, or back to its beginning.
+    pub(super) fn path(&self, from: usize, through: usize, is_end: &dyn Fn(usize) -> bool) -> Path {
         let mut path = vec![from, through];
         loop {
             let (before, node) = (path[path.len() - 2], path[path.len() - 1]);
-            if ends(node) || node == from {
+            if is_end(node) || node == from {
                 return path;
             }
             match self.neighbors[node].iter().find(|next| **next != before) {
@@ -87,27 +93,27 @@ impl Axis {
         }
     }
 
-    /// Direction from a node to the point of the path through a neighbor after a length, or its
-    /// end.
+    /// Unit vector from a node to the point of the path through a neighbor that is a length along
+    /// it, or to its end if it is shorter.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
         let path = self.path(from, through, &|node| self.degree(node) != 2);
-        let mut gone = 0.0;
+        let mut walked = 0.0;
         let step = path.windows(2).find(|step| {
-            gone += self.distance(step[0], step[1]);
-            gone >= length
+            walked += self.distance(step[0], step[1]);
+            walked >= length
         });
         let end = self.middles[step.map_or(path[path.len() - 1], |step| step[1])];
         direction(self.middles[from], end)
     }
 
-    /// All paths between nodes for which `ends` is true, and all loops without such a node.
-    pub(super) fn paths(&self, ends: &dyn Fn(usize) -> bool) -> Vec<Path> {
+    /// All paths between nodes for which `is_end` is true, and all loops without such a node.
+    pub(super) fn paths(&self, is_end: &dyn Fn(usize) -> bool) -> Vec<Path> {
         let mut seen = vec![false; self.middles.len()];
         let mut paths = Vec::new();
-        for node in (0..self.middles.len()).filter(|node| ends(*node)) {
+        for node in (0..self.middles.len()).filter(|node| is_end(*node)) {
             seen[node] = true;
             for next in &self.neighbors[node] {
-                let path = self.path(node, *next, ends);
+                let path = self.path(node, *next, is_end);
                 path[1..path.len() - 1].iter().for_each(|inner| seen[*inner] = true);
                 let end = path[path.len() - 1];
                 // Each is found from both of its ends, and a loop through both of its sides.
@@ -117,7 +123,7 @@ impl Axis {
                 }
             }
         }
-        // What no end leads to are loops.
+        // Nodes that no end leads to are on loops.
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
                 let path = self.path(node, self.neighbors[node][0], &|_| false);
@@ -128,7 +134,7 @@ impl Axis {
         paths
     }
 
-    /// Cuts a path off: all its links, so that its first node loses a neighbor.
+    /// Removes the links along a path.
     pub(super) fn cut(&mut self, path: &[usize]) {
         for step in path.windows(2) {
             self.neighbors[step[0]].retain(|node| *node != step[1]);

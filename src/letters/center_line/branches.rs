@@ -11,12 +11,12 @@ const SETTLED: f64 = 1.06;
 /// Least and greatest distance from the junction at which a branch is used, in radii of the
 /// junction, and the largest fraction of a branch that is left out.
 const SKIPPED: [f64; 2] = [0.7, 2.2];
-const SKIPPED_SHARE: f64 = 0.4;
+const SKIPPED_FRACTION: f64 = 0.4;
 
 /// A branch is straight if its chord is this fraction of its length.
 const STRAIGHT: f64 = 0.94;
 
-/// A point of a line, and whether the line has a corner there.
+/// A point of a line, and true if the line has a corner there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Knot {
     pub(super) position: [f64; 2],
@@ -56,11 +56,12 @@ pub(super) struct Connection {
 }
 
 impl Branch {
+    /// A branch through points with their radii, without connections.
     pub(super) fn new(points: Vec<[f64; 2]>, radii: Vec<f64>) -> Self {
         Self { points, radii, ..Self::default() }
     }
 
-    /// Turns its tail to the front, or back.
+    /// Reverses the branch if `tail`, so that its tail comes first, or last again.
     fn turn(&mut self, tail: bool) {
         if tail {
             self.points.reverse();
@@ -68,21 +69,22 @@ impl Branch {
         }
     }
 
-    /// Cuts off the points that a junction pulls aside, and returns the arm that is left.
+    /// Cuts off the points near an end that the junction of a radius pulls aside. Returns the arm
+    /// that begins at the first point kept.
     pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
-        // The disc of a junction bulges: the branch is used from where its radius has settled, but
-        // from no later than a limit.
+        // The disc of a junction bulges: the branch is used from where its radius has settled.
         let along = arc_lengths(&self.points);
         let n = self.points.len();
         let length = along[n - 1];
-        let usual = median(self.radii.iter().copied()).unwrap_or(0.0);
-        let latest = (SKIPPED[1] * radius).min(SKIPPED_SHARE * length);
+        let median_radius = median(self.radii.iter().copied()).unwrap_or(0.0);
+        let latest = (SKIPPED[1] * radius).min(SKIPPED_FRACTION * length);
         let earliest = (SKIPPED[0] * radius).min(latest);
-        let settled = (0..n).find(|i| along[*i] >= earliest && self.radii[*i] <= SETTLED * usual);
+        let settled =
+            (0..n).find(|i| along[*i] >= earliest && self.radii[*i] <= SETTLED * median_radius);
         let first = settled.filter(|i| along[*i] <= latest);
         let first = first.unwrap_or_else(|| along.partition_point(|s| *s < latest).min(n - 2));
-        // The direction over about a radius.
+        // The direction over about a radius of the junction.
         let until = along[first] + radius.min(0.5 * (length - along[first])).max(1e-9);
         let last = along.partition_point(|s| *s < until).clamp(first + 1, n - 1);
         let from = self.points[first];
@@ -90,10 +92,10 @@ impl Branch {
         self.points.drain(..first);
         self.radii.drain(..first);
         self.turn(tail);
-        Arm { branch, tail, from, away, radius: usual }
+        Arm { branch, tail, from, away, radius: median_radius }
     }
 
-    /// Turns a straight branch about its other end, so that it leads to `to` instead of `from`.
+    /// Turns a straight branch about its other end, so that it leads to `to`, not `from`.
     pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
         self.turn(tail);
         let along = arc_lengths(&[&[from][..], &self.points].concat());
@@ -101,15 +103,15 @@ impl Branch {
         let chord = self.points.last().map_or(0.0, |last| distance(from, *last));
         if chord >= STRAIGHT * length {
             for (point, along) in self.points.iter_mut().zip(&along[1..]) {
-                let part = 1.0 - along / length.max(f64::MIN_POSITIVE);
-                *point = ahead(*point, minus(to, from), part);
+                let fraction_left = 1.0 - along / length.max(f64::MIN_POSITIVE);
+                *point = ahead(*point, minus(to, from), fraction_left);
             }
         }
         self.turn(tail);
     }
 }
 
-/// Follows branches from end to end.
+/// The lines that follow connected branches from end to end, each branch once.
 pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     let mut lines = Vec::new();
     // From loose ends first. The rest are closed lines.
@@ -126,7 +128,7 @@ pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     lines
 }
 
-/// Chains branches from one end on into a line of knots.
+/// The line of knots along connected branches from one end of a branch on, each marked as used.
 fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
     let (mut index, mut enters_by_tail) = (begin, tail);

@@ -17,8 +17,14 @@ const ONE_BEND: f64 = 2.5;
 const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
 
+/// A limit of the cosine that every turn exceeds.
+const ANY_TURN: f64 = -2.0;
+
 /// Sine of the largest angle between an upright arm and the vertical or horizontal: 3°.
 const UPRIGHT: f64 = 0.05;
+
+/// Least determinant of the normal equations of lines that cross.
+const PARALLEL: f64 = 1e-3;
 
 /// Farthest crossing of lines from their junction, by its radius: beyond a tip that is cut off.
 const FAR: f64 = 10.0;
@@ -26,26 +32,27 @@ const FAR: f64 = 10.0;
 /// Farthest that a meeting point may lie from its junction, in radii of the junction.
 const REACH: f64 = 3.0;
 
-/// Steps of looking at a pair of arms.
-const STEPS: usize = 3;
+/// Budget steps of comparing a pair of arms.
+const STEPS_PER_PAIR: usize = 3;
 
-/// Lines through the junctions of an axis, straight strokes joined.
+/// The lines of an axis as knots: its branches, extended at junctions until they meet, with
+/// straight strokes joined. `bends` is true for each node at which a line has a corner.
 pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Knot>> {
     let is_key = Vec::from_iter((0..axis.middles.len()).map(|node| match axis.degree(node) {
         2 => bends[node],
         degree => degree != 0,
     }));
-    // Junctions and their branches, as pieces of the axis.
+    // Branches are the paths between clusters of junctions.
     let paths = axis.paths(&|node| is_key[node]);
-    let (cluster_of, inner) = clusters(axis, &paths);
+    let (cluster_of, is_inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
-    // Ends of branches at each cluster: the branch, and whether its tail.
-    let mut ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
-    for (path, _) in paths.iter().zip(&inner).filter(|(_, inner)| !**inner) {
+    // The branches at each cluster, with true for those that end there, false for a beginning.
+    let mut branch_ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
+    for (path, _) in paths.iter().zip(&is_inner).filter(|(_, is_inner)| !**is_inner) {
         let (first, last) = (path[0], path[path.len() - 1]);
         if first != last || is_key[first] {
-            ends[cluster_of[first]].push((branches.len(), false));
-            ends[cluster_of[last]].push((branches.len(), true));
+            branch_ends[cluster_of[first]].push((branches.len(), false));
+            branch_ends[cluster_of[last]].push((branches.len(), true));
         }
         let points = path.iter().map(|node| axis.middles[*node]).collect();
         branches.push(Branch::new(points, path.iter().map(|node| axis.radii[*node]).collect()));
@@ -55,10 +62,10 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     for node in (0..axis.middles.len()).filter(|node| is_key[*node]) {
         members_of[cluster_of[node]].push(node);
     }
-    for (cluster, ends) in ends.into_iter().enumerate().filter(|(_, ends)| ends.len() > 1) {
+    for (cluster, ends) in branch_ends.into_iter().enumerate().filter(|(_, ends)| ends.len() > 1) {
         // The arms that go through are searched among all pairs, again and again.
         let n_pairs = ends.len() * ends.len();
-        if !ink.budget().spend_steps(STEPS * n_pairs * (ends.len() / 2 + 1)) {
+        if !ink.budget().spend_steps(STEPS_PER_PAIR * n_pairs * (ends.len() / 2 + 1)) {
             break;
         }
         let members = &members_of[cluster];
@@ -71,7 +78,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     chain(&mut branches)
 }
 
-/// The smallest node of a node's junction.
+/// The smallest node of a node's cluster (union-find).
 fn root(cluster_of: &[usize], mut node: usize) -> usize {
     while cluster_of[node] != node {
         node = cluster_of[node];
@@ -79,26 +86,27 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// The junction of each node, by its smallest node, and which paths lie within one.
+/// The smallest node of each node's cluster of junctions, and true for each path within one.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
-    let mut inner = vec![false; paths.len()];
-    for (path, inner) in paths.iter().zip(&mut inner) {
+    let mut is_inner = vec![false; paths.len()];
+    for (path, is_inner) in paths.iter().zip(&mut is_inner) {
         let (a, b) = (path[0], path[path.len() - 1]);
-        let joints = axis.degree(a) > 1 && axis.degree(b) > 1 && a != b;
+        // A path shorter than its junctions are wide joins their clusters.
+        let are_junctions = axis.degree(a) > 1 && axis.degree(b) > 1 && a != b;
         let radius = axis.radii[a].max(axis.radii[b]);
         let reach = if axis.degree(a) + axis.degree(b) == 4 { ONE_BEND } else { ONE_JUNCTION };
-        if joints && axis.length(path) < reach * radius {
-            *inner = true;
+        if are_junctions && axis.length(path) < reach * radius {
+            *is_inner = true;
             let (a, b) = (root(&cluster_of, a), root(&cluster_of, b));
             cluster_of[a.max(b)] = a.min(b);
         }
     }
     let roots = (0..cluster_of.len()).map(|node| root(&cluster_of, node)).collect();
-    (roots, inner)
+    (roots, is_inner)
 }
 
-/// A place where arms meet.
+/// A junction: its middle, and the radius of its largest disc.
 struct Joint<'a> {
     middle: [f64; 2],
     radius: f64,
@@ -106,12 +114,14 @@ struct Joint<'a> {
 }
 
 impl Joint<'_> {
+    /// True if a point is within some radii of the junction's middle.
     fn is_near(&self, point: [f64; 2], reach: f64) -> bool {
         distance(point, self.middle) <= reach * self.radius
     }
 
-    /// The point where the arms' lines meet, as far as a pen of their width stays in the ink.
-    /// Vertical and horizontal arms keep their line there.
+    /// The point where arms meet: the mean of how far each can be extended toward the crossing of
+    /// their lines with a pen of its width in the ink. Only vertical and horizontal arms count if
+    /// there are any, so that they keep their lines.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
@@ -119,6 +129,7 @@ impl Joint<'_> {
             upright.extend(arms);
         }
         let ends = upright.iter().map(|arm| {
+            // The farthest of 40 even steps whose pen still ends in the ink.
             let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
             let mut steps = (0..=40).rev().map(|k| reach * f64::from(k) / 40.0);
             let inked = steps.find(|s| self.ink.holds(ahead(arm.from, arm.away, s - arm.radius)));
@@ -129,10 +140,10 @@ impl Joint<'_> {
     }
 }
 
-/// Connects the arms of a junction.
+/// Connects the arms of a junction: arms that go straight through are joined by a curve, and the
+/// others end on it. Without any, all arms meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
-    // Pairs of arms that go straight through are one line, the straightest first.
-    let middle = joint.middle;
+    // The straightest pair comes first. Each arm of a pair gets half of the curve between them.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
@@ -140,44 +151,50 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
         let path = curve(&arms[a], &arms[b]);
         let knots = path.iter().map(|point| Knot { position: *point, corner: false });
         let knots: Vec<Knot> = knots.collect();
-        let back = knots[8..].iter().rev().copied().collect();
-        join(branches, [&arms[a], &arms[b]], [knots[..=8].to_vec(), back]);
+        let half = knots.len() / 2;
+        let back = knots[half..].iter().rev().copied().collect();
+        join(branches, [&arms[a], &arms[b]], [knots[..=half].to_vec(), back]);
         through.push(path);
         free.retain(|arm| *arm != a && *arm != b);
     }
-    // Without one, all arms meet in a point. Otherwise the others end on the first line they hit.
     if through.is_empty() {
-        let crossing = crossing(arms).filter(|p| {
-            joint.is_near(*p, FAR)
-                && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
-        });
-        let point = crossing.map_or(middle, |crossing| joint.meeting_point(arms, crossing));
-        for arm in arms {
-            branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
-        }
-        // The two that turn least continue as one stroke with a corner.
-        if let Some((a, b)) = straightest(arms, &free, -2.0) {
-            join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
-            free.retain(|arm| *arm != a && *arm != b);
-        }
-        for arm in free {
-            branches[arms[arm].branch].ends[usize::from(arms[arm].tail)].knots = corner(point);
-        }
-    } else {
-        for arm in free.into_iter().map(|arm| &arms[arm]) {
-            let hits = through.iter().filter_map(|path| first_hit(arm, path));
-            let hit = hits.min_by(|a, b| distance(arm.from, *a).total_cmp(&distance(arm.from, *b)));
-            let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(middle);
-            branches[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
-        }
+        return meet_in_point(branches, arms, joint);
+    }
+    for arm in free.into_iter().map(|arm| &arms[arm]) {
+        let hits = through.iter().filter_map(|path| first_hit(arm, path));
+        let hit = hits.min_by(|a, b| distance(arm.from, *a).total_cmp(&distance(arm.from, *b)));
+        let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(joint.middle);
+        branches[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
     }
 }
 
+/// Connects the arms of a junction in the point where their lines cross, or in its middle if they
+/// cross elsewhere. The two that turn least continue as one stroke with a corner.
+fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
+    let crossing = crossing(arms).filter(|p| {
+        joint.is_near(*p, FAR) && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
+    });
+    let point = crossing.map_or(joint.middle, |crossing| joint.meeting_point(arms, crossing));
+    for arm in arms {
+        branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
+    }
+    // One pair is joined, and the other arms end in the point.
+    let mut free: Vec<usize> = (0..arms.len()).collect();
+    if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
+        join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
+        free.retain(|arm| *arm != a && *arm != b);
+    }
+    for arm in free {
+        branches[arms[arm].branch].ends[usize::from(arms[arm].tail)].knots = corner(point);
+    }
+}
+
+/// A single knot with a corner.
 fn corner(position: [f64; 2]) -> Vec<Knot> {
     vec![Knot { position, corner: true }]
 }
 
-/// Two arms become one line: each is extended by its knots and continues in the other.
+/// Joins two arms into one line: each is extended by its knots and continues in the other.
 fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     for ((arm, other), knots) in [(arms[0], arms[1]), (arms[1], arms[0])].into_iter().zip(knots) {
         let next = Some((other.branch, other.tail));
@@ -185,7 +202,8 @@ fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     }
 }
 
-/// The most nearly opposite pair of arms, if the cosine of its turn is above a limit.
+/// The pair of free arms with the least turn from one into the other, by their indices. `None` if
+/// the cosine of its turn is not above a limit.
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
     let turns = pairs.map(|(a, b)| ((a, b), -dot(arms[a].away, arms[b].away)));
@@ -193,8 +211,9 @@ fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize
     best.filter(|(_, cosine)| *cosine > limit).map(|(pair, _)| pair)
 }
 
-/// A cubic from one arm into another in their directions, in 16 pieces.
+/// The 17 points of a cubic Bézier curve from one arm into another in their directions.
 fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
+    // Control points a third of the distance along each arm.
     let third = distance(a.from, b.from) / 3.0;
     Vec::from_iter((0..=16).map(|k| {
         let t = f64::from(k) / 16.0;
@@ -209,7 +228,7 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
     }))
 }
 
-/// The point nearest to the lines of all arms.
+/// The point nearest to the lines of all arms. `None` if they are nearly parallel.
 fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
     // Least squares: the sum of (n · p − offset)² over the normals n has its normal equations here.
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -220,10 +239,10 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
         (d, e) = (d + nx * offset, e + ny * offset);
     }
     let determinant = a * c - b * b;
-    (determinant > 1e-3).then(|| [(c * d - b * e) / determinant, (a * e - b * d) / determinant])
+    (determinant > PARALLEL).then(|| [(c * d - b * e) / determinant, (a * e - b * d) / determinant])
 }
 
-/// The point where an arm, extended straight, first meets a line.
+/// The point where an arm, extended straight, first meets a line. `None` if it does not.
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
     let hits = segments(line).filter_map(|[from, to]| {

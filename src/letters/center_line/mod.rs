@@ -20,7 +20,7 @@ mod junctions;
 mod prune;
 
 /// Largest distance by which smoothing moves a line, in cap heights: 2 mm on letters of 0.5 m.
-const ERROR: f64 = 0.004;
+const SMOOTHING_ERROR: f64 = 0.004;
 
 /// Largest distance of the resulting polyline from the line, in cap heights.
 const FLATNESS: f64 = 0.0015;
@@ -28,11 +28,16 @@ const FLATNESS: f64 = 0.0015;
 /// Spacing of the points that are smoothed, in cap heights.
 const SPACING: f64 = 0.008;
 
-/// Largest spacing of samples of the outline, in mean widths of a stroke, and in cap heights.
-const SAMPLING: [f64; 2] = [0.15, 0.01];
+/// Spacing of samples of the outline in mean widths of a stroke, and its least and greatest value
+/// in cap heights.
+const SAMPLE_SPACING: f64 = 0.15;
+const SAMPLING: [f64; 2] = [1e-3, 0.01];
 
 /// A part with less length than this by its radius is a dot.
 const BLOB: f64 = 0.8;
+
+/// Least radius of a dot, by the median half width of the strokes.
+const LEAST_DOT: f64 = 0.1;
 
 /// A stroke is lost where this many half widths of the axis are untouched. The axis into the corner
 /// of a stroke's end has 0.9, into that of a serif less than 2.
@@ -49,25 +54,28 @@ pub(super) struct CenterLines {
     /// Half width where the ink is thickest.
     pub(super) thickest: f64,
     /// Longest part of the axis that no line touches: a stroke that was lost. In cap heights.
-    pub(super) lost: f64,
+    pub(super) lost_length: f64,
 }
 
 impl CenterLines {
+    /// Length of all lines.
     pub(super) fn length(&self) -> f64 {
         self.lines.iter().map(|line| polyline_length_m(line)).sum()
     }
 }
 
-/// Steps of triangulating a node, of smoothing a point, and of the distance from a segment.
-const STEPS: [usize; 3] = [2000, 500, 5];
+/// Budget steps of triangulating a sample, of smoothing a point, and of a distance from a segment.
+const STEPS_PER_SAMPLE: usize = 2000;
+const STEPS_PER_POINT: usize = 500;
+const STEPS_PER_DISTANCE: usize = 5;
 
-/// The center lines of an outline in cap heights, or a part of them once the budget is spent.
+/// The center lines of an outline in cap heights. Some are missing if the budget is spent.
 pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
     // Samples of the outline, as dense as the strokes are thin.
     let ink = Filled::new(contours, budget);
-    let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
+    let spacing = (SAMPLE_SPACING * mean_stroke_width(contours)).clamp(SAMPLING[0], SAMPLING[1]);
     let ink_edges = ink_edges(contours, &ink, spacing);
-    if !budget.spend_steps(STEPS[0] * ink_edges.iter().map(Vec::len).sum::<usize>()) {
+    if !budget.spend_steps(STEPS_PER_SAMPLE * ink_edges.iter().map(Vec::len).sum::<usize>()) {
         return CenterLines::default();
     }
     // The medial axis, of which spurs are cut before junctions are looked at.
@@ -79,61 +87,79 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line, budget)).collect();
     let kept = (0..axis.radii.len()).filter(|node| axis.degree(*node) > 0);
     let half_width = median(kept.map(|node| axis.radii[node])).unwrap_or(0.0);
-    // A connected part with hardly any axis left is a blob: its lines become a dot.
     for part in parts {
-        let fattest = part.iter().max_by(|a, b| axis.radii[**a].total_cmp(&axis.radii[**b]));
-        let fattest = *fattest.expect("a part has nodes");
-        let (middle, radius) = (axis.middles[fattest], axis.radii[fattest]);
-        let links = part.iter().flat_map(|node| axis.neighbors[*node].iter().map(|n| (*node, *n)));
-        let length: f64 = links.map(|(a, b)| 0.5 * axis.distance(a, b)).sum();
-        if length < BLOB * radius && radius > 0.1 * half_width {
-            if !budget.spend_steps(STEPS[2] * lines.len()) {
-                break;
-            }
-            lines.retain(|line| !line.iter().all(|p| distance(middle, *p) < radius));
-            lines.push(dot(middle, DOT));
-        }
+        replace_blob(&part, &axis, half_width, &mut lines, budget);
     }
-    // What the lines leave untouched of the axis as it was before pruning.
+    // Last, the axis as it was before pruning tells which strokes no line draws.
     let n_segments = lines.iter().map(Vec::len).sum::<usize>();
-    let lost = match budget.spend_steps(STEPS[2] * n_segments * unpruned.len()) {
-        true => lost(&axis, &unpruned, &lines, half_width),
+    let lost_length = match budget.spend_steps(STEPS_PER_DISTANCE * n_segments * unpruned.len()) {
+        true => lost_length(&axis, &unpruned, &lines, half_width),
         false => 0.0,
     };
     let thickest = axis.radii.iter().copied().fold(0.0, f64::max);
-    CenterLines { lines, half_width, thickest, lost }
+    CenterLines { lines, half_width, thickest, lost_length }
 }
 
-/// The outlines in cap heights, in as few points as their error allows.
+/// Replaces the lines in a connected part of the axis that is short for its radius by a dot.
+fn replace_blob(
+    part: &[usize],
+    axis: &Axis,
+    half_width: f64,
+    lines: &mut Vec<Vec<[f64; 2]>>,
+    budget: &Budget,
+) {
+    let widest = part.iter().max_by(|a, b| axis.radii[**a].total_cmp(&axis.radii[**b]));
+    let widest = *widest.expect("a part has nodes");
+    let (middle, radius) = (axis.middles[widest], axis.radii[widest]);
+    let is_blob = axis_length(axis, part, &axis.neighbors) < BLOB * radius;
+    if is_blob
+        && radius > LEAST_DOT * half_width
+        && budget.spend_steps(STEPS_PER_DISTANCE * lines.len())
+    {
+        lines.retain(|line| !line.iter().all(|point| distance(middle, *point) < radius));
+        lines.push(dot(middle, DOT));
+    }
+}
+
+/// Length of the links of some nodes, each of which is listed at both of its nodes.
+fn axis_length(axis: &Axis, nodes: &[usize], links: &[Vec<usize>]) -> f64 {
+    let pairs = nodes.iter().flat_map(|node| links[*node].iter().map(|other| (*node, *other)));
+    pairs.map(|(a, b)| 0.5 * axis.distance(a, b)).sum()
+}
+
+/// The edges of the ink of contours in cap heights, simplified within [`FLATNESS`].
 pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2]>> {
-    let ink_edges = ink_edges(contours, &Filled::new(contours, budget), 0.01);
+    let ink_edges = ink_edges(contours, &Filled::new(contours, budget), SAMPLING[1]);
     ink_edges.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
-/// A line too short to be seen, which stands for a dot: it has a place and a direction.
+/// A vertical line too short to be seen, which stands for a dot.
 pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
-/// Length of the longest part of the whole axis whose discs no line enters, or 0 if it is short.
-fn lost(axis: &Axis, unpruned: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
+/// Length of the longest part of the axis whose discs no line enters, or 0 if that is short.
+fn lost_length(
+    axis: &Axis,
+    unpruned: &[Vec<usize>],
+    lines: &[Vec<[f64; 2]>],
+    half_width: f64,
+) -> f64 {
     let segments: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| segments(line)).collect();
     let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
+    // Links between untouched nodes remain, and their connected parts are measured.
     let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);
     }
-    let lengths = parts(&links).into_iter().map(|part| {
-        let pairs = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
-        0.5 * pairs.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
-    });
+    let lengths = parts(&links).into_iter().map(|part| axis_length(axis, &part, &links));
     let longest = lengths.fold(0.0, f64::max);
     if longest > LOST * half_width { longest } else { 0.0 }
 }
 
-/// Connected sets of nodes.
+/// The connected components of a graph, each as a list of nodes (breadth-first search).
 fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let mut seen = vec![false; neighbors.len()];
     let mut parts = Vec::new();
@@ -142,6 +168,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
         seen[start] = true;
         let mut next = 0;
         while next < part.len() {
+            // Neighbors that are seen for the first time join the end of the queue.
             let links = &neighbors[part[next]];
             part.extend(links.iter().filter(|node| !std::mem::replace(&mut seen[**node], true)));
             next += 1;
@@ -153,7 +180,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     parts
 }
 
-/// A line smoothed between its corners, and simplified.
+/// A line smoothed between its corners and simplified, or its beginning beyond the budget.
 fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let closed = line.len() > 3 && line[0].position == line[line.len() - 1].position;
     let mut line = line.to_vec();
@@ -174,10 +201,10 @@ fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
             line[span[0]..=span[1]].iter().map(|knot| knot.position).collect();
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let n_smoothed = (polyline_length_m(&points) / SPACING) as usize;
-        if !budget.spend_steps(STEPS[1] * (n_smoothed.min(MAX_POINTS) + points.len())) {
+        if !budget.spend_steps(STEPS_PER_POINT * (n_smoothed.min(MAX_POINTS) + points.len())) {
             break;
         }
-        let piece = simplified(&smooth(&points, SPACING, ERROR), FLATNESS);
+        let piece = simplified(&smooth(&points, SPACING, SMOOTHING_ERROR), FLATNESS);
         fitted.extend(piece.iter().skip(usize::from(!fitted.is_empty())));
     }
     fitted
@@ -246,12 +273,12 @@ mod tests {
     fn a_stroke_that_no_line_touches_is_lost() {
         let tee = [[0.4, 0.0, 0.6, 1.0], [0.0, 0.8, 1.0, 1.0]]
             .map(|[l, b, r, t]| vec![[l, b], [r, b], [r, t], [l, t]]);
-        assert_eq!(center_lines(&tee, &budget()).lost, 0.0);
+        assert_eq!(center_lines(&tee, &budget()).lost_length, 0.0);
         let budget = budget();
         let ink = Filled::new(&tee, &budget);
         let axis = Axis::new(&ink_edges(&tee, &ink, 0.01), &ink);
         let stem = [vec![[0.5, 0.1], [0.5, 0.9]]];
-        let length = lost(&axis, &axis.neighbors, &stem, 0.1);
+        let length = lost_length(&axis, &axis.neighbors, &stem, 0.1);
         assert!((0.2..0.6).contains(&length), "half the bar: {length}");
     }
 

@@ -5,8 +5,8 @@ use super::axis::{Axis, Path};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
 
-/// Steps of looking at a node.
-const STEPS: usize = 10;
+/// Budget steps of visiting a node.
+const STEPS_PER_NODE: usize = 10;
 
 /// Protrusion of a spur, by the radius at its root, below which it is a ripple of the outline, or a
 /// stroke's end: a square end has 0.41, a round end 0.
@@ -39,17 +39,18 @@ const STUB: [f64; 2] = [1.3, 1.4];
 /// From this cosine between stub and arm on, the length is at least the second value, with the
 /// third for each unit of the cosine more, up to the last value.
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
+/// Length over which the direction of an arm is taken, in radii at its root.
+const HEADING: f64 = 2.5;
 /// Cosine of the widest angle between the arms of such a crotch, 75°, and the largest difference of
 /// the cosines between the stub and its arms. At wider ones an arch leaves a stem (n, u). A stub
 /// that goes on with one arm is the stem's end.
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs. Returns true for each node that lost one into a corner: the line bends
-/// there.
+/// Cuts off all spurs. Returns true for each node at which a line bends: its spur is a corner's.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
-    // Ripples first: they split branches.
+    // Ripples first, since they split branches. Each kind is cut until none is left.
     let kinds: [fn(&Axis, &Path) -> bool; 3] =
         [|axis, spur| protrusion(axis, spur) < RIPPLE, is_spur, is_stub];
     for is_unwanted in kinds {
@@ -59,29 +60,31 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Takes a walk from every end off the budget. Each may lead over all nodes.
+/// Takes the steps of walks from every end off the budget, each over all nodes at most. Returns
+/// false once the budget is spent.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
-    budget.spend_steps(STEPS * (axis.middles.len() + 10 * ends.count()))
+    budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the tips of paths that run out into a corner without a fork.
+/// Cuts off the tapering ends of paths, up to where a path is about as wide as usual.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
         let path = axis.path(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
-        let usual = median(path.iter().map(|node| axis.radii[*node]))?;
-        let whole = path.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
-        let tip = path[..=whole].to_vec();
-        let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
-        (cut && whole + 1 < path.len()).then_some(tip)
+        let median_radius = median(path.iter().map(|node| axis.radii[*node]))?;
+        let wide = path.iter().position(|node| axis.radii[*node] >= TIP[1] * median_radius)?;
+        let tip = path[..=wide].to_vec();
+        let is_tip =
+            axis.radii[end] < TIP[0] * median_radius && axis.length(&tip) < LONGEST * median_radius;
+        (is_tip && wide + 1 < path.len()).then_some(tip)
     });
     for tip in tips.collect::<Vec<Path>>() {
         axis.cut(&tip);
     }
 }
 
-/// Cuts off, all at once, the paths from a junction to a loose end that are `unwanted`.
+/// Cuts off the unwanted paths from a junction to a loose end. Returns true if there were any.
 fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = Vec::from_iter(ends.filter_map(|end| {
@@ -96,35 +99,37 @@ fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path
     !spurs.is_empty()
 }
 
+/// Length by which the disc at a spur's end protrudes from that at its root, by the root's radius.
 fn protrusion(axis: &Axis, spur: &Path) -> f64 {
-    let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
+    let [root, end] = [spur[0], spur[spur.len() - 1]].map(|node| axis.radii[node]);
     (axis.length(spur) + end - root) / root
 }
 
+/// True for a spur into a corner of the outline, or into the blunt end of a stroke.
 fn is_spur(axis: &Axis, spur: &Path) -> bool {
-    let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
-    let corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
+    let [root, end] = [spur[0], spur[spur.len() - 1]].map(|node| axis.radii[node]);
+    let is_corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
     let protrusion = protrusion(axis, spur);
-    corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
+    is_corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
 }
 
-/// A stub is the tip of two arms that meet at its root.
+/// True for a stub: a short spur from the crotch of two arms to the tip above it.
 fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let tip = spur[spur.len() - 1];
-    let end = axis.radii[tip];
+    let end_radius = axis.radii[tip];
     let arms = axis.neighbors[root].iter().filter(|node| **node != spur[1]);
-    let arms: Vec<[f64; 2]> = arms.map(|arm| axis.heading(root, *arm, 2.5 * radius)).collect();
+    let arms: Vec<[f64; 2]> = arms.map(|arm| axis.heading(root, *arm, HEADING * radius)).collect();
     let [a, b] = &arms[..] else { return false };
     let cosine = dot(*a, *b);
     let away = direction(axis.middles[root], axis.middles[tip]);
     let askew = (dot(away, *a) - dot(away, *b)).abs();
     // Sine of half the angle. The disc in the crotch touches its corner and both outer sides.
     let sine = ((1.0 - cosine) / 2.0).max(0.01).sqrt();
-    let usual = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
-    let [from, least, slope, most] = SHARP_STUB;
-    let beyond = -dot(away, *a).max(dot(away, *b)) - from;
-    let sharp = if beyond > 0.0 { (least + slope * beyond).min(most) } else { 0.0 };
-    let longest = usual.max(sharp);
-    end < radius && axis.length(spur) < longest * radius && cosine > CROTCH && askew < ASKEW
+    let by_angle = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
+    let [least_cosine, least, slope, most] = SHARP_STUB;
+    let excess = -dot(away, *a).max(dot(away, *b)) - least_cosine;
+    let by_direction = if excess > 0.0 { (least + slope * excess).min(most) } else { 0.0 };
+    let longest = by_angle.max(by_direction);
+    end_radius < radius && axis.length(spur) < longest * radius && cosine > CROTCH && askew < ASKEW
 }

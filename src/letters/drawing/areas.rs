@@ -36,8 +36,8 @@ const GAP: f64 = 2.5;
 /// Least number of neighbors of a letter.
 const LETTERS: usize = 2;
 
-/// Steps of measuring the distance from a segment.
-const STEPS: usize = 10;
+/// Budget steps of measuring the distance from a segment.
+const STEPS_PER_DISTANCE: usize = 10;
 
 /// Pixels of a small patch's unit of length. The tolerance of smoothing is 0.004 of it, about the
 /// error of an edge between pixels. A larger patch has its size as its unit, up to one letter's.
@@ -60,7 +60,8 @@ pub(super) struct Patch<'a> {
 }
 
 impl<'a> Patch<'a> {
-    /// A patch, in pixels, of a drawing whose larger side and cap height are given.
+    /// A patch of contours in pixels. `larger_px` is the larger side of the drawing,
+    /// `cap_height_px` the height that its letters would have.
     pub(super) fn new(
         mut contours: Vec<Contour>,
         [larger_px, cap_height_px]: [f64; 2],
@@ -71,11 +72,12 @@ impl<'a> Patch<'a> {
         let width = mean_stroke_width(&contours) / size_px;
         let unit_px = size_px.max(SMALL_PX).min(cap_height_px);
         contours.iter_mut().flatten().flatten().for_each(|x| *x /= unit_px);
+        // Only a patch that may be a pen's line has center lines, in its unit of length.
         let may_be_line = width < SOLID || size_px < THIN * larger_px;
         let center = may_be_line.then(|| center_lines(&contours, budget));
         let pen = center.as_ref().map_or([0.0; 2], |center| [center.half_width, center.thickest]);
         let penned = match &center {
-            Some(center) if width > THIN => penned(&contours, center, budget),
+            Some(center) if width > THIN => pen_overlap(&contours, center, budget),
             _ => 0.0,
         };
         let pen_px = pen.map(|x| x * unit_px);
@@ -87,62 +89,69 @@ impl<'a> Patch<'a> {
         self.in_pixels(outlines(&self.contours, self.budget))
     }
 
+    /// Lines in the patch's unit, converted to pixels.
     fn in_pixels(&self, mut lines: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
         lines.iter_mut().flatten().flatten().for_each(|x| *x *= self.unit_px);
         lines
     }
 
-    /// True if two patches are letters of one line of writing.
+    /// True if two patches may be neighbors in a line of writing: they are about as high and as
+    /// thick, overlap in height and have a small gap.
     fn is_beside(&self, other: &Self) -> bool {
-        let ([l, b, r, t], [left, bottom, right, top]) = (self.bounds_px, other.bounds_px);
-        let overlap = t.min(top) - b.max(bottom);
-        let gap = left.max(l) - right.min(r);
-        let pairs = [[t - b, top - bottom], [self.pen_px[0], other.pen_px[0]]];
+        let ([left_a, bottom_a, right_a, top_a], [left_b, bottom_b, right_b, top_b]) =
+            (self.bounds_px, other.bounds_px);
+        let (height_a, height_b) = (top_a - bottom_a, top_b - bottom_b);
+        let overlap = top_a.min(top_b) - bottom_a.max(bottom_b);
+        let gap = left_b.max(left_a) - right_b.min(right_a);
+        let pairs = [[height_a, height_b], [self.pen_px[0], other.pen_px[0]]];
         pairs.iter().all(|[a, b]| a.max(*b) <= ALIKE * a.min(*b))
-            && overlap > 0.5 * (t - b).min(top - bottom)
-            && gap < GAP * (t - b).max(top - bottom)
+            && overlap > 0.5 * height_a.min(height_b)
+            && gap < GAP * height_a.max(height_b)
     }
 
-    /// True if it is a letter in a row, of which at least one is surely written.
+    /// True if the patch is a letter beside others, of which one is surely a stroke of a pen.
     fn is_letter(&self, patches: &[Self]) -> bool {
         let is_beside = |other: &&Self| !std::ptr::eq(self, *other) && self.is_beside(other);
-        // One neighbor at least has to be a single stroke of a pen.
         let mut beside = patches.iter().filter(is_beside).peekable();
-        let (n, is_written) = (beside.clone().count(), beside.any(|it| it.penned > PENNED[0]));
-        self.penned >= PENNED[1] && n >= LETTERS && is_written
+        let (n_beside, is_written) =
+            (beside.clone().count(), beside.any(|other| other.penned > PENNED[0]));
+        self.penned >= PENNED[1] && n_beside >= LETTERS && is_written
     }
 }
 
+/// The larger side of a box.
 fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
     (right - left).max(top - bottom)
 }
 
-/// Intersection over union of contours and what a pen along their center lines covers.
-fn penned(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
+/// Intersection over union of the ink in contours and what a pen along their center lines covers,
+/// estimated on a grid. 0 if the lines are short, or the budget is spent.
+fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
     let segments: Vec<[[f64; 2]; 2]> =
         center.lines.iter().flat_map(|line| segments(line)).collect();
     if center.length() < LONG * center.thickest
-        || !budget.spend_steps(STEPS * segments.len() * (GRID * GRID) as usize)
+        || !budget.spend_steps(STEPS_PER_DISTANCE * segments.len() * (GRID * GRID) as usize)
     {
         return 0.0;
     }
     // Points of a grid over the patch, in the ink and within half a pen of a center line.
     let ink = Filled::new(contours, budget);
     let [left, bottom, right, top] = bounds(contours[0].iter().copied());
-    let [mut both, mut any] = [0; 2];
+    let [mut n_both, mut n_any] = [0; 2];
     for (x, y) in (0..GRID * GRID).map(|k| (k % GRID, k / GRID)) {
         let point = [(x, left, right), (y, bottom, top)]
             .map(|(k, from, to)| from + (to - from) * (f64::from(k) + 0.5) / f64::from(GRID));
         let penned =
             segments.iter().any(|ends| segment_distance(point, *ends) <= center.half_width);
         let inked = ink.holds(point);
-        both += u32::from(penned && inked);
-        any += u32::from(penned || inked);
+        n_both += u32::from(penned && inked);
+        n_any += u32::from(penned || inked);
     }
-    f64::from(both) / f64::from(any.max(1))
+    f64::from(n_both) / f64::from(n_any.max(1))
 }
 
-/// The lines of the patches of a drawing whose larger side is given, in pixels.
+/// The lines of all patches in pixels: center lines of what a pen may have drawn, and outlines of
+/// areas. `larger_px` is the larger side of the drawing.
 pub(super) fn lines(patches: &[Patch<'_>], larger_px: f64) -> Vec<Vec<[f64; 2]>> {
     let letters = Vec::from_iter(patches.iter().map(|patch| patch.is_letter(patches)));
     // The pen of the drawing, by its thin lines and by its letters.
@@ -152,7 +161,7 @@ pub(super) fn lines(patches: &[Patch<'_>], larger_px: f64) -> Vec<Vec<[f64; 2]>>
     let letter_px = median(written.map(|(patch, _)| patch.pen_px[0])).unwrap_or(0.0);
     let lines = patches.iter().zip(&letters).flat_map(|(patch, is_letter)| {
         let line = patch.center.as_ref().filter(|center| {
-            // What is a line without regard to the rest comes first, then what has a known pen.
+            // The patch is a line by itself, or beside others, or for a pen of the drawing.
             let thickest_px = patch.pen_px[1];
             let is_point = size(patch.bounds_px) < POINT * larger_px;
             let is_dot =

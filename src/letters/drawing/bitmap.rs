@@ -25,8 +25,8 @@ use noctograph_core::geometry::bounds;
 /// Pixels of the longer side to which a picture is made smaller.
 const LONGER_SIDE: u32 = 1200;
 
-/// Steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
-const STEPS: usize = 8;
+/// Budget steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
+const STEPS_PER_BYTE: usize = 8;
 
 /// Fraction of a picture in soft tones beyond which it is not a photograph of lines.
 const SOFT: f64 = 0.04;
@@ -54,7 +54,8 @@ pub(super) struct Traced {
     pub(super) in_file: Map,
 }
 
-/// Traces a bitmap. `size` gives the size of a pixel in cap heights from the bounds of the ink.
+/// Traces the lines of a bitmap, with warnings. `size` gives the size of a pixel in cap heights
+/// from the bounds of the ink. Fails for a photograph of something else, and without ink.
 pub(super) fn read(
     bytes: &[u8],
     options: &LetterOptions,
@@ -63,21 +64,18 @@ pub(super) fn read(
 ) -> Result<Warned<Traced>> {
     let budget = Budget::new(file, "make the picture smaller, or draw less");
     // The picture as it is meant: upright, on one ground, and of a sheet if its corners are known.
-    let (mut picture, shrunk) = upright(bytes, &budget, file)?;
+    let (mut picture, file_scale) = upright(bytes, &budget, file)?;
     let is_checkered = without_checkerboard(&mut picture);
-    let mut in_file = Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]);
+    let mut in_file = Map([[file_scale, 0.0, 0.0], [0.0, file_scale, 0.0], [0.0, 0.0, 1.0]]);
     let corners = corners(options, file)?;
     if let Some(corners) = corners {
-        picture = square_on(&picture, &corners.map(|corner| corner.map(|x| x / shrunk)));
+        picture = square_on(&picture, &corners.map(|corner| corner.map(|x| x / file_scale)));
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
     // Its ink, unless it is a photograph of something else.
     let field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.has_grain && field.soft > SOFT {
-        let hint = "draw its lines on paper or in a drawing program, or scan the paper with a \
-                    phone's scanner app; letters.corners_px cuts a sheet of paper out";
-        let photograph = "a photograph, of tones without lines";
-        return Err(Error::input(file, photograph, DRAWINGS, hint).coded("picture-none"));
+        return Err(photograph(file));
     }
     // Patches of ink before lines: specks and surroundings would count as pens.
     let (patches, n_cut) = field.patches();
@@ -85,28 +83,24 @@ pub(super) fn read(
     if patches.is_empty() {
         return Err(blank(file));
     }
-    let lines: Vec<ColoredLine> = lines(patches, options.trace, size, &budget)?
-        .into_iter()
-        .filter(|line| line.len() > 1)
-        .map(|line| {
-            let hue = field.hue(&line);
-            (line, hue)
-        })
-        .collect();
+    let lines = lines(patches, options.trace, size, &budget)?.into_iter();
+    let lines = lines.filter(|line| line.len() > 1).map(|line| {
+        let hue = field.hue(&line);
+        (line, hue)
+    });
+    let lines: Vec<ColoredLine> = lines.collect();
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
     let mut warnings = field.warnings(n_cut, n_specks, lines.len());
     warnings.retain(|warning| corners.is_none() || warning.code != "picture-photo");
     if is_checkered {
-        let text = "the checkerboard that stands for transparency is part of this picture: it is \
-                    left out";
-        warnings.insert(0, Diagnostic::warning("picture-checkerboard", text));
+        warnings.insert(0, Diagnostic::warning("picture-checkerboard", CHECKERBOARD));
     }
     Ok(Warned { product: Traced { lines, corners_px: corners, in_file }, warnings })
 }
 
-/// The lines of patches of ink, in pixels.
+/// The center lines or outlines of patches of ink, in pixels.
 fn lines(
     patches: Vec<Vec<Contour>>,
     trace: Trace,
@@ -114,28 +108,44 @@ fn lines(
     budget: &Budget,
 ) -> Result<Vec<Vec<[f64; 2]>>> {
     let extent = bounds(patches.iter().flatten().flatten().copied());
-    let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
+    let larger_px = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let cap_height_px = 1.0 / size(extent)?;
+    // Patches are traced before any is drawn, since a letter is judged by its neighbors.
     let patches = patches.into_iter();
-    let patches = patches.map(|contours| Patch::new(contours, [larger, cap_height_px], budget));
+    let patches = patches.map(|contours| Patch::new(contours, [larger_px, cap_height_px], budget));
     let patches: Vec<Patch<'_>> = patches.collect();
     let lines = match trace {
-        Trace::CenterLine => areas::lines(&patches, larger),
+        Trace::CenterLine => areas::lines(&patches, larger_px),
         Trace::Outline => patches.iter().flat_map(Patch::outline).collect(),
     };
     budget.check()?;
     Ok(lines)
 }
 
+/// Warning of a picture with a checkerboard.
+const CHECKERBOARD: &str = "the checkerboard that stands for transparency is part of this picture: \
+                            it is left out";
+
+/// What is wanted in place of a picture without lines.
 const DRAWINGS: &str = "a drawing, handwriting or a logo";
 
+/// The error of a photograph without lines.
+fn photograph(file: &str) -> Error {
+    let hint = "draw its lines on paper or in a drawing program, or scan the paper with a \
+                phone's scanner app; letters.corners_px cuts a sheet of paper out";
+    let photograph = "a photograph, of tones without lines";
+    Error::input(file, photograph, DRAWINGS, hint).coded("picture-none")
+}
+
+/// The error of a picture without ink.
 fn blank(file: &str) -> Error {
     let content = "a picture without lines that stand out from its paper";
     let hint = "photograph the drawing in even light, or draw with a darker pen";
     Error::input(file, content, DRAWINGS, hint).coded("picture-none")
 }
 
-/// The corners of the sheet that the options name, in pixels of the file.
+/// The corners of the sheet that the options name, in pixels of the file. `None` if they name none.
+/// Fails if they are not convex in clockwise order.
 fn corners(options: &LetterOptions, file: &str) -> Result<Option<Corners>> {
     let Some([a, b, c, d, e, f, g, h]) = options.corners_px else { return Ok(None) };
     let corners = [[a, b], [c, d], [e, f], [g, h]];
@@ -147,21 +157,16 @@ fn corners(options: &LetterOptions, file: &str) -> Result<Option<Corners>> {
     Err(Error::input("corners", format!("{corners:?}"), wanted, hint).in_file(file, None))
 }
 
+/// The error of a picture that cannot be decoded.
 fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
     Error::input(file, cause, wanted, "choose another file; or save it as PNG, or smaller")
 }
 
-/// The picture upright, opaque and at most as large as needed, and its scale to the file's pixels.
+/// The picture upright, opaque and at most as large as needed, and the file's pixels in one of its
+/// pixels. Fails for an unsupported or broken file.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)> {
-    // Phones and programs give files the ending of another kind.
-    if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
-        return Err(super::foreign("heic", file));
-    }
-    if bytes.starts_with(b"%PDF") {
-        return Err(super::foreign("pdf", file));
-    }
-    // The work and the memory of decoding are known from the header.
+    refuse_foreign(bytes, file)?;
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let reader = reader.map_err(|e| unreadable(file, e))?;
     let mut decoder = reader.into_decoder().map_err(|e| unreadable(file, e))?;
@@ -169,17 +174,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
     if width < 3 || height < 3 {
         return Err(unreadable(file, format!("{width} × {height} pixels")));
     }
-    let n_bytes = usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX);
-    budget.steps(STEPS.saturating_mul(n_bytes))?;
-    if let Some(frame) = JpegFrame::parse(bytes) {
-        let [n_bytes, n_steps] = [frame.decoded_bytes(), frame.later_scans_ns()]
-            .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
-        budget.bytes(n_bytes)?;
-        budget.steps(n_steps)?;
-        if !frame.has_end {
-            return Err(unreadable(file, "a JPEG that is cut off"));
-        }
-    }
+    spend_decoding(bytes, decoder.total_bytes(), budget, file)?;
     // Smaller before it is turned, which is less work.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(file, e))?;
@@ -187,10 +182,35 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
         picture = picture.thumbnail(LONGER_SIDE, LONGER_SIDE);
     }
     picture.apply_orientation(orientation);
-    let shrunk = f64::from(width.max(height)) / f64::from(picture.width().max(picture.height()));
+    let file_scale =
+        f64::from(width.max(height)) / f64::from(picture.width().max(picture.height()));
     let is_opaque = !picture.color().has_alpha();
     let picture = if is_opaque { picture.into_rgb8() } else { on_ground(&picture.into_rgba8()) };
-    Ok((picture, shrunk))
+    Ok((picture, file_scale))
+}
+
+/// Fails for an unsupported kind of file by its first bytes, whatever the ending of its name.
+fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
+    if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
+        return Err(super::foreign("heic", file));
+    }
+    if bytes.starts_with(b"%PDF") {
+        return Err(super::foreign("pdf", file));
+    }
+    Ok(())
+}
+
+/// Takes the work and the memory of decoding, which are known from the header, off the budget.
+/// Refuses a JPEG that is cut off.
+fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> Result<()> {
+    let n_decoded = usize::try_from(n_decoded).unwrap_or(usize::MAX);
+    budget.steps(STEPS_PER_BYTE.saturating_mul(n_decoded))?;
+    let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
+    let [n_bytes, n_steps] = [frame.decoded_bytes(), frame.later_scans_ns()]
+        .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+    budget.bytes(n_bytes)?;
+    budget.steps(n_steps)?;
+    if frame.has_end { Ok(()) } else { Err(unreadable(file, "a JPEG that is cut off")) }
 }
 
 /// A transparent picture on a ground from which its ink stands out.
@@ -233,7 +253,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
             *n_of_length.entry(run[1].len()).or_default() += 1;
         }
     }
-    // Two of three squares have the usual side, and there is one in each row.
+    // At least two of three runs have the usual length, and there is one in each row.
     let n_runs: usize = n_of_length.values().sum();
     let usual = n_of_length.iter().max_by_key(|(_, n)| **n).map_or(0, |(length, _)| *length);
     let n_usual: usize =
@@ -247,7 +267,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
     true
 }
 
-/// The two most frequent grays of a picture, if they cover half of it and the second one a fifth.
+/// The two most frequent grays, if they cover half of a picture and the second one a fifth.
 fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     let mut counts = [0_usize; 256];
     for [r, g, b] in picture.pixels().map(|pixel| pixel.0) {
@@ -260,12 +280,12 @@ fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     let first = (0..=255).max_by_key(|tone| n_near(*tone))?;
     let others = (0..=255_u8).filter(|tone| GRAYS_APART.contains(&tone.abs_diff(first)));
     let second = others.max_by_key(|tone| (n_near(*tone), *tone))?;
-    let n = picture.pixels().len();
-    let is_half = 2 * (n_near(first) + n_near(second)) >= n;
-    (is_half && 5 * n_near(second) >= n).then_some([first, second])
+    let n_pixels = picture.pixels().len();
+    let is_half = 2 * (n_near(first) + n_near(second)) >= n_pixels;
+    (is_half && 5 * n_near(second) >= n_pixels).then_some([first, second])
 }
 
-/// The gray that a pixel is near.
+/// The gray of two that a pixel is near. `None` if it is near neither.
 fn near_gray(Rgb([r, g, b]): &Rgb<u8>, grays: [u8; 2]) -> Option<u8> {
     let is_gray = r.max(g).max(b) - r.min(g).min(b) <= 2 * GRAY;
     grays.into_iter().find(|gray| is_gray && g.abs_diff(*gray) <= GRAY)

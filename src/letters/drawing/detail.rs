@@ -15,56 +15,64 @@ const SHORTEST: f64 = 0.25;
 const GAP: f64 = 0.03;
 const BEND: f64 = 0.01;
 
+/// Largest distance of the resulting polyline from a smoothed line, by that of the smoothing.
+const FLATNESS: f64 = 0.1;
+
 /// Strokes become one where they go on within 60° of straight.
 const STRAIGHT: f64 = 0.5;
 
 /// Points that are smoothed, along the larger side.
 const POINTS: f64 = 200.0;
 
-/// Steps of comparing two ends, and of smoothing a point.
-const STEPS: [usize; 2] = [10, 500];
+/// Budget steps of comparing two lines, and of smoothing a point.
+const STEPS_PER_PAIR: usize = 10;
+const STEPS_PER_POINT: usize = 500;
 
-/// Lines of a drawing, of this larger side, with less detail, and what is left out of it.
+/// The lines of a drawing of larger side `size` with less detail, and what is left out: lines that
+/// continue each other are joined, short ones dropped, and the rest smoothed.
 pub(super) fn reduced(
     lines: Vec<ColoredLine>,
     detail: f64,
     size: f64,
     file: &str,
 ) -> Result<(Vec<ColoredLine>, LeftOut)> {
-    let rough = (1.0 - detail) * size;
-    if rough <= 0.0 {
+    let roughness = (1.0 - detail) * size;
+    if roughness <= 0.0 {
         return Ok((lines, LeftOut::default()));
     }
+    // Lines are joined before short ones are dropped: many short ones may make a long one.
     let total: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
     let budget = Budget::new(file, "draw less, or raise letters.detail");
-    budget.steps(STEPS[0].saturating_mul(lines.len().saturating_mul(lines.len())))?;
-    let lines = joined(lines, GAP * rough);
+    budget.steps(STEPS_PER_PAIR.saturating_mul(lines.len().saturating_mul(lines.len())))?;
+    let lines = joined(lines, GAP * roughness);
     let longest = lines.iter().map(|(line, _)| polyline_length_m(line)).fold(0.0, f64::max);
-    let shortest = (SHORTEST * rough).min(longest);
+    // The longest line always stays.
+    let shortest = (SHORTEST * roughness).min(longest);
     let (mut lines, short): (Vec<_>, Vec<_>) =
         lines.into_iter().partition(|(line, _)| polyline_length_m(line) >= shortest);
     let dropped: f64 = short.iter().map(|(line, _)| polyline_length_m(line)).sum();
     for (line, _) in &mut lines {
-        budget.steps(STEPS[1] * line.len())?;
-        *line = simplified(&smooth(line, size / POINTS, BEND * rough), 0.1 * BEND * rough);
+        budget.steps(STEPS_PER_POINT * line.len())?;
+        *line =
+            simplified(&smooth(line, size / POINTS, BEND * roughness), FLATNESS * BEND * roughness);
     }
-    let share = if total > 0.0 { dropped / total } else { 0.0 };
-    Ok((lines, LeftOut { strokes: short.len(), share }))
+    let dropped_fraction = if total > 0.0 { dropped / total } else { 0.0 };
+    Ok((lines, LeftOut { strokes: short.len(), share: dropped_fraction }))
 }
 
-/// Lines whose ends are nearer than a gap, and go on in their direction, as one.
+/// The lines, with those joined that continue each other in one color over less than `gap`.
 fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
-    let mut left: Vec<Option<ColoredLine>> = lines.into_iter().map(Some).collect();
+    let mut remaining: Vec<Option<ColoredLine>> = lines.into_iter().map(Some).collect();
     let mut joined = Vec::new();
-    for start in 0..left.len() {
-        let Some((mut line, color)) = left[start].take() else { continue };
+    for start in 0..remaining.len() {
+        let Some((mut line, color)) = remaining[start].take() else { continue };
         // On from its end, then from its beginning.
         for _ in 0..2 {
             while line[0] != line[line.len() - 1]
-                && let Some((index, backward)) = onward(&line, color, &left, gap)
+                && let Some((index, is_backward)) = next_line(&line, color, &remaining, gap)
             {
-                let (mut next, _) = left[index].take().expect("it was found");
-                if backward {
+                let (mut next, _) = remaining[index].take().expect("it was found");
+                if is_backward {
                     next.reverse();
                 }
                 line.extend(next);
@@ -76,26 +84,28 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
     joined
 }
 
-/// The nearest line that goes on from the end of another, and whether it does so backward.
-fn onward(
+/// The index of the nearest remaining line that continues another at its end, and true if it does
+/// so from its own end. `None` if none is within the gap.
+fn next_line(
     line: &[[f64; 2]],
     color: Color,
-    left: &[Option<ColoredLine>],
+    remaining: &[Option<ColoredLine>],
     gap: f64,
 ) -> Option<(usize, bool)> {
     let end = line[line.len() - 1];
     let ahead = direction(line[line.len() - 2], end);
     let mut best = None;
     let mut nearest = gap;
-    for (index, next) in left.iter().enumerate() {
+    for (index, next) in remaining.iter().enumerate() {
         let Some((next, _)) = next.as_ref().filter(|(_, ink)| *ink == color) else { continue };
         let last = next.len() - 1;
-        for (backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
+        // From its beginning, or backward from its end.
+        for (is_backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
             let [near, then] = ends.map(|end| next[end]);
             let is_open = next[0] != next[last];
-            let far = distance(end, near);
-            if is_open && far < nearest && dot(ahead, direction(near, then)) > STRAIGHT {
-                (best, nearest) = (Some((index, backward)), far);
+            let gap = distance(end, near);
+            if is_open && gap < nearest && dot(ahead, direction(near, then)) > STRAIGHT {
+                (best, nearest) = (Some((index, is_backward)), gap);
             }
         }
     }

@@ -34,6 +34,15 @@ const SLOWEST: f64 = 0.25;
 /// A trace of the pen shorter than this, by the drawing's height, is a tap: a dot.
 const TAP: f64 = 0.02;
 
+/// Length of the line that stands for a dot, by the drawing's height.
+const DOT: f64 = 1e-3 * TAP;
+
+/// Largest coordinate or time.
+const LARGEST: f64 = 1e9;
+
+/// Hint for a file that is broken.
+const HINT: &str = "write {\"strokes\": [[[x, y, t], ...], ...]} with t in seconds, or [x, y]";
+
 /// A stroke of handwriting.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Written {
@@ -44,7 +53,7 @@ struct Written {
     color: Option<[u8; 3]>,
 }
 
-/// Draws handwriting.
+/// The strokes of handwriting: those that the options choose, placed and smoothed.
 pub(super) fn draw(
     text: &str,
     options: &LetterOptions,
@@ -76,18 +85,12 @@ enum Upward {
     Up,
 }
 
-/// Reads the strokes, and the page with their canvas: left, bottom, right, top.
+/// The strokes of a file, and its canvas: left, bottom, right, top. Fails if it is malformed.
 fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
-    let hint = "write {\"strokes\": [[[x, y, t], ...], ...]} with t in seconds, or [x, y]";
     let page: Page = serde_json::from_str(text).map_err(|broken| {
         let place = format!("{file}:{}:{}", broken.line(), broken.column());
-        Error::input(place, broken.to_string(), "handwriting as JSON", hint)
+        Error::input(place, broken.to_string(), "handwriting as JSON", HINT)
     })?;
-    // Everything with y up from here on.
-    let sign = match page.y {
-        Upward::Down => -1.0,
-        Upward::Up => 1.0,
-    };
     let (n_strokes, n_colors) = (page.strokes.len(), page.colors.len());
     if n_colors > 0 && n_colors != n_strokes {
         let hint = "leave `colors` out, or add what is missing";
@@ -98,17 +101,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
             "{hint}"
         ));
     }
-    let canvas = page.canvas.map(|[left, top, right, bottom]| {
-        let [bottom, top] = [sign * bottom, sign * top];
-        [left, bottom.min(top), right, bottom.max(top)]
-    });
-    if let Some(sides @ [left, bottom, right, top]) = canvas
-        && !(left < right && bottom < top && sides.iter().all(|side| side.abs() <= 1e9))
-    {
-        let canvas = format!("the canvas {:?}", page.canvas);
-        let wanted = "left, top, right, bottom with an extent";
-        return Err(Error::input(file, canvas, wanted, "leave `canvas` out"));
-    }
+    let canvas = page.canvas(file)?;
     // All points have as many values as the first, and their times never fall.
     let mut traces = Vec::new();
     let mut n_values = None;
@@ -117,27 +110,14 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
         let mut trace = Written { color: page.colors.get(stroke).copied(), ..Written::default() };
         for (point, values) in points.iter().enumerate() {
             let n = *n_values.get_or_insert(values.len());
-            let wanted = if values.len() != n || !(2..=3).contains(&n) {
-                "[x, y] everywhere, or [x, y, t] everywhere"
-            } else if values.iter().any(|value| value.abs() > 1e9) {
-                "values up to 1e9"
-            } else if canvas.is_some_and(|[left, bottom, right, top]| {
-                let [x, y] = [values[0], sign * values[1]];
-                !(left..=right).contains(&x) || !(bottom..=top).contains(&y)
-            }) {
-                "a point on the canvas"
-            } else if values.get(2).is_some_and(|time_s| *time_s < latest_s) {
-                "a time not before that of the point before it"
-            } else {
-                trace.points.push([values[0], sign * values[1]]);
-                trace.times_s.extend(values.get(2));
-                latest_s = values.get(2).copied().unwrap_or(latest_s);
-                continue;
-            };
-            let place = format!("stroke {}, point {}", stroke + 1, point + 1);
-            return Err(
-                Error::input(place, format!("{values:?}"), wanted, hint).in_file(file, None)
-            );
+            if let Some(wanted) = page.problem(values, n, canvas, latest_s) {
+                let place = format!("stroke {}, point {}", stroke + 1, point + 1);
+                let error = Error::input(place, format!("{values:?}"), wanted, HINT);
+                return Err(error.in_file(file, None));
+            }
+            trace.points.push([values[0], page.sign() * values[1]]);
+            trace.times_s.extend(values.get(2));
+            latest_s = values.get(2).copied().unwrap_or(latest_s);
         }
         if !trace.points.is_empty() {
             traces.push(trace);
@@ -146,7 +126,61 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
     Ok((traces, canvas))
 }
 
-/// Handwriting placed, by the page that it is on or by its own bounds, and smoothed.
+impl Page {
+    /// The factor that makes y point up.
+    fn sign(&self) -> f64 {
+        match self.y {
+            Upward::Down => -1.0,
+            Upward::Up => 1.0,
+        }
+    }
+
+    /// The canvas, if any: left, bottom, right, top. Fails if it has no extent, or is too large.
+    fn canvas(&self, file: &str) -> Result<Option<[f64; 4]>> {
+        let canvas = self.canvas.map(|[left, top, right, bottom]| {
+            let [bottom, top] = [self.sign() * bottom, self.sign() * top];
+            [left, bottom.min(top), right, bottom.max(top)]
+        });
+        if let Some(sides @ [left, bottom, right, top]) = canvas
+            && !(left < right && bottom < top && sides.iter().all(|side| side.abs() <= LARGEST))
+        {
+            let canvas = format!("the canvas {:?}", self.canvas);
+            let wanted = "left, top, right, bottom with an extent";
+            return Err(Error::input(file, canvas, wanted, "leave `canvas` out"));
+        }
+        Ok(canvas)
+    }
+
+    /// What is wanted in place of a point's values, if anything is wrong with them. All points have
+    /// `n_values`, and none is earlier than `latest_s`.
+    fn problem(
+        &self,
+        values: &[f64],
+        n_values: usize,
+        canvas: Option<[f64; 4]>,
+        latest_s: f64,
+    ) -> Option<&'static str> {
+        if values.len() != n_values || !(2..=3).contains(&n_values) {
+            return Some("[x, y] everywhere, or [x, y, t] everywhere");
+        }
+        let [x, y] = [values[0], self.sign() * values[1]];
+        let is_off_canvas = canvas.is_some_and(|[left, bottom, right, top]| {
+            !(left..=right).contains(&x) || !(bottom..=top).contains(&y)
+        });
+        if values.iter().any(|value| value.abs() > LARGEST) {
+            Some("values up to 1e9")
+        } else if is_off_canvas {
+            Some("a point on the canvas")
+        } else if values.get(2).is_some_and(|time_s| *time_s < latest_s) {
+            Some("a time not before that of the point before it")
+        } else {
+            None
+        }
+    }
+}
+
+/// The traces placed by their canvas, or by their bounds without one, and smoothed. Fails for too
+/// many points, or no extent.
 fn write(
     traces: Numbered<Written>,
     canvas: Option<[f64; 4]>,
@@ -161,7 +195,7 @@ fn write(
     let points = traces.iter().flat_map(|(_, trace)| trace.points.iter().copied());
     let bounds = canvas.filter(|_| n_points > 0).unwrap_or_else(|| bounds(points));
     let placing = Placing::new(bounds, options, file)?;
-    let (mut glyphs, mut colors, mut lasts_s) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut glyphs, mut colors, mut durations_s) = (Vec::new(), Vec::new(), Vec::new());
     let mut numbers = Vec::new();
     for (number, trace) in &traces {
         numbers.push(placing.label(*number, &trace.points));
@@ -172,35 +206,36 @@ fn write(
             colors.extend(color);
         }
         let line: Vec<_> = placing.run(&trace.points).points.into_iter().map(coordinates).collect();
-        let (points, when) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
+        let (points, times_s) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
         // Segments without length are no moves, and have no duration.
         let moved = points.windows(2).map(|ends| ends[0] != ends[1]);
-        let segments_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
-        lasts_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
+        let segments_s = times_s.windows(2).map(|t| t[1] - t[0]).zip(moved);
+        durations_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
         let points = points.into_iter().map(point).collect();
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
     let mut strokes = StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
     if options.pace == Pace::Written {
-        set_pace(&mut strokes, &lasts_s);
+        set_pace(&mut strokes, &durations_s);
     }
     Ok(strokes)
 }
 
 /// Gives lit moves the pace of the writer's pen, as a fraction of its mean speed, from the duration
 /// of each. Without durations it does nothing.
-fn set_pace(strokes: &mut StrokesData, lasts_s: &[f64]) {
+fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
-    let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();
-    let whole_m: f64 = timed.iter().map(|(step, _)| distance(step.from_m, step.to_m)).sum();
-    let mean_m_s = whole_m / lasts_s.iter().sum::<f64>();
+    let timed: Vec<(&mut Move, f64)> = lit.zip(durations_s.iter().copied()).collect();
+    let length_m: f64 = timed.iter().map(|(step, _)| distance(step.from_m, step.to_m)).sum();
+    let mean_m_s = length_m / durations_s.iter().sum::<f64>();
     for (step, segment_s) in timed.into_iter().filter(|(_, segment_s)| *segment_s > 0.0) {
         let segment_m = distance(step.from_m, step.to_m);
         step.pace = (segment_m / segment_s / mean_m_s).clamp(SLOWEST, 1.0);
     }
 }
 
-/// A stroke smoothed and simplified, with the times of its points. A tap becomes a dot.
+/// The points of a stroke smoothed and simplified, and their times, if there are any. A tap becomes
+/// a dot. `height_m` is that of the drawing.
 fn smoothed(
     line: &[[f64; 2]],
     times_s: &[f64],
@@ -211,7 +246,7 @@ fn smoothed(
     let length_m = along[along.len() - 1];
     let is_tap = length_m < TAP * height_m;
     let points = if is_tap {
-        dot(line[0], 1e-3 * TAP * height_m)
+        dot(line[0], DOT * height_m)
     } else if options.smoothing_m > 0.0 {
         smooth(line, SPACING * height_m, options.smoothing_m)
     } else {
@@ -228,12 +263,16 @@ fn smoothed(
             // A tap lasts as long as the pen was down.
             return times_s[0] + fraction * (times_s[times_s.len() - 1] - times_s[0]);
         }
-        let along_m = fraction * length_m;
-        let next = along.partition_point(|s| *s < along_m).clamp(1, along.len() - 1);
-        let (from, to) = (along[next - 1], along[next]);
-        let part = if to > from { ((along_m - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
-        times_s[next - 1] + part * (times_s[next] - times_s[next - 1])
+        time_along_s(fraction * length_m, &along, times_s)
     });
     let times_s = times_s.collect();
     (kept.iter().map(|index| points[*index]).collect(), times_s)
+}
+
+/// The time at a length along a line, interpolated between the times of its points.
+fn time_along_s(length_m: f64, arc_lengths_m: &[f64], times_s: &[f64]) -> f64 {
+    let next = arc_lengths_m.partition_point(|s| *s < length_m).clamp(1, arc_lengths_m.len() - 1);
+    let (from, to) = (arc_lengths_m[next - 1], arc_lengths_m[next]);
+    let fraction = if to > from { ((length_m - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
+    times_s[next - 1] + fraction * (times_s[next] - times_s[next - 1])
 }

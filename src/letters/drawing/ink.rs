@@ -23,7 +23,7 @@ use super::levels::{closed, extremes, quantile, softened};
 const CHANNELS: usize = 3;
 
 /// Largest difference of a pixel from paper of one color, in levels of 255.
-const SAME: f64 = 8.0;
+const SAME_COLOR: f64 = 8.0;
 /// Least fraction of the picture's edge, and of the picture, that has the color of the paper.
 const EVEN: [f64; 2] = [0.6, 0.2];
 
@@ -95,39 +95,34 @@ pub(super) struct Field {
 impl Field {
     /// The ink of a picture, or `None` if nothing differs from its paper.
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
-        let Some(paper) = even_paper(picture) else { return Self::on(picture, None) };
-        let field = Self::on(picture, Some(paper))?;
+        let Some(paper) = even_paper(picture) else { return Self::on_paper(picture, None) };
+        let field = Self::on_paper(picture, Some(paper))?;
         // Soft tones on paper of one color are light and shadow: a photograph in even light.
         let has_glare = !field.has_grain && field.soft > GLARING;
-        if has_glare { Self::on(picture, None) } else { Some(field) }
+        if has_glare { Self::on_paper(picture, None) } else { Some(field) }
     }
 
-    /// The ink on paper of one color, or in a photograph.
-    fn on(picture: &RgbImage, even: Option<[f64; CHANNELS]>) -> Option<Self> {
-        let inks = even.map_or_else(|| inks(picture), |paper| inks_on(picture, paper));
+    /// The ink on paper of one color, or in a photograph without one. `None` if there is none.
+    fn on_paper(picture: &RgbImage, paper: Option<[f64; CHANNELS]>) -> Option<Self> {
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
-        // Within a margin of paper, so that every patch has a closed contour.
-        let mut contrast = vec![0.0; width * height];
-        let mut color = vec![[1.0; CHANNELS]; width * height];
-        for (row, inks) in (1..).zip(inks.chunks(width - 2)) {
-            for (pixel, ink) in (row * width + 1..).zip(inks) {
-                (contrast[pixel], color[pixel]) = *ink;
-            }
-        }
+        let (contrast, color) = match paper {
+            Some(paper) => with_margin(&inks_on(picture, paper), width, height),
+            None => with_margin(&inks(picture), width, height),
+        };
         // What counts as ink depends on the strong ink, and on the grain of the paper.
-        let is_photo = even.is_none();
+        let is_photo = paper.is_none();
         let least = LEAST[usize::from(is_photo)];
         let has_grain = is_photo || median_change(&contrast, width) > GRAIN;
         let inked = contrast.iter().filter(|contrast| **contrast > least);
         let strong = quantile(inked.map(|contrast| 255.0 * contrast), STRONG) / 255.0;
         // A pixel counts by the strongest ink around it, but by no less than faint ink.
         let levels = extremes(&contrast, width, NEAR, f64::max);
-        let part = match has_grain {
+        let least_fraction = match has_grain {
             true => FAINT[0],
             false if has_soft_edges(&contrast, &levels, width, least) => FAINT[1],
             false => 0.0,
         };
-        let faint = least.max(part * strong);
+        let faint = least.max(least_fraction * strong);
         let ink = contrast.iter().zip(&levels);
         let ink = ink.map(|(contrast, level)| (contrast / level.max(faint / EDGE)).min(1.0));
         let ink = ink.collect();
@@ -138,7 +133,7 @@ impl Field {
         (strong > 0.0).then_some(field)
     }
 
-    /// Pixels along edges between two inks, with ink all around.
+    /// Number of pixels along edges between two inks, with ink all around.
     pub(super) fn inner_edges(&self) -> usize {
         let within = extremes(&self.ink, self.width, NEAR, f64::min);
         let inner = (2 * self.width..within.len() - 2 * self.width).filter(|p| within[*p] > EDGE);
@@ -162,7 +157,20 @@ impl Field {
 /// The ink of a pixel: its contrast and its color.
 type Inked = (f64, [f64; CHANNELS]);
 
-/// The channels of a picture or its negative, softened.
+/// The contrasts and colors of inks, within a margin of a pixel of paper, so that every patch has a
+/// closed contour. Width and height include the margin.
+fn with_margin(inks: &[Inked], width: usize, height: usize) -> (Vec<f64>, Vec<[f64; CHANNELS]>) {
+    let mut contrast = vec![0.0; width * height];
+    let mut color = vec![[1.0; CHANNELS]; width * height];
+    for (row, inks) in (1..).zip(inks.chunks(width - 2)) {
+        for (pixel, ink) in (row * width + 1..).zip(inks) {
+            (contrast[pixel], color[pixel]) = *ink;
+        }
+    }
+    (contrast, color)
+}
+
+/// The red, green and blue values of a picture or its negative, smoothed.
 fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     [0, 1, 2].map(|c| {
         let values = picture.pixels().map(|pixel| f64::from(pixel.0[c]));
@@ -171,15 +179,16 @@ fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     })
 }
 
-/// The color of most of the picture's edge, if some of the picture has it, too.
+/// The color of the paper, if most of the picture's edge and some of the picture have one color.
 fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     let edge: Vec<_> = edge_pixels(picture).map(|color| color.map(f64::from)).collect();
     let paper = [0, 1, 2].map(|c| quantile(edge.iter().map(|color| color[c]), 0.5));
-    let is_paper = |color: &[f64; 3]| (0..CHANNELS).all(|c| (color[c] - paper[c]).abs() <= SAME);
+    let is_paper =
+        |color: &[f64; 3]| (0..CHANNELS).all(|c| (color[c] - paper[c]).abs() <= SAME_COLOR);
     let n_edge = edge.iter().filter(|color| is_paper(color)).count();
-    let n = picture.pixels().filter(|pixel| is_paper(&pixel.0.map(f64::from))).count();
+    let n_paper = picture.pixels().filter(|pixel| is_paper(&pixel.0.map(f64::from))).count();
     let is_even = n_edge as f64 > EVEN[0] * edge.len() as f64
-        && n as f64 > EVEN[1] * picture.pixels().len() as f64;
+        && n_paper as f64 > EVEN[1] * picture.pixels().len() as f64;
     is_even.then_some(paper)
 }
 
@@ -264,7 +273,7 @@ fn has_light_ink(picture: &RgbImage) -> bool {
     quantile(edge.map(|sum| sum / CHANNELS as f64), 0.5) < 0.5 * (dark + bright)
 }
 
-/// The 2nd, 50th and 98th percentile of tones.
+/// The 2nd, 50th and 98th percentiles of tones.
 fn extreme_tones(tones: impl Iterator<Item = u8> + Clone) -> [f64; 3] {
     [0.02, 0.5, 0.98].map(|rank| quantile(tones.clone().map(f64::from), rank))
 }
@@ -278,7 +287,7 @@ fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
     edge.map(|(.., pixel)| pixel.0)
 }
 
-/// Pixels in tones between paper and strong ink that change slowly.
+/// Number of pixels in tones between paper and strong ink that change slowly.
 fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> usize {
     let inner = step * width..contrast.len().saturating_sub(step * width);
     let soft = inner.filter(|pixel| {
@@ -296,7 +305,7 @@ fn median_change(contrast: &[f64], width: usize) -> f64 {
     quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
 }
 
-/// True if many of the edges at a contrast are soft.
+/// True if many of the edges are soft. `levels` are the greatest contrasts around each pixel.
 fn has_soft_edges(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> bool {
     let weakest = extremes(contrast, width, NEAR, f64::min);
     let edges = (width..contrast.len()).filter(|pixel| {

@@ -14,8 +14,11 @@ pub(super) type Color = [u8; 3];
 /// Largest distance of an area's edge from its curves, by the page's larger side.
 pub(super) const FLATNESS: f64 = 2e-4;
 
-/// Steps of a point of an area.
-const POINT_STEPS: usize = 200;
+/// Largest difference of a rectangle's area from that of its box, as a fraction, for rounding.
+const ROUNDING: f64 = 1e-6;
+
+/// Budget steps of a point of an area.
+const STEPS_PER_POINT: usize = 200;
 
 /// An element that is painted: its colors have their opacities.
 pub(super) struct Painted {
@@ -29,7 +32,7 @@ pub(super) struct Painted {
 }
 
 impl Painted {
-    /// Its path with every part closed, as a fill closes it.
+    /// Its path with every subpath closed, as a fill closes it.
     pub(super) fn closed(&self) -> BezPath {
         let mut closed = BezPath::new();
         for (first, elements) in subpaths(&self.path) {
@@ -43,20 +46,20 @@ impl Painted {
         closed
     }
 
-    /// The area of its fill, of the `element`-th of a page.
+    /// The layer of its fill, if it has one. `element` is its index on the page.
     pub(super) fn fill_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
         let (color, alpha) = self.fill?;
         let area = scale.area(&self.path, self.even_odd);
         Some(Layer { element, area, color, alpha, cuts: self.cuts.clone(), is_stroke: false })
     }
 
-    /// The area of its stroke.
+    /// The layer of its stroke, if it has one: the outline of a pen of the stroke's width.
     pub(super) fn stroke_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
         let (color, alpha, style) = self.stroke.as_ref()?;
         // A pen is round in the units of the element, which its transform may stretch.
         let path = self.placed.inverse() * &self.path;
-        let enlarged = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
-        let tolerance = FLATNESS * scale.size / enlarged;
+        let scale_factor = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
+        let tolerance = FLATNESS * scale.size / scale_factor;
         let outline = kurbo::stroke(path.iter(), style, &kurbo::StrokeOpts::default(), tolerance);
         let area = scale.area(&(self.placed * outline), false);
         let (color, alpha, cuts) = (*color, *alpha, self.cuts.clone());
@@ -80,20 +83,22 @@ pub(super) struct Scale<'a> {
 }
 
 impl<'a> Scale<'a> {
+    /// The area of a path. Empty if it has too many points, or the budget is spent.
     pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
         let Self { size, budget } = self;
-        let most = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
+        let max_points = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
         let tolerance = FLATNESS * size;
-        let contours = polylines(path, tolerance, most).unwrap_or_default();
+        let contours = polylines(path, tolerance, max_points).unwrap_or_default();
         let mut contours = on_grid(contours, path, tolerance);
         contours.retain(|contour| contour.len() > 2);
-        budget.spend_steps(POINT_STEPS * contours.iter().map(Vec::len).sum::<usize>());
+        budget.spend_steps(STEPS_PER_POINT * contours.iter().map(Vec::len).sum::<usize>());
         let bounds = bounds(contours.iter().flatten().copied());
         Area { filled: Filled::new(&contours, budget), contours, even_odd, bounds }
     }
 }
 
 impl Area<'_> {
+    /// True if a point is in the area.
     pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
         if !self.meets([x, y, x, y]) {
             return false;
@@ -102,16 +107,17 @@ impl Area<'_> {
         if self.even_odd { winding % 2 != 0 } else { winding != 0 }
     }
 
-    /// True if it is a rectangle over a page.
+    /// True if it is a rectangle that covers a page, within a slack.
     pub(super) fn is_page(&self, [width, height]: [f64; 2], slack: f64) -> bool {
         let [left, bottom, right, top] = self.bounds;
         let is_as_wide = left <= slack && right >= width - slack;
         let is_as_high = top >= -slack && bottom <= slack - height;
         let area = self.contours.iter().map(|contour| outline::area(contour)).sum::<f64>();
         let box_ = (right - left) * (top - bottom);
-        is_as_wide && is_as_high && (area.abs() - box_).abs() < 1e-6 * box_
+        is_as_wide && is_as_high && (area.abs() - box_).abs() < ROUNDING * box_
     }
 
+    /// True if its bounds meet a box: left, bottom, right, top.
     pub(super) fn meets(&self, other: [f64; 4]) -> bool {
         let [left, bottom, right, top] = self.bounds;
         left <= other[2] && other[0] <= right && bottom <= other[3] && other[1] <= top
@@ -140,7 +146,7 @@ pub(super) enum Cut<'a> {
 }
 
 impl<'a> Cut<'a> {
-    /// Its own edge, and the layers that it is made of.
+    /// The area that bounds it, if any, and the layers that it is made of.
     pub(super) fn parts(&self) -> (Option<&Area<'a>>, &[Layer<'a>]) {
         match self {
             Self::Page(edge) => (Some(edge), &[]),

@@ -1,13 +1,13 @@
 //! Levels of a picture: values pixel by pixel, averaged, closed, and their quantiles.
 
-/// Each pixel averaged with its neighbors, 1 2 1 in both directions, against contours around noise.
+/// The values smoothed with the kernel 1 2 1 in both directions, against contours around noise.
 pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     let mut values = values.to_vec();
     for (step, n) in [(1, width), (width, values.len() / width)] {
         let means = (0..values.len()).map(|pixel| {
-            let place = pixel / step % n;
-            let before = if place > 0 { values[pixel - step] } else { values[pixel] };
-            let after = if place + 1 < n { values[pixel + step] } else { values[pixel] };
+            let position = pixel / step % n;
+            let before = if position > 0 { values[pixel - step] } else { values[pixel] };
+            let after = if position + 1 < n { values[pixel + step] } else { values[pixel] };
             0.25 * (before + after) + 0.5 * values[pixel]
         });
         values = means.collect();
@@ -15,14 +15,13 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     values
 }
 
-/// A morphological closing: dark marks narrower than `steps` to both sides go, and edges stay.
+/// The morphological closing, which removes dark marks narrower than `steps` to both sides.
 pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     let brightest = extremes(values, width, steps, f64::max);
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The extreme in a square of `steps` to both sides (van Herk, Pattern Recognition Letters 13,
-/// 1992).
+/// The extreme in a square of `steps` around each pixel (van Herk, Pattern Recogn. Lett. 13, 1992).
 pub(super) fn extremes(
     values: &[f64],
     width: usize,
@@ -32,29 +31,33 @@ pub(super) fn extremes(
     let size = 2 * steps + 1;
     let mut values = values.to_vec();
     let height = values.len() / width;
-    let (mut line, mut onward) = (Vec::new(), vec![0.0; width.max(height)]);
+    let (mut line, mut to_block_end) = (Vec::new(), vec![0.0; width.max(height)]);
+    // Along rows, then along columns, whose pixels are `step` apart.
     for (step, n, n_lines) in [(1, width, height), (width, height, width)] {
         for first in (0..n_lines).map(|line| line * if step == 1 { width } else { 1 }) {
             line.clear();
             line.extend(values[first..].iter().step_by(step).take(n));
-            // The extremes from each place to the end of its span of the window's size, and from
-            // the beginning.
-            for place in (0..n).rev() {
-                let ends = place + 1 == n || (place + 1) % size == 0;
-                onward[place] =
-                    if ends { line[place] } else { extreme(line[place], onward[place + 1]) };
+            // In blocks of the window's size: the extremes from each pixel to the end of its block,
+            // and from the block's beginning to it. A window spans two blocks at most.
+            for index in (0..n).rev() {
+                let ends_block = index + 1 == n || (index + 1) % size == 0;
+                to_block_end[index] = if ends_block {
+                    line[index]
+                } else {
+                    extreme(line[index], to_block_end[index + 1])
+                };
             }
-            for place in (0..n).filter(|place| place % size > 0) {
-                line[place] = extreme(line[place], line[place - 1]);
+            for index in (0..n).filter(|index| index % size > 0) {
+                line[index] = extreme(line[index], line[index - 1]);
             }
-            for place in 0..n {
-                let (from, to) = (place.saturating_sub(steps), (place + steps).min(n - 1));
-                values[first + place * step] = if from / size < to / size {
-                    extreme(onward[from], line[to])
+            for index in 0..n {
+                let (from, to) = (index.saturating_sub(steps), (index + steps).min(n - 1));
+                values[first + index * step] = if from / size < to / size {
+                    extreme(to_block_end[from], line[to])
                 } else if from % size == 0 {
                     line[to]
                 } else {
-                    onward[from]
+                    to_block_end[from]
                 };
             }
         }

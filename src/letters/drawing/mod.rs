@@ -57,6 +57,12 @@ const MAX_COLORS: usize = 64;
 /// Default canvas of a drawing, in cap heights: width and height.
 const CANVAS: [f64; 2] = [4.0, 1.0];
 
+/// Least extent of a drawing, by the largest of its coordinates: more than their rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Height of a level line's cell, or width of an upright one's, by its length.
+const FLAT: f64 = 1e-3;
+
 /// Codes of errors: a drawing without strokes, and one of too many.
 const EMPTY: &str = "drawing-empty";
 const LARGE: &str = "drawing-large";
@@ -100,6 +106,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     })
 }
 
+/// The strokes of an SVG file.
 fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
     let Warned { product: drawing, warnings } = svg::read(bytes, file)?;
     let mut placing = Placing::new(drawing.bounds(), options, file)
@@ -121,23 +128,24 @@ fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result
     Ok(StrokesData { left_out, warnings, source, ..strokes })
 }
 
+/// The strokes of a bitmap.
 fn of_bitmap(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
     let size = |extent| Ok(Placing::new(extent, options, file)?.scale / options.cap_height_m);
     let Warned { product: Traced { lines, corners_px, in_file }, warnings } =
         bitmap::read(bytes, options, size, file)?;
     let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
-    let larger = Placing::new(bounds(points), options, file)?.size();
-    // The field of the ink has a margin of a pixel, and counts from the first one's middle.
+    let larger_side = Placing::new(bounds(points), options, file)?.size();
+    // Traced points count from the middle of a pixel of margin, half a pixel before the picture.
     let in_file = |point: [f64; 2]| in_file.apply(point.map(|x| x - 0.5));
     let Detailed { lines, left_out, source } =
-        Detailed::new(lines, larger, in_file, options, file)?;
+        Detailed::new(lines, larger_side, in_file, options, file)?;
     let source = Source { strokes: source, corners_px, is_bitmap: true };
     let placing = Placing::new(extent(&lines), options, file)?;
     let strokes = by_color(&lines, &placing, ink, file)?;
     Ok(StrokesData { left_out, warnings, source, ..strokes })
 }
 
-/// The error of a file of an unsupported kind, with a way out.
+/// The error of a file of an unsupported kind, with a hint how to convert it.
 fn foreign(kind: &str, file: &str) -> Error {
     let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
     let (content, hint) = match kind {
@@ -168,7 +176,8 @@ struct Detailed {
 }
 
 impl Detailed {
-    /// The lines of a drawing whose larger side is `size`.
+    /// The lines of a drawing whose larger side is `size`, reduced and chosen as the options say.
+    /// `in_file` maps points with y down to the file.
     fn new(
         lines: Vec<ColoredLine>,
         size: f64,
@@ -183,16 +192,18 @@ impl Detailed {
     }
 }
 
-/// Lines of a picture: one glyph, or one of each color in the order in which they first occur.
+/// The strokes of lines: one glyph, or one of each color in the order in which they first occur.
+/// Fails for more than [`MAX_COLORS`].
 fn by_color(
     lines: &Numbered<ColoredLine>,
     placing: &Placing,
     ink: Ink,
     file: &str,
 ) -> Result<StrokesData> {
+    // The runs of each color, in the order of the colors' first lines.
     let mut inks: Vec<(Color, Vec<Run>)> = Vec::new();
     for (_, (line, color)) in lines {
-        match inks.iter_mut().find(|(known, _)| ink == Ink::Alike || known == color) {
+        match inks.iter_mut().find(|(other, _)| ink == Ink::Alike || other == color) {
             Some((_, runs)) => runs.push(placing.run(line)),
             None => inks.push((*color, vec![placing.run(line)])),
         }
@@ -218,7 +229,7 @@ fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
     bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
 }
 
-/// The error of an empty drawing, with the warnings: they may be the reason.
+/// The error of an empty drawing with the warnings added to its hint: they may be the reason.
 fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
     let mut hint = error.hint().to_owned();
     for warning in warnings {
@@ -227,45 +238,47 @@ fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
     error.with_hint(hint)
 }
 
-/// From a drawing's own units, y up, to the plane of the word.
+/// The transform from a drawing's units, y up, to the plane of the word.
 struct Placing {
     left: f64,
     bottom: f64,
     scale: f64,
-    /// The drawing's box. A level line has a thousandth of its length as its height.
+    /// The drawing's box in the plane of the word.
     cell: Cell,
 }
 
 impl Placing {
+    /// Places a drawing with these bounds on the canvas. Fails if it has no extent.
     fn new(bounds: [f64; 4], options: &LetterOptions, file: &str) -> Result<Self> {
         let [left, bottom, right, top] = bounds;
         let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * options.cap_height_m));
         let (width, height) = (right - left, top - bottom);
         let scale = (canvas_m[0] / width).min(canvas_m[1] / height);
-        // Larger than the rounding of its coordinates, and not a single point.
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
-        if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
+        if !(scale.is_finite() && scale > 0.0 && width.max(height) > ROUNDING * size) {
             let content = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
             let hint = "visible paths are drawn";
             return Err(Error::input(file, content, "at least one stroke", hint).coded(EMPTY));
         }
         let (width_m, height_m) = (width * scale, height * scale);
+        // A drawing has no gaps, so that the reference flight's alignment centers it.
         let left_m = match options.align {
             Align::Left => 0.0,
             Align::Ae483 | Align::Center => -0.5 * width_m,
             Align::Right => -width_m,
         };
-        let (cap_height_m, baseline_m) = (height_m.max(1e-3 * width_m), options.baseline_m);
-        let width_m = width_m.max(1e-3 * cap_height_m);
+        let (cap_height_m, baseline_m) = (height_m.max(FLAT * width_m), options.baseline_m);
+        let width_m = width_m.max(FLAT * cap_height_m);
         let cell = Cell { left_m, baseline_m, width_m, cap_height_m };
         Ok(Self { left, bottom, scale, cell })
     }
 
-    /// The larger side in the drawing's own units.
+    /// The drawing's larger side in its units.
     fn size(&self) -> f64 {
         self.cell.width_m.max(self.cell.cap_height_m) / self.scale
     }
 
+    /// The point in the plane of the word of a point of the drawing.
     fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (x_m, y_m) = ((x - self.left) * self.scale, (y - self.bottom) * self.scale);
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
@@ -280,6 +293,7 @@ impl Placing {
         (number, self.place([0, 1].map(|i| 0.5 * (a[i] + b[i]))))
     }
 
+    /// The lit run along a line. A single point is repeated.
     fn run(&self, line: &[[f64; 2]]) -> Run {
         let mut points: Vec<_> = line.iter().map(|place| point(self.place(*place))).collect();
         if points.len() == 1 {
@@ -288,7 +302,7 @@ impl Placing {
         Run { lit: true, points }
     }
 
-    /// Glyphs, all of them as large as the drawing.
+    /// The strokes of runs, one glyph for each list, whose cell is the whole drawing.
     fn strokes(&self, glyphs: Vec<Vec<Run>>, order: StrokeOrder) -> StrokesData {
         let glyphs = glyphs.into_iter().map(|runs| {
             let mut moves = pen_moves(&runs, |point| point);
@@ -299,6 +313,7 @@ impl Placing {
     }
 }
 
+/// The error of a drawing of more than [`MAX_POINTS`].
 fn too_many(file: &str) -> Error {
     input_error!(
         file,

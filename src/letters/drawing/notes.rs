@@ -70,7 +70,7 @@ pub(super) const RULES: &str = "*{filter:none!important}marker *{marker:none!imp
     [noctograph]{fill:#000!important;stroke:none!important;clip-path:none!important;\
     mask:none!important}";
 
-/// True if a list of words has one.
+/// True if a list of words, separated by white space, contains a word.
 pub(super) fn has(words: &str, word: &str) -> bool {
     words.split_ascii_whitespace().any(|other| other == word)
 }
@@ -78,18 +78,20 @@ pub(super) fn has(words: &str, word: &str) -> bool {
 /// The namespace of drawings.
 pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// The text of a file in the words of usvg: namespaces, `:root`, backgrounds, units of transforms.
+/// The text of a file with what usvg does not know replaced by what it does: https in namespaces,
+/// `:root`, `background:` and units in CSS transforms.
 pub(super) fn in_words_of_usvg(text: String) -> String {
     let mut text = text;
     for namespace in ["2000/svg", "1999/xlink"] {
         for quote in ['"', '\''] {
-            let [written, meant] =
-                ["https", "http"].map(|by| format!("{quote}{by}://www.w3.org/{namespace}"));
-            text = text.replace(&written, &meant);
+            let [with_https, with_http] =
+                ["https", "http"].map(|scheme| format!("{quote}{scheme}://www.w3.org/{namespace}"));
+            text = text.replace(&with_https, &with_http);
         }
     }
     let text = text.replace("svg:root", "svg").replace(":root", "svg");
     let text = text.replace("background:", "background-color:");
+    // CSS transforms have units, attributes have none: usvg reads the latter.
     let mut parts = text.split("transform:");
     let mut written = parts.next().unwrap_or("").to_owned();
     for part in parts {
@@ -112,7 +114,7 @@ pub(super) struct Notes<'a, 'b, 'input> {
 }
 
 impl<'a, 'input> Notes<'a, '_, 'input> {
-    /// The text as usvg reads it.
+    /// The text with all edits applied, as usvg reads it.
     pub(super) fn edited(&self, text: &str) -> String {
         let (mut edited, mut end) = (String::with_capacity(text.len()), 0);
         for (range, new) in &self.edits {
@@ -123,12 +125,13 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         edited + &text[end..]
     }
 
-    /// Notes an element and those within it. The error is a kind with too many elements.
+    /// Notes the unsupported features of an element and those within it. The error names a kind of
+    /// element of which there are too many.
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some(SVG)) {
             // An element that is replaced or left out is not entered: its edit covers all of it.
-            let before = node.prev_siblings().filter(|it| it.has_tag_name(tag));
+            let before = node.prev_siblings().filter(|sibling| sibling.has_tag_name(tag));
             match tag {
                 "script" => self.named.add("a script", "not followed", node),
                 "style" if has_escapes(node) => self.edits.push((node.range(), String::new())),
@@ -156,7 +159,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// Takes an id from all but its first element: browsers refer to the first, usvg to the last.
+    /// Removes an id after its first element: browsers refer to the first one, usvg to the last.
     fn only_first(&mut self, node: Node<'a, 'input>) {
         let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
             return;
@@ -173,8 +176,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         }
     }
 
-    /// Replaces an element by a marker: a polyline with the element's attributes, whose points
-    /// encode its index. usvg transforms or hides the marker as it would the element.
+    /// Replaces an element by a sign: a polyline with the element's attributes, whose points encode
+    /// its index. usvg transforms or hides the sign as it would the element. Fails for too many.
     fn sign(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let name = node.tag_name().name();
         let mut texts = node.descendants().filter_map(|part| part.text());
@@ -204,13 +207,15 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         Ok(())
     }
 
-    /// Empties a pattern, but for a shape by which it counts as one, or a filter.
+    /// Removes the content of a pattern or a filter. A pattern with a shape keeps a square, without
+    /// which usvg would drop it.
     fn empty(&mut self, node: Node<'a, 'input>) {
         let (Some(first), Some(last)) = (node.first_child(), node.last_child()) else { return };
         let range = first.range().start..last.range().end;
         let is_pattern = node.tag_name().name() == "pattern";
         // In the namespace of the pattern, whatever its prefix.
-        let shape = node.children().find(|it| is_pattern && has(SHAPES, it.tag_name().name()));
+        let shape =
+            node.children().find(|child| is_pattern && has(SHAPES, child.tag_name().name()));
         let shape = shape.map_or(String::new(), |_| "<path d=\"M0 0h1v1z\"/>".to_owned());
         self.edits.push((range, shape));
     }
@@ -255,6 +260,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 
     /// The name of a declaration that is drawn otherwise than in a browser, and how it is drawn.
+    /// `None` if it is drawn as in a browser.
     fn note(
         &self,
         node: Node<'a, 'input>,
@@ -262,30 +268,16 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         value: &str,
         of_css: bool,
     ) -> Option<(String, &'static str)> {
-        const TRANSPARENT: &str = "drawn where it is transparent, too";
         let tag = node.tag_name().name();
         let target = self.styles.target(value).map_or("", |target| target.tag_name().name());
+        if let Some(note) = paint_note(name, value, target) {
+            return Some(note);
+        }
         Some(match name {
-            // A paint that is not one color.
-            "fill" | "stroke" if target.ends_with("Gradient") => {
-                (format!("{name} by a gradient"), "in the color of its middle stop")
-            }
-            "fill" | "stroke" if target == "pattern" => {
-                (format!("{name} by a pattern"), "drawn as a shade")
-            }
-            "fill" if is_unreadable(name, value) => (shown(name, value), "black in its place"),
-            "stop-color"
-                if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) =>
-            {
-                ("a transparent stop-color".into(), TRANSPARENT)
-            }
-            "stop-opacity" if svgtypes::Number::from_str(value).map_or(0.0, |it| it.0) < 1.0 => {
-                (name.to_owned(), TRANSPARENT)
-            }
             // References.
             "marker-start" | "marker-mid" | "marker-end" | "marker"
                 if target == "marker"
-                    && node.ancestors().any(|it| it.tag_name().name() == "marker") =>
+                    && node.ancestors().any(|node| node.tag_name().name() == "marker") =>
             {
                 ("a marker within a marker".into(), "not drawn")
             }
@@ -302,7 +294,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             "pathLength"
                 if node
                     .ancestors()
-                    .any(|it| self.styles.value(it, "stroke-dasharray").is_some()) =>
+                    .any(|node| self.styles.value(node, "stroke-dasharray").is_some()) =>
             {
                 (name.to_owned(), "its dashes are drawn as a line")
             }
@@ -340,10 +332,36 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 }
 
+/// The name of a paint that is not one color and how it is drawn. `None` for any other declaration.
+/// `target` is the tag of the element that it refers to.
+fn paint_note(name: &str, value: &str, target: &str) -> Option<(String, &'static str)> {
+    const TRANSPARENT: &str = "drawn where it is transparent, too";
+    Some(match name {
+        "fill" | "stroke" if target.ends_with("Gradient") => {
+            (format!("{name} by a gradient"), "in the color of its middle stop")
+        }
+        "fill" | "stroke" if target == "pattern" => {
+            (format!("{name} by a pattern"), "drawn as a shade")
+        }
+        "fill" if is_unreadable(name, value) => (shown(name, value), "black in its place"),
+        "stop-color" if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) => {
+            ("a transparent stop-color".into(), TRANSPARENT)
+        }
+        "stop-opacity"
+            if svgtypes::Number::from_str(value).map_or(0.0, |number| number.0) < 1.0 =>
+        {
+            (name.to_owned(), TRANSPARENT)
+        }
+        _ => return None,
+    })
+}
+
+/// A declaration in a warning: its name and the beginning of its value.
 fn shown(name: &str, value: &str) -> String {
     format!("{name} `{}`", value.chars().take(40).collect::<String>())
 }
 
+/// True for a value without effect.
 fn is_neutral(value: &str) -> bool {
     value.is_empty() || has(NEUTRAL, value)
 }

@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::super::vector::{between, counts, cross, dot, is_closed, minus, segments};
+use super::super::vector::{between, cross, dot, integers_below, is_closed, minus, segments};
 use super::layers::Color;
 use super::visibility::Part;
 use noctograph_core::files::Budget;
@@ -23,8 +23,12 @@ const CELLS: f64 = 128.0;
 /// Longest part under a stroke that only crosses, by half the stroke's width: an angle of 20°.
 const CROSSING: f64 = 6.0;
 
-/// Steps of looking into a cell, and of comparing with a piece in it.
-const STEPS: [usize; 2] = [20, 8];
+/// Budget steps of visiting a cell, and of comparing with a piece in it.
+const STEPS_PER_CELL: usize = 20;
+const STEPS_PER_PIECE: usize = 8;
+
+/// Slack of a piece's ends, as a fraction of its length, for rounding.
+const END_SLACK: f64 = 1e-6;
 
 /// Halvings that find where a line goes under another.
 const HALVINGS: usize = 5;
@@ -55,14 +59,15 @@ pub(super) struct Front<'a> {
 type Stretch = (Vec<[f64; 2]>, Option<f64>);
 
 impl<'a> Front<'a> {
-    /// No line yet, of a drawing of some size.
+    /// An empty index for a drawing of a larger side.
     pub(super) fn new(size: f64, budget: &'a Budget) -> Self {
         let (near, cell) = (NEAR * size, size / CELLS);
         let (cells, levels) = (HashMap::new(), BTreeMap::new());
         Self { budget, near, cell, pieces: Vec::new(), cells, levels }
     }
 
-    /// Adds an element's lines. Returns the parts that nothing in front covers, or `None` for all.
+    /// Adds an element's lines to those in front. Returns the parts of them that nothing in front
+    /// covers, or `None` if that is all of them.
     pub(super) fn uncovered(
         &mut self,
         lines: &[Vec<[f64; 2]>],
@@ -73,33 +78,38 @@ impl<'a> Front<'a> {
         let (mut parts, mut is_whole) = (Vec::new(), true);
         for line in lines {
             let stretches = self.stretches(line, element);
-            let seen: Vec<Vec<[f64; 2]>> = match &stretches[..] {
+            let visible: Vec<Vec<[f64; 2]>> = match &stretches[..] {
                 [(_, None)] => vec![line.clone()],
-                _ => shown(stretches, line, self.near),
+                _ => visible_parts(stretches, line, self.near),
             };
-            is_whole &= seen.len() == 1 && seen[0] == *line;
-            seen.iter().for_each(|part| self.add(part, element, reach));
-            parts.extend(seen.into_iter().map(|part| (part, color)));
+            is_whole &= visible.len() == 1 && visible[0] == *line;
+            // What is covered is not drawn, and need not cover anything.
+            visible.iter().for_each(|part| self.add(part, element, reach));
+            parts.extend(visible.into_iter().map(|part| (part, color)));
         }
         (!is_whole).then_some(parts)
     }
 
+    /// The cell of a place in a level.
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     fn key(&self, level: i32, place: [f64; 2]) -> [i64; 2] {
         place.map(|x| (x / self.cell_of(level)).floor() as i64)
     }
 
+    /// Side of the cells of a level.
     fn cell_of(&self, level: i32) -> f64 {
         self.cell * libm::exp2(f64::from(level))
     }
 
-    /// Adds a line to those in front, in pieces of half a cell, whose cells are twice their reach.
+    /// Adds a line to those in front, in pieces of half a cell at most. Its level is the one whose
+    /// cells are at least twice its reach. Stops once the budget is spent.
     fn add(&mut self, line: &[[f64; 2]], element: usize, reach: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "at most the exponent of a float")]
         let level = libm::log2(2.0 * reach / self.cell).ceil().max(0.0) as i32;
         let farthest = self.levels.entry(level).or_insert(self.near);
         *farthest = farthest.max(reach);
         let longest = 0.5 * self.cell_of(level);
+        // A piece is found by the cell of its middle.
         for segment in segments(line) {
             for ends in cut(segment, longest) {
                 if self.budget.bytes(2 * size_of::<Piece>()).is_err() {
@@ -112,19 +122,19 @@ impl<'a> Front<'a> {
         }
     }
 
-    /// The reach of what covers a place of an element, or `None` if nothing does. A stroke does not
-    /// cover its own element, and nothing covers what lies beyond its ends.
+    /// The greatest reach of the pieces that cover a place of an element, on a line in the
+    /// direction `along`. `None` if nothing covers it.
     fn cover(&self, place: [f64; 2], along: [f64; 2], element: usize) -> Option<f64> {
         let mut most: Option<f64> = None;
         for (level, farthest) in &self.levels {
             // A piece's middle is a quarter of a cell from its ends.
-            let aside = 0.25 * self.cell_of(*level) + farthest;
+            let range = 0.25 * self.cell_of(*level) + farthest;
             let [low, high] =
-                [-aside, aside].map(|aside| self.key(*level, place.map(|x| x + aside)));
+                [-range, range].map(|offset| self.key(*level, place.map(|x| x + offset)));
             let cells = (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| (x, y)));
             for (x, y) in cells {
                 let pieces = self.cells.get(&(*level, x, y)).map_or(&[][..], Vec::as_slice);
-                self.budget.spend_steps(STEPS[0] + STEPS[1] * pieces.len());
+                self.budget.spend_steps(STEPS_PER_CELL + STEPS_PER_PIECE * pieces.len());
                 let reaches =
                     pieces.iter().filter_map(|piece| self.reach(*piece, place, along, element));
                 most = reaches.fold(most, |most, reach| Some(most.unwrap_or(0.0).max(reach)));
@@ -133,7 +143,9 @@ impl<'a> Front<'a> {
         most
     }
 
-    /// The reach of a piece that covers a place of an element.
+    /// The reach of a piece if it covers a place of an element. `None` beyond the piece's ends,
+    /// beyond its reach (for a piece of the same element, that of a line without width), and if a
+    /// line without width only crosses it.
     fn reach(
         &self,
         piece: usize,
@@ -143,17 +155,17 @@ impl<'a> Front<'a> {
     ) -> Option<f64> {
         let Piece { element: other, reach, ends } = &self.pieces[piece];
         let reach = if *other == element { self.near } else { reach.max(self.near) };
-        // Beside the piece, within reach, and for a line without width also along it.
+        // The place is projected onto the piece.
         let along = minus(ends[1], ends[0]);
         let fraction = dot(minus(place, ends[0]), along) / dot(along, along);
-        let is_beside = (-1e-6..=1.0 + 1e-6).contains(&fraction);
+        let is_beside = (-END_SLACK..=1.0 + END_SLACK).contains(&fraction);
         let [length, other_length] = [along, direction].map(|[x, y]| libm::hypot(x, y));
         let is_crossed =
             reach <= self.near && cross(along, direction).abs() > SLANT * length * other_length;
         (is_beside && !is_crossed && segment_distance(place, *ends) <= reach).then_some(reach)
     }
 
-    /// A line in stretches that are covered or not.
+    /// A line divided into stretches that are covered or not.
     fn stretches(&self, line: &[[f64; 2]], element: usize) -> Vec<Stretch> {
         if self.pieces.is_empty() {
             return vec![(line.to_vec(), None)];
@@ -190,54 +202,63 @@ impl<'a> Front<'a> {
     }
 }
 
-/// The stretches of a line that are seen. Short ones take the state of what is around them: a
-/// stroke that crosses covers nothing, and what looks out between two covered ones is no line.
-fn shown(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
+/// The visible parts of a line from its stretches. A stroke that only crosses hides nothing, and a
+/// short gap between two covered stretches is hidden.
+fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
+    // First, short gaps between covered stretches are covered.
     let mut stretches = joined(stretches, is_closed);
-    let beside = |place: usize, n: usize| match is_closed && n > 1 {
-        true => [Some((place + n - 1) % n), Some((place + 1) % n)],
-        false => [place.checked_sub(1), Some(place + 1).filter(|next| *next < n)],
-    };
-    // What looks out first: what is left then crosses, or lies along.
     let covers: Vec<Option<f64>> = stretches.iter().map(|stretch| stretch.1).collect();
-    for (place, (points, cover)) in stretches.iter_mut().enumerate() {
-        let around = beside(place, covers.len()).map(|beside| covers[beside?]);
+    for (index, (points, cover)) in stretches.iter_mut().enumerate() {
+        let around = neighbors(index, covers.len(), is_closed).map(|neighbor| covers[neighbor?]);
         if let (None, [Some(before), Some(after)]) = (*cover, around) {
             let widest = before.max(after).max(2.0 * near);
             *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
     }
-    // Then what is covered only as far as a stroke that crosses would cover it.
-    stretches = joined(stretches, is_closed);
+    // Then stretches that are no longer than a crossing stroke is wide are visible.
+    let mut stretches = joined(stretches, is_closed);
     let n = stretches.len();
-    for (place, (points, cover)) in stretches.iter_mut().enumerate() {
-        let is_alone = beside(place, n) == [None; 2];
-        *cover = cover.filter(|reach| is_alone || polyline_length_m(points) > CROSSING * *reach);
+    for (index, (points, cover)) in stretches.iter_mut().enumerate() {
+        let is_single = neighbors(index, n, is_closed) == [None; 2];
+        *cover = cover.filter(|reach| is_single || polyline_length_m(points) > CROSSING * *reach);
     }
-    if stretches.iter().all(|stretch| stretch.1.is_none()) {
-        return vec![line.to_vec()];
+    match stretches.iter().all(|stretch| stretch.1.is_none()) {
+        true => vec![line.to_vec()],
+        false => uncovered_lines(stretches, is_closed),
     }
-    // What is left uncovered, a closed line also over its beginning.
-    let mut seen: Vec<Vec<[f64; 2]>> = Vec::new();
+}
+
+/// The indices of the stretches before and after one of n, around a closed line.
+fn neighbors(index: usize, n: usize, is_closed: bool) -> [Option<usize>; 2] {
+    match is_closed && n > 1 {
+        true => [Some((index + n - 1) % n), Some((index + 1) % n)],
+        false => [index.checked_sub(1), Some(index + 1).filter(|next| *next < n)],
+    }
+}
+
+/// The uncovered stretches, with neighbors joined, over the beginning of a closed line, too.
+fn uncovered_lines(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Vec<[f64; 2]>> {
+    let n = stretches.len();
+    let goes_around = is_closed && stretches[0].1.is_none() && stretches[n - 1].1.is_none();
+    let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut is_open = false;
-    let (begins, ends) = (stretches[0].1.is_none(), stretches[n - 1].1.is_none());
     for (points, cover) in stretches {
-        match seen.last_mut().filter(|_| is_open && cover.is_none()) {
+        match lines.last_mut().filter(|_| is_open && cover.is_none()) {
             Some(before) => before.extend(&points[1..]),
-            None if cover.is_none() => seen.push(points),
+            None if cover.is_none() => lines.push(points),
             None => {}
         }
         is_open = cover.is_none();
     }
-    if seen.len() > 1 && begins && ends && is_closed {
-        let first = seen.remove(0);
-        seen.last_mut().expect("one is left").extend(&first[1..]);
+    if lines.len() > 1 && goes_around {
+        let first = lines.remove(0);
+        lines.last_mut().expect("one is left").extend(&first[1..]);
     }
-    seen
+    lines
 }
 
-/// Stretches of which no two neighbors are alike. A closed line goes on over its beginning.
+/// Stretches with neighbors in the same state joined, over the beginning of a closed line, too.
 fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
     let widest = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
     let mut kept: Vec<Stretch> = Vec::new();
@@ -250,6 +271,7 @@ fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
             None => kept.push((points, cover)),
         }
     }
+    // The last stretch of a closed line continues in its first.
     if is_closed
         && kept.len() > 1
         && kept[0].1.is_some() == kept[kept.len() - 1].1.is_some()
@@ -261,7 +283,7 @@ fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
     kept
 }
 
-/// The place between two where a test fails first.
+/// The place between two at which a test changes from true to false, by bisection.
 fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool) -> [f64; 2] {
     for _ in 0..HALVINGS {
         let middle = between(same, other, 0.5);
@@ -270,8 +292,8 @@ fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool)
     between(same, other, 0.5)
 }
 
-/// A segment in pieces of some length at most.
+/// A segment divided evenly into pieces no longer than `longest`, unless these are more than 10⁵.
 fn cut([from, to]: [[f64; 2]; 2], longest: f64) -> impl Iterator<Item = [[f64; 2]; 2]> {
     let n = (distance(from, to) / longest).ceil().clamp(1.0, 1e5);
-    counts(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])
+    integers_below(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])
 }

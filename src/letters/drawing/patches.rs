@@ -32,44 +32,47 @@ const FAINT: f64 = 0.02;
 /// Lines from which on a picture is fine, as a QR code is.
 const FINE: usize = 60;
 
-/// Codes and messages of warnings, with the number of what they are about.
-const WARNINGS: [(&str, &str); 7] = [
-    (
-        "picture-photo",
-        "a photograph is drawn as the camera sees it: letters.corners_px squares a \
-        sheet of paper that it sees at a slant, and so does a phone's scanner app",
-    ),
-    (
-        "picture-specks",
-        "{n} speck(s), as of dust, are not drawn: they are smaller than the width of \
-        the lines",
-    ),
-    (
-        "picture-edge",
-        "shapes at the picture's edge are not drawn ({n}): they look like what lies \
-        around the paper; leave a margin around the drawing, or scan it with a phone's scanner app",
-    ),
-    (
-        "picture-faint",
-        "marks that are much fainter than the rest are not drawn, such as the paper's \
-        rulings: draw over those that are meant",
-    ),
-    (
-        "picture-rulings",
-        "{n} lines across the picture's edge are drawn, as rulings of the paper \
-        would be: draw on plain paper, or leave a margin around the drawing",
-    ),
-    ("picture-colors-touch", "areas of several colors that touch are drawn as one: leave a gap"),
-    (
-        "picture-fine",
-        "light fills the gaps of so fine a picture ({n} lines): a QR code cannot be \
-        scanned",
-    ),
-];
+/// The code of a warning and its message, in which `{n}` stands for a number.
+type Warning = (&'static str, &'static str);
+const PHOTO: Warning = (
+    "picture-photo",
+    "a photograph is drawn as the camera sees it: letters.corners_px squares a \
+    sheet of paper that it sees at a slant, and so does a phone's scanner app",
+);
+const SPECKS: Warning = (
+    "picture-specks",
+    "{n} speck(s), as of dust, are not drawn: they are smaller than the width of \
+    the lines",
+);
+const CUT: Warning = (
+    "picture-edge",
+    "shapes at the picture's edge are not drawn ({n}): they look like what lies \
+    around the paper; leave a margin around the drawing, or scan it with a phone's scanner app",
+);
+const FAINT_MARKS: Warning = (
+    "picture-faint",
+    "marks that are much fainter than the rest are not drawn, such as the paper's \
+    rulings: draw over those that are meant",
+);
+const RULED: Warning = (
+    "picture-rulings",
+    "{n} lines across the picture's edge are drawn, as rulings of the paper \
+    would be: draw on plain paper, or leave a margin around the drawing",
+);
+const COLORS_TOUCH: Warning =
+    ("picture-colors-touch", "areas of several colors that touch are drawn as one: leave a gap");
+const TOO_FINE: Warning = (
+    "picture-fine",
+    "light fills the gaps of so fine a picture ({n} lines): a QR code cannot be \
+    scanned",
+);
 
 /// Least chroma of a colored ink, by its contrast, and by the paper's brightness.
 const CHROMA: f64 = 0.2;
 const GRAY: f64 = 0.04;
+
+/// An edge of the pixel grid: its upper or left pixel, and true if it runs downward.
+type GridEdge = (usize, bool);
 
 impl Field {
     /// Patches of ink, each a contour with its holes, and the number of patches that are dropped:
@@ -77,46 +80,20 @@ impl Field {
     pub(super) fn patches(&self) -> (Vec<Vec<Contour>>, usize) {
         let side = self.width.max(self.height) as f64;
         let patches = nested(self.contours(), (LEAST * side * LEAST * side).max(2.0));
-        let (around, patches): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
+        let (dropped, patches): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
             let along = self.length_along_edge(&patch[0]);
             let is_over = mean_stroke_width(patch) > OVER_EDGE * side
                 || along > ALONG * polyline_length_m(&patch[0]);
             along > SURROUNDINGS * side || self.has_grain && along > 0.0 && is_over
         });
-        if patches.is_empty() { (around, 0) } else { (patches, around.len()) }
+        if patches.is_empty() { (dropped, 0) } else { (patches, dropped.len()) }
     }
 
     /// Closed contours of the ink, y up, counterclockwise, around holes clockwise (marching
     /// squares: Lorensen and Cline, Computer Graphics 21, 1987, in two dimensions).
     fn contours(&self) -> Vec<Contour> {
         let values: Vec<f64> = self.ink.iter().map(|value| value - EDGE).collect();
-        let (width, height) = (self.width, self.height);
-        // Edges of the grid that a contour crosses, and the next edge of each. An edge is the
-        // number of its upper or left pixel, and whether it runs downward.
-        let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
-        for y in 0..height - 1 {
-            for x in 0..width - 1 {
-                let pixel = y * width + x;
-                let corners =
-                    [pixel, pixel + 1, pixel + width + 1, pixel + width].map(|p| values[p]);
-                let case = corners.map(|value| value > 0.0);
-                if case == [false; 4] || case == [true; 4] {
-                    continue;
-                }
-                let edges =
-                    [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
-                // Going clockwise around the cell, a contour enters before a corner with ink and
-                // leaves after one, so that ink is to its left. Two corners with ink that face each
-                // other are joined where the middle has ink.
-                let joined = corners.iter().sum::<f64>() > 0.0;
-                for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
-                    let mut turns =
-                        (1..4).map(|step| (enter + if joined { 4 - step } else { step }) % 4);
-                    let leave = turns.find(|k| case[*k] && !case[(k + 1) % 4]);
-                    next.extend(leave.map(|leave| (edges[enter], edges[leave])));
-                }
-            }
-        }
+        let mut next = self.next_edges(&values);
         let mut contours = Vec::new();
         while let Some((first, mut edge)) = next.pop_first() {
             let mut edges = vec![first];
@@ -125,16 +102,44 @@ impl Field {
                 let Some(onward) = next.remove(&edge) else { break };
                 edge = onward;
             }
-            let contour = edges.into_iter().map(|(pixel, down)| {
-                let (x, y) = (pixel % width, pixel / width);
-                let to = values[pixel + if down { width } else { 1 }];
-                let part = values[pixel] / (values[pixel] - to);
-                let (dx, dy) = if down { (0.0, part) } else { (part, 0.0) };
-                [x as f64 + dx, -(y as f64 + dy)]
-            });
-            contours.push(contour.collect());
+            contours.push(edges.into_iter().map(|edge| self.crossing(&values, edge)).collect());
         }
         contours
+    }
+
+    /// The edges of the pixel grid between ink (above 0) and paper, each with the next one.
+    fn next_edges(&self, values: &[f64]) -> BTreeMap<GridEdge, GridEdge> {
+        let (width, height) = (self.width, self.height);
+        let mut next = BTreeMap::new();
+        let cells = (0..height - 1).flat_map(|y| (0..width - 1).map(move |x| y * width + x));
+        for pixel in cells {
+            let corners = [pixel, pixel + 1, pixel + width + 1, pixel + width].map(|p| values[p]);
+            let case = corners.map(|value| value > 0.0);
+            if case == [false; 4] || case == [true; 4] {
+                continue;
+            }
+            let edges = [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
+            // Going clockwise around the cell, a contour enters before a corner with ink and leaves
+            // after one, so that ink is to its left. Two corners with ink that face each other are
+            // joined if the middle has ink.
+            let joined = corners.iter().sum::<f64>() > 0.0;
+            for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
+                let mut turns =
+                    (1..4).map(|step| (enter + if joined { 4 - step } else { step }) % 4);
+                let leave = turns.find(|k| case[*k] && !case[(k + 1) % 4]);
+                next.extend(leave.map(|leave| (edges[enter], edges[leave])));
+            }
+        }
+        next
+    }
+
+    /// The point on an edge of the pixel grid where the values, interpolated linearly, are 0.
+    fn crossing(&self, values: &[f64], (pixel, down): GridEdge) -> [f64; 2] {
+        let (x, y) = (pixel % self.width, pixel / self.width);
+        let other = values[pixel + if down { self.width } else { 1 }];
+        let fraction = values[pixel] / (values[pixel] - other);
+        let (dx, dy) = if down { (0.0, fraction) } else { (fraction, 0.0) };
+        [x as f64 + dx, -(y as f64 + dy)]
     }
 
     /// Length of a contour along the edge of the picture.
@@ -146,7 +151,7 @@ impl Field {
         segments.map(|[a, b]| distance(a, b)).sum()
     }
 
-    /// Marks of ink across the edge of the picture: runs of its outermost pixels.
+    /// Number of marks of ink across the edge of the picture: runs of ink in its outermost pixels.
     fn marks_across_edge(&self) -> usize {
         let (right, bottom) = (self.width - 2, self.height - 2);
         let rows = [1, bottom].map(|y| (1..=right).map(|x| (x, y)).collect::<Vec<_>>());
@@ -158,25 +163,27 @@ impl Field {
         sides.sum()
     }
 
-    /// Warnings, also of patches at the edge, specks and lines by their numbers.
+    /// The warnings that apply to a picture from which `n_cut` patches at the edge and `n_specks`
+    /// specks were dropped, and `n_lines` lines are drawn.
     pub(super) fn warnings(
         &self,
         n_cut: usize,
         n_specks: usize,
         n_lines: usize,
     ) -> Vec<Diagnostic> {
-        let is_touched = self.inner_edges() > self.width.max(self.height);
-        let counts = [
-            usize::from(self.is_photo),
-            n_specks,
-            n_cut,
-            usize::from(self.faint > FAINT),
-            Some(self.marks_across_edge()).filter(|n| *n >= RULINGS).unwrap_or(0),
-            usize::from(is_touched),
-            Some(n_lines).filter(|n| *n >= FINE).unwrap_or(0),
+        let n_marks = self.marks_across_edge();
+        // Edges longer than the picture are those of areas that touch, not of lines that cross.
+        let colors_touch = self.inner_edges() > self.width.max(self.height);
+        let counted = [
+            (PHOTO, usize::from(self.is_photo)),
+            (SPECKS, n_specks),
+            (CUT, n_cut),
+            (FAINT_MARKS, usize::from(self.faint > FAINT)),
+            (RULED, if n_marks >= RULINGS { n_marks } else { 0 }),
+            (COLORS_TOUCH, usize::from(colors_touch)),
+            (TOO_FINE, if n_lines >= FINE { n_lines } else { 0 }),
         ];
-        let warnings = WARNINGS.iter().zip(counts).filter(|(_, n)| *n > 0);
-        let warnings = warnings.map(|((code, message), n)| {
+        let warnings = counted.into_iter().filter(|(_, n)| *n > 0).map(|((code, message), n)| {
             Diagnostic::warning(code, message.replace("{n}", &n.to_string()))
         });
         warnings.collect()
@@ -186,21 +193,21 @@ impl Field {
     pub(super) fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
         // Four points of each segment, where they lie in the ink.
         let mut sum = [0.0; 3];
-        let [mut n, mut contrast] = [0.0; 2];
+        let [mut n_pixels, mut contrast] = [0.0; 2];
         for [from, to] in segments(line) {
             for pixel in [0.0, 0.25, 0.5, 0.75].map(|part| self.pixel(between(from, to, part))) {
                 if self.ink[pixel] > EDGE {
                     (0..3).for_each(|i| sum[i] += self.color[pixel][i]);
                     contrast += self.contrast[pixel];
-                    n += 1.0;
+                    n_pixels += 1.0;
                 }
             }
         }
-        let n = f64::max(n, 1.0);
-        saturated(sum.map(|value| value / n), (CHROMA * contrast / n).max(GRAY))
+        let n_pixels = f64::max(n_pixels, 1.0);
+        saturated(sum.map(|value| value / n_pixels), (CHROMA * contrast / n_pixels).max(GRAY))
     }
 
-    /// The pixel at a point, outside the margin.
+    /// The index of the pixel at a point, the nearest one inside the margin of paper.
     #[expect(clippy::cast_possible_truncation, reason = "within the picture")]
     fn pixel(&self, [x, y]: [f64; 2]) -> usize {
         let [row, column] = [(-y, self.height), (x, self.width)]
@@ -209,46 +216,47 @@ impl Field {
     }
 }
 
-/// The hue of a color at full saturation, or black if its chroma is at most `gray`.
-fn saturated(color: [f64; 3], gray: f64) -> [u8; 3] {
+/// The hue of a color at full saturation, or black if its chroma is at most `most_gray`.
+fn saturated(color: [f64; 3], most_gray: f64) -> [u8; 3] {
     let least = color.into_iter().fold(f64::MAX, f64::min);
     let most = color.into_iter().fold(0.0, f64::max);
-    if most - least <= gray {
+    if most - least <= most_gray {
         return [0; 3];
     }
-    // In halves, so that strokes of one pen have one color.
+    // Each channel in halves, so that strokes of one pen have one color.
     color.map(|value| [0, 128, 255][level(2.0 * (value - least) / (most - least) + 0.5).min(2)])
 }
 
-/// Patches without specks that no pen of the drawing leaves, and the number of these.
+/// The patches without specks, which are smaller than the pen of the largest patch, and the number
+/// of specks. `side` is the picture's longer side.
 pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<Contour>>, usize) {
     let ink = |patch: &Vec<Contour>| patch.iter().map(|contour| area(contour)).sum::<f64>();
     let largest = patches.iter().max_by(|a, b| ink(a).total_cmp(&ink(b)));
-    // A speck is smaller than the pen.
     let width = largest.map_or(0.0, |patch| mean_stroke_width(patch));
-    let most = (SPECK[1] * width).min(SPECK[0] * side);
+    let max_side = (SPECK[1] * width).min(SPECK[0] * side);
     let total: f64 = patches.iter().map(ink).sum();
     let (specks, drawn): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
         let [left, bottom, right, top] = bounds(patch[0].iter().copied());
-        (right - left).max(top - bottom) <= most
+        (right - left).max(top - bottom) <= max_side
     });
     let n_specks = specks.len();
-    // A drawing of dots has no specks.
+    // A drawing of dots has no specks: `SPECKLED` is by the other patches' ink.
     if specks.iter().map(ink).sum::<f64>() > SPECKLED / (1.0 + SPECKLED) * total {
         return (drawn.into_iter().chain(specks).collect(), 0);
     }
     (drawn, n_specks)
 }
 
-/// Patches of ink, each a contour with its holes, of at least an area.
-fn nested(contours: Vec<Contour>, least: f64) -> Vec<Vec<Contour>> {
+/// Patches of ink, each a contour with its holes, from contours of at least an area.
+fn nested(contours: Vec<Contour>, least_area: f64) -> Vec<Vec<Contour>> {
     let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
         .into_iter()
-        .filter(|contour| area(contour).abs() >= least)
+        .filter(|contour| area(contour).abs() >= least_area)
         .partition(|contour| area(contour) > 0.0);
     let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
-    // The smallest patch that holds a point of a hole has the hole.
+    // A hole belongs to the smallest patch that holds one of its points.
     patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
+    // The picture's size bounds the work: this budget is never spent.
     let budget = Budget::new("", "");
     let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
     for hole in holes {

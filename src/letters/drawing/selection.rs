@@ -15,16 +15,18 @@ const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0]
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];
 
-/// The strokes that the options choose, with their numbers.
+/// The strokes that the options `ink` and `without` choose, with their numbers. Fails if they leave
+/// none, or name what the drawing does not have.
 pub(super) fn chosen<T>(
     strokes: Vec<T>,
     color: impl Fn(&T) -> Option<[u8; 3]>,
     options: &LetterOptions,
     file: &str,
 ) -> Result<Numbered<T>> {
-    let colors: Vec<Option<&str>> = strokes.iter().map(|it| color(it).map(name)).collect();
+    let colors: Vec<Option<&str>> = strokes.iter().map(|stroke| color(stroke).map(name)).collect();
     let wanted = named("ink", &options.ink, &colors)?;
     let unwanted = named("without", &options.without, &colors)?;
+    // An empty list of wanted strokes chooses all.
     let is_all = !wanted.contains(&true);
     let is_empty = strokes.is_empty();
     let mut kept: Numbered<T> = (1..).zip(strokes).collect();
@@ -37,7 +39,7 @@ pub(super) fn chosen<T>(
     Ok(kept)
 }
 
-/// All strokes, y up, as they lie in their file.
+/// All strokes with the names of their colors. `in_file` maps points with y down to the file.
 pub(super) fn in_source<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
@@ -48,28 +50,34 @@ pub(super) fn in_source<'a>(
     }))
 }
 
-/// The strokes that a list such as `2,5-7,red` names. Every part of it has to be in the drawing.
+/// True for each stroke that a list such as `2,5-7,red` names. Fails for a part of the list that is
+/// not in the drawing. `key` is the setting with the list.
 fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
-    let n = colors.len();
-    let mut named = vec![false; n];
+    let n_strokes = colors.len();
+    let mut named = vec![false; n_strokes];
     for text in list.split(',').map(str::trim).filter(|text| !text.is_empty()) {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let range = first.trim().parse().ok().zip(last.trim().parse().ok());
         let color = text.parse::<svgtypes::Color>().ok();
         let color = color.map(|color| name([color.red, color.green, color.blue]));
-        let part = Vec::from_iter((0..n).filter(|index| match range {
-            Some((first, last)) => first >= 1 && last <= n && (first..=last).contains(&(index + 1)),
+        let matches = Vec::from_iter((0..n_strokes).filter(|index| match range {
+            Some((first, last)) => {
+                first >= 1 && last <= n_strokes && (first..=last).contains(&(index + 1))
+            }
             None => color.is_some() && colors[*index] == color,
         }));
-        if part.is_empty() {
-            let mut known: Vec<&str> = colors.iter().copied().flatten().collect();
-            known.sort_unstable();
-            known.dedup();
-            let wanted = format!("numbers from 1 to {n}, or of the colors {}", known.join(", "));
+        if matches.is_empty() {
+            let mut color_names: Vec<&str> = colors.iter().copied().flatten().collect();
+            color_names.sort_unstable();
+            color_names.dedup();
+            let wanted = format!(
+                "numbers from 1 to {n_strokes}, or of the colors {}",
+                color_names.join(", ")
+            );
             let hint = "the drawing of the plan (*.svg) shows the strokes' numbers";
             return Err(Error::input(format!("letters.{key}"), format!("{text:?}"), wanted, hint));
         }
-        part.into_iter().for_each(|index| named[index] = true);
+        matches.into_iter().for_each(|index| named[index] = true);
     }
     Ok(named)
 }

@@ -9,7 +9,8 @@ use noctograph_core::geometry::distance;
 /// Four corners in a picture's pixels, clockwise from the upper left.
 pub(super) type Corners = [[f64; 2]; 4];
 
-/// True if four corners follow each other clockwise and none lies between its neighbors.
+/// True if four corners follow each other clockwise around a convex quadrilateral whose corners are
+/// no straighter than a pixel of area.
 pub(super) fn is_convex(corners: &Corners) -> bool {
     (0..4).all(|k| {
         let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 4]);
@@ -17,8 +18,8 @@ pub(super) fn is_convex(corners: &Corners) -> bool {
     })
 }
 
-/// The picture of a sheet seen square on, as large as the longer ones of its opposite sides: its
-/// aspect ratio is approximate.
+/// The picture of a sheet rectified, each side as long as the longer of the two opposite ones in
+/// the picture: its aspect ratio is approximate.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
 pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     let sides = [0, 1, 2, 3].map(|k| distance(corners[k], corners[(k + 1) % 4]));
@@ -55,6 +56,7 @@ impl Map {
         Self(of_unit.map(|[u, v, w]| [u / f64::from(width), v / f64::from(height), w]))
     }
 
+    /// The image of a point.
     pub(super) fn apply(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y, w] = self.0.map(|row| row[0] * u + row[1] * v + row[2]);
         [x / w, y / w]

@@ -28,8 +28,11 @@ const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 /// Work of an element with all repetitions: elements, bytes of attributes, vertices of paths,
 /// coordinates of curves added up, and steps of matching style rules.
 type Work = [f64; 5];
+const ELEMENTS: usize = 0;
+const VERTICES: usize = 2;
 
-/// Checks that the elements of a document cost bounded work. The error is the cause.
+/// Checks that the elements of a document cost bounded work, and takes the matching of styles off
+/// the budget. The error is the cause.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
     styles: &Styles<'a, 'input>,
@@ -38,13 +41,13 @@ pub(super) fn check<'a, 'input>(
     // Percentages are of the lengths of a page.
     let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
     let lengths =
-        pages.flat_map(|node| ["viewBox", "width", "height"].map(|it| node.attribute(it)));
+        pages.flat_map(|node| ["viewBox", "width", "height"].map(|name| node.attribute(name)));
     let page = lengths.flatten().flat_map(magnitudes).fold(100.0, f64::max);
     let mut counting = Counting { styles, page, known: HashMap::new(), marker: [0.0; 5] };
     let (work, _) = counting.count(root, 0)?;
     // Each vertex may have the largest marker, and a path's ends one more each.
-    let has_marker = counting.marker[0] > 0.0;
-    let n_markers = if has_marker { work[2] + 2.0 * work[0] } else { 0.0 };
+    let has_marker = counting.marker[ELEMENTS] > 0.0;
+    let n_markers = if has_marker { work[VERTICES] + 2.0 * work[ELEMENTS] } else { 0.0 };
     let [elements, bytes, _, curves, steps] =
         std::array::from_fn(|kind| work[kind] + n_markers * counting.marker[kind]);
     let what = if has_marker { "markers" } else { "<use>, clips and masks" };
@@ -66,6 +69,7 @@ pub(super) fn check<'a, 'input>(
     Ok(())
 }
 
+/// Counts the work of elements.
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,
@@ -76,7 +80,7 @@ struct Counting<'a, 'b, 'input> {
 }
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
-    /// Work of an element at a depth, and how many elements it has within each other.
+    /// The work of an element at a depth, and its levels of nested elements. Fails with the cause.
     fn count(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<(Work, usize), String> {
         let too_deep = format!("more than {MAX_DEPTH} elements within each other");
         match self.known.get(&node) {
@@ -86,32 +90,18 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
             None => {}
         }
         self.known.insert(node, None);
-        // The element itself. A command of a path takes two bytes at least.
-        let declared = self.styles.declared(node);
-        let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
-        let paths = ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
-        let n_vertices = 10 + (paths[0] + paths[1]) / 2;
-        let steps = self.styles.steps(node) as f64;
-        let mut work = [1.0, n_bytes as f64, n_vertices as f64, self.curves(node)?, steps];
-        // What it holds, and what it refers to, as usvg would repeat it.
-        let tag = node.tag_name().name();
-        let mut parts: Vec<Node<'a, 'input>> = Vec::new();
-        if !has(FOREIGN, tag) && !has(EMPTIED, tag) {
-            parts.extend(node.children().filter(Node::is_element));
-            let linked =
-                declared.iter().filter_map(|(name, value, _)| self.linked(tag, name, value));
-            parts.extend(linked);
-        }
+        // The element, and the parts that usvg would repeat with it.
+        let mut work = self.single(node)?;
         let mut n_levels = 1;
-        for part in parts {
-            let (of_part, levels) = self.count(part, depth + 1)?;
-            (0..work.len()).for_each(|kind| work[kind] += of_part[kind]);
+        for part in self.parts(node) {
+            let (part_work, levels) = self.count(part, depth + 1)?;
+            (0..work.len()).for_each(|kind| work[kind] += part_work[kind]);
             n_levels = n_levels.max(levels + 1);
         }
         if n_levels > MAX_DEPTH {
             return Err(too_deep);
         }
-        if tag == "marker" {
+        if node.tag_name().name() == "marker" {
             if node.descendants().any(|node| node.tag_name().name() == "use") {
                 return Err("a marker with <use>".into());
             }
@@ -121,7 +111,29 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         Ok((work, n_levels))
     }
 
-    /// An element that a declaration of another repeats.
+    /// The work of an element without its parts. The error is the cause.
+    fn single(&self, node: Node<'a, 'input>) -> Result<Work, String> {
+        let declared = self.styles.declared(node);
+        let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
+        // Basic shapes have up to ten vertices. A command of a path takes two bytes at least.
+        let paths = ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
+        let n_vertices = 10 + (paths[0] + paths[1]) / 2;
+        let steps = self.styles.steps(node) as f64;
+        Ok([1.0, n_bytes as f64, n_vertices as f64, self.curves(node)?, steps])
+    }
+
+    /// The elements within an element, and those that it refers to, if its content is drawn.
+    fn parts(&self, node: Node<'a, 'input>) -> Vec<Node<'a, 'input>> {
+        let tag = node.tag_name().name();
+        if has(FOREIGN, tag) || has(EMPTIED, tag) {
+            return Vec::new();
+        }
+        let declared = self.styles.declared(node).iter();
+        let linked = declared.filter_map(|(name, value, _)| self.linked(tag, name, value));
+        node.children().filter(Node::is_element).chain(linked).collect()
+    }
+
+    /// The element that a declaration of another makes usvg repeat. `None` if it refers to none.
     fn linked(&self, tag: &str, name: &str, value: &str) -> Option<Node<'a, 'input>> {
         let is_paint = matches!(name, "fill" | "stroke");
         if !is_paint && !matches!(name, "clip-path" | "mask") && (name != "href" || tag == "a") {
@@ -131,7 +143,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         (!is_paint || target.tag_name().name().ends_with("Gradient")).then_some(target)
     }
 
-    /// The coordinates of an element's curves, added up without their signs.
+    /// The sum of the absolute coordinates of an element's curves. Fails for lengths in em or ex.
     fn curves(&self, node: Node<'_, '_>) -> Result<f64, String> {
         let names: &[&str] = match node.tag_name().name() {
             "path" => &["d"],
@@ -153,21 +165,22 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
     }
 }
 
-/// The numbers of an attribute, without their signs.
+/// The absolute values of the numbers in an attribute.
 fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
     fn digits(text: &str) -> usize {
         text.bytes().take_while(u8::is_ascii_digit).count()
     }
     std::iter::from_fn(move || {
         text = &text[text.find(|c: char| c.is_ascii_digit() || c == '.')?..];
+        // Digits, a fraction and an exponent. A sign before them is skipped.
         let mut end = digits(text);
         if text[end..].starts_with('.') {
             end += 1 + digits(&text[end + 1..]);
         }
         if let Some(exponent) = text[end..].strip_prefix(['e', 'E']) {
             let sign = usize::from(exponent.starts_with(['+', '-']));
-            let n = digits(&exponent[sign..]);
-            end += if n > 0 { 1 + sign + n } else { 0 };
+            let n_digits = digits(&exponent[sign..]);
+            end += if n_digits > 0 { 1 + sign + n_digits } else { 0 };
         }
         let number = text[..end].parse().unwrap_or(0.0);
         text = &text[end..];

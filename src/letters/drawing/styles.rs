@@ -14,8 +14,12 @@ use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
 use noctograph_core::place::{Place, Segment};
 
-/// Steps of comparing two names, of expanding an entity, and of matching a rule with an element.
-const STEPS: [usize; 3] = [4, 200, 50];
+/// Budget steps of comparing two names, of expanding an entity, and of matching a rule with an
+/// element, with the most steps that a match may take.
+const STEPS_PER_NAME: usize = 4;
+const STEPS_PER_ENTITY: usize = 200;
+const STEPS_PER_MATCH: usize = 50;
+const MAX_MATCH_STEPS: usize = 2_000_000_000;
 
 /// Most entities that the parser expands for one reference, and most bytes of all of them.
 const MOST_WITHIN: usize = 256;
@@ -37,6 +41,7 @@ const HELP: &str = "convert it to plain paths in the editor of the drawing";
 pub(super) struct Named(BTreeMap<(String, &'static str), (usize, usize)>);
 
 impl Named {
+    /// Counts an element with a feature, under the name and the treatment of that.
     pub(super) fn add(&mut self, what: impl Into<String>, how: &'static str, node: Node<'_, '_>) {
         // Keep the list short for a file with many odd names.
         let mut key = (what.into().chars().take(80).collect(), how);
@@ -81,13 +86,14 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         if bytes > MAX_ENTITY_BYTES.max(xml.len()) {
             return Err(format!("entities that become up to {} MiB", bytes >> 20));
         }
-        budget.spend_steps(references.saturating_mul(STEPS[1] + STEPS[0] * n_entities));
+        budget
+            .spend_steps(references.saturating_mul(STEPS_PER_ENTITY + STEPS_PER_NAME * n_entities));
     }
     // Attributes of a tag with each other, and prefixes with the namespaces around.
     let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
-        budget.spend_steps(STEPS[0] * n_attributes.saturating_mul(n_attributes));
+        budget.spend_steps(STEPS_PER_NAME * n_attributes.saturating_mul(n_attributes));
         n_names += n_attributes + 1;
         for declaration in tag.split("xmlns").skip(1) {
             prefixes.insert(declaration.split('=').next());
@@ -95,7 +101,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         }
     }
     let n = prefixes.len();
-    budget.spend_steps(STEPS[0] * n.saturating_mul(n_names + n_declared * n));
+    budget.spend_steps(STEPS_PER_NAME * n.saturating_mul(n_names + n_declared * n));
     Ok(())
 }
 
@@ -111,6 +117,8 @@ pub(super) struct Styles<'a, 'input> {
 }
 
 impl<'a, 'input> Styles<'a, 'input> {
+    /// Reads the style sheets and the declarations of all elements, and names unsupported parts.
+    /// Fails once the budget is spent.
     pub(super) fn new(
         document: &'a Document<'input>,
         budget: &Budget,
@@ -131,49 +139,30 @@ impl<'a, 'input> Styles<'a, 'input> {
             sheet.parse_more(text);
             sheets += text;
         }
-        // Attributes first, then rules and the style by importance: the last of a name is in force.
-        let (mut all, mut ids) = (HashMap::new(), HashMap::new());
+        let (mut all_declared, mut ids) = (HashMap::new(), HashMap::new());
         for node in elements {
             if let Some(id) = node.attribute("id") {
                 ids.entry(id).or_insert(node);
             }
-            let attributes = node.attributes().filter(|attribute| {
-                matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
-            });
-            let attributes = attributes.filter(|it| !matches!(it.name(), "style" | "class"));
-            let mut declared: Declared<'a> =
-                attributes.map(|it| (it.name(), it.value(), false)).collect();
-            let steps = Cell::new(10 * sheet.rules.len());
-            let element = Matched(node, &steps);
-            let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
-            let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
-            let style = node.attribute("style").unwrap_or("");
-            budget.steps(values(style))?;
-            let mut of_css: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
-            if breaks_off(style) {
-                named.add("a style that breaks off", "not followed", node);
-            }
-            of_css.sort_by_key(|declaration| declaration.important);
-            declared.extend(of_css.iter().map(|it| (it.name, it.value, true)));
-            budget.steps(steps.get())?;
-            budget.bytes(DECLARATION * declared.len())?;
-            all.insert(node.id(), (declared, steps.get()));
+            all_declared.insert(node.id(), declarations(node, &sheet, budget, named)?);
         }
-        Ok(Self { declared: all, ids, sheets })
+        Ok(Self { declared: all_declared, ids, sheets })
     }
 
+    /// The declarations of an element.
     pub(super) fn declared(&self, node: Node<'_, '_>) -> &[(&'a str, &'a str, bool)] {
         self.declared.get(&node.id()).map_or(&[], |(declared, _)| declared)
     }
 
-    /// The steps that matching the rules with an element took.
+    /// The number of steps that matching the rules with an element took.
     pub(super) fn steps(&self, node: Node<'_, '_>) -> usize {
         self.declared.get(&node.id()).map_or(0, |(_, steps)| *steps)
     }
 
+    /// The value in force of an element's property or attribute, if it is declared.
     pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
         let declared = self.declared(node).iter().rev();
-        declared.filter(|it| it.0 == name).map(|it| it.1.trim()).next()
+        declared.filter(|entry| entry.0 == name).map(|entry| entry.1.trim()).next()
     }
 
     /// True if an element is the first of its id, or has none.
@@ -192,13 +181,46 @@ impl<'a, 'input> Styles<'a, 'input> {
         })
     }
 
-    /// The element that `#name` or `url(#name)` refers to.
+    /// The element that `#name` or `url(#name)` refers to. `None` if there is none.
     pub(super) fn target(&self, link: &str) -> Option<Node<'a, 'input>> {
         let link = link.trim();
         let link =
             link.strip_prefix("url(").map_or(link, |url| url.split(')').next().unwrap_or(""));
         self.ids.get(link.trim().trim_matches(['"', '\'']).strip_prefix('#')?).copied()
     }
+}
+
+/// The declarations of an element, and the steps of matching the rules of a style sheet with it.
+/// Fails once the budget is spent.
+fn declarations<'a>(
+    node: Node<'a, '_>,
+    sheet: &simplecss::StyleSheet<'a>,
+    budget: &Budget,
+    named: &mut Named,
+) -> Result<(Declared<'a>, usize)> {
+    // Attributes first, then rules and the style by importance: the last of a name is in force.
+    let attributes = node.attributes().filter(|attribute| {
+        matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
+            && !matches!(attribute.name(), "style" | "class")
+    });
+    let mut declared: Declared<'a> =
+        attributes.map(|attribute| (attribute.name(), attribute.value(), false)).collect();
+    // Ten steps a rule, besides those that matching takes.
+    let n_steps = Cell::new(10 * sheet.rules.len());
+    let element = Matched { node, n_steps: &n_steps };
+    let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
+    let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
+    let style = node.attribute("style").unwrap_or("");
+    budget.steps(tokenizing_steps(style))?;
+    let mut css: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
+    if breaks_off(style) {
+        named.add("a style that breaks off", "not followed", node);
+    }
+    css.sort_by_key(|declaration| declaration.important);
+    declared.extend(css.iter().map(|rule| (rule.name, rule.value, true)));
+    budget.steps(n_steps.get())?;
+    budget.bytes(DECLARATION * declared.len())?;
+    Ok((declared, n_steps.get()))
 }
 
 /// True if quotation marks of a style sheet may be escaped. usvg does not get such a sheet.
@@ -208,16 +230,16 @@ pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
 
 /// Steps to tokenize declarations: simplecss ends each value and each broken block by an error that
 /// counts lines and columns from the start of the text.
-fn values(css: &str) -> usize {
+fn tokenizing_steps(css: &str) -> usize {
     css.matches([':', '{']).count().saturating_mul(2 * css.len())
 }
 
 /// Names the unsupported parts of a style sheet, and takes its work and memory off a budget: each
 /// selector of a list has the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
-    budget.steps(values(sheet))?;
+    budget.steps(tokenizing_steps(sheet))?;
     // The head of a block has its selectors, and rules beginning with @ before them.
-    for block in bare(sheet).split('}') {
+    for block in without_strings(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
         for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {
             if let Some(rule) = part.strip_prefix('@') {
@@ -241,8 +263,8 @@ fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Nam
     Ok(())
 }
 
-/// A style sheet without comments and quoted texts.
-fn bare(sheet: &str) -> String {
+/// The text of a style sheet without comments and quoted strings.
+fn without_strings(sheet: &str) -> String {
     let (mut kept, mut rest) = (String::new(), sheet);
     while let Some(start) = rest.find(['"', '\'', '/']) {
         let (before, after) = rest.split_at(start);
@@ -257,44 +279,49 @@ fn bare(sheet: &str) -> String {
     kept + rest
 }
 
-/// True if the parser of declarations gives up before the last.
+/// True if the parser of declarations stops before the last one.
 fn breaks_off(declarations: &str) -> bool {
-    let n = declarations.split(';').filter(|part| !part.trim().is_empty()).count();
-    DeclarationTokenizer::from(declarations).count() < n && !declarations.contains("url(")
+    let n_written = declarations.split(';').filter(|part| !part.trim().is_empty()).count();
+    DeclarationTokenizer::from(declarations).count() < n_written && !declarations.contains("url(")
 }
 
-/// An element for simplecss, and the steps of its queries.
-struct Matched<'a, 'input, 's>(Node<'a, 'input>, &'s Cell<usize>);
+/// An element for simplecss, and the number of steps of its queries.
+struct Matched<'a, 'input, 's> {
+    node: Node<'a, 'input>,
+    n_steps: &'s Cell<usize>,
+}
 
 impl<'a, 'input> Matched<'a, 'input, '_> {
+    /// A related element, counted as one match. `None` if there is none, or after too many steps.
     fn related(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
-        self.1.set(self.1.get() + STEPS[2]);
-        node.filter(|_| self.1.get() < 2_000_000_000).map(|node| Self(node, self.1))
+        let n_steps = self.n_steps;
+        n_steps.set(n_steps.get() + STEPS_PER_MATCH);
+        node.filter(|_| n_steps.get() < MAX_MATCH_STEPS).map(|node| Self { node, n_steps })
     }
 }
 
 impl Element for Matched<'_, '_, '_> {
     fn parent_element(&self) -> Option<Self> {
-        self.related(self.0.parent_element())
+        self.related(self.node.parent_element())
     }
 
     fn prev_sibling_element(&self) -> Option<Self> {
-        self.related(self.0.prev_sibling_element())
+        self.related(self.node.prev_sibling_element())
     }
 
     fn has_local_name(&self, name: &str) -> bool {
-        self.0.tag_name().name() == name
+        self.node.tag_name().name() == name
     }
 
     fn attribute_matches(&self, name: &str, operator: AttributeOperator<'_>) -> bool {
-        let value = self.0.attribute(name);
-        let steps = self.0.attributes().len() + value.map_or(0, str::len) / 8;
-        self.1.set(self.1.get() + steps);
+        let value = self.node.attribute(name);
+        let steps = self.node.attributes().len() + value.map_or(0, str::len) / 8;
+        self.n_steps.set(self.n_steps.get() + steps);
         value.is_some_and(|value| operator.matches(value))
     }
 
     fn pseudo_class_matches(&self, class: PseudoClass<'_>) -> bool {
-        matches!(class, PseudoClass::FirstChild) && self.0.prev_sibling_element().is_none()
+        matches!(class, PseudoClass::FirstChild) && self.node.prev_sibling_element().is_none()
     }
 }
 

@@ -58,19 +58,13 @@ enum Item {
     Part(Vec<[f64; 2]>, Color),
 }
 
-/// Reads a file.
+/// Reads the drawing in a file, with warnings. Fails if it is broken, too large, a text, or has no
+/// extent.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let text = in_words_of_usvg(decoded(bytes).map_err(|cause| refused(file, cause))?);
     let budget = Budget::new(file, LIMIT.hint);
-    // The parser compares names with each other: count its work before it begins.
-    check_text(&text, &budget).map_err(|cause| refused(file, cause))?;
-    budget.check()?;
-    let limits =
-        roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
-    let document = roxmltree::Document::parse_with_options(&text, limits);
-    let document = document.map_err(|broken| refused(file, broken.to_string()))?;
+    let document = parse_document(&text, &budget, file)?;
     let root = document.root_element();
-    check_root(root).map_err(|cause| refused(file, cause))?;
     let mut named = Named::default();
     for node in document.root().children() {
         if node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
@@ -85,7 +79,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let mut notes = Notes { styles: &styles, named: &mut named, signs: vec![], edits: vec![] };
     notes.element(root).map_err(too_large)?;
     let (signs, edited) = (std::mem::take(&mut notes.signs), notes.edited(&text));
-    let tree = parsed(&edited).map_err(|cause| refused(file, cause))?;
+    let tree = parse_tree(&edited).map_err(|cause| refused(file, cause))?;
     let size = [tree.size().width(), tree.size().height()].map(f64::from);
     let scale = Scale { size: size[0].max(size[1]), budget: &budget };
     // From the tree to areas and strokes from back to front.
@@ -96,23 +90,43 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     // Of each, the parts that are seen.
     let page = Page::new(&painted, &walk.cuts, size, scale);
     let (items, n_alike) = visible(&painted, &page, scale, file)?;
-    let drawing = Drawing { items: seen_once(items, scale) };
+    let drawing = Drawing { items: uncovered(items, scale) };
     budget.check()?;
     let mut warnings = named.warnings(&document, &file_name(file));
-    if n_alike > 0 {
-        let lines = if n_alike == 1 { "line has" } else { "lines have" };
-        let message = format!(
-            "{n_alike} {lines} the color of what is beneath, and are not drawn there: \
-             fill=\"none\" keeps a shape from being filled"
-        );
-        warnings.push(Diagnostic::warning("drawing-alike", message));
-    }
+    warnings.extend((n_alike > 0).then(|| alike_warning(n_alike)));
     let [left, bottom, right, top] = drawing.bounds();
+    // A drawing of a single point of light has the extent of the line that stands for it.
     if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * scale.size {
         let empty = refused(file, "a drawing without extent".into());
         return Err(super::with_reasons(empty, &warnings));
     }
     Ok(Warned { product: drawing, warnings })
+}
+
+/// Parses the XML of a drawing, after its work is taken off the budget.
+fn parse_document<'text>(
+    text: &'text str,
+    budget: &Budget,
+    file: &str,
+) -> Result<roxmltree::Document<'text>> {
+    check_text(text, budget).map_err(|cause| refused(file, cause))?;
+    budget.check()?;
+    let limits =
+        roxmltree::ParsingOptions { allow_dtd: true, nodes_limit: MAX_NODES, ..Default::default() };
+    let document = roxmltree::Document::parse_with_options(text, limits);
+    let document = document.map_err(|broken| refused(file, broken.to_string()))?;
+    check_root(document.root_element()).map_err(|cause| refused(file, cause))?;
+    Ok(document)
+}
+
+/// The warning of lines in the color of what is beneath.
+fn alike_warning(n_alike: usize) -> Diagnostic {
+    let lines = if n_alike == 1 { "line has" } else { "lines have" };
+    let message = format!(
+        "{n_alike} {lines} the color of what is beneath, and are not drawn there: \
+         fill=\"none\" keeps a shape from being filled"
+    );
+    Diagnostic::warning("drawing-alike", message)
 }
 
 /// True if the page of a root cuts off what lies beyond its edge.
@@ -122,7 +136,7 @@ fn has_edge(root: roxmltree::Node<'_, '_>, styles: &Styles<'_, '_>) -> bool {
     (root.has_attribute("viewBox") || has_size) && styles.value(root, "overflow") != Some("visible")
 }
 
-/// Names the foreign elements that are seen. Text is refused.
+/// Names the foreign elements that are seen. Fails if one of them is a text.
 fn name_signs<'a, 'input: 'a>(
     seen: impl Iterator<Item = roxmltree::Node<'a, 'input>>,
     document: &roxmltree::Document<'_>,
@@ -142,7 +156,7 @@ fn name_signs<'a, 'input: 'a>(
     Ok(())
 }
 
-/// A part of a drawing with its element and half the width of its stroke, if that is opaque.
+/// The index of an element, half the width of its stroke if that is opaque, and a part of it.
 type Reaching = (usize, f64, Item);
 
 /// The parts of elements that are seen, from back to front, and the number of elements that do not
@@ -154,26 +168,25 @@ fn visible(
     file: &str,
 ) -> Result<(Vec<Reaching>, usize)> {
     scale.budget.check()?;
-    let (mut items, mut left, mut n_alike) = (Vec::new(), MAX_POINTS as f64, 0);
+    let (mut items, mut n_points_left, mut n_alike) = (Vec::new(), MAX_POINTS as f64, 0);
     for (index, item) in painted.iter().enumerate() {
         if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
-        // What is drawn of a stroke is its line with its dashes, and points where they have no
-        // length.
+        // A stroke is drawn as its line with its dashes. Dashes of no length become points.
         let (mut line, mut reach) = (item.path.clone(), 0.0);
         if let Some((_, alpha, style)) = &item.stroke {
-            let (dashes, shortest) = dashed(line, style, item.placed, &mut left, file)?;
+            let (dashes, shortest) = dashed(line, style, item.placed, &mut n_points_left, file)?;
             line = with_points(&dashes, shortest, style.start_cap, scale.size);
             if *alpha >= OPAQUE {
                 reach = 0.5 * style.width * item.placed.determinant().abs().sqrt();
             }
         }
-        let (shown, is_alike) = page.visible(index, item, &line);
+        let (visible_part, is_alike) = page.visible(index, item, &line);
         scale.budget.check()?;
         n_alike += usize::from(is_alike);
         // The part that clips, masks and later elements leave.
-        let parts = match shown {
+        let parts = match visible_part {
             Visible::Stroke(color) => vec![Item::Whole(line, color)],
             Visible::Outline(color) => vec![Item::Whole(item.closed(), color)],
             Visible::Parts(parts) => {
@@ -186,11 +199,12 @@ fn visible(
 }
 
 /// The parts of items that no stroke in front of them covers.
-fn seen_once(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
+fn uncovered(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
     let [left, bottom, right, top] = bounds_of(items.iter().map(|(.., item)| item));
     let mut front = Front::new((right - left).max(top - bottom), budget);
-    let mut seen = Vec::new();
+    let mut visible_items = Vec::new();
     while let Some((element, reach, item)) = items.pop() {
+        // From the front to the back, each item is compared with those before.
         let (lines, color) = match &item {
             Item::Whole(path, color) => {
                 (polylines(path, FLATNESS * size, MAX_POINTS).map(crate::vector::pairs), *color)
@@ -198,16 +212,18 @@ fn seen_once(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec
             Item::Part(line, color) => (Some(vec![line.clone()]), *color),
         };
         match lines.and_then(|lines| front.uncovered(&lines, color, element, reach)) {
-            None => seen.push(item),
+            None => visible_items.push(item),
             Some(parts) => {
-                seen.extend(parts.into_iter().rev().map(|(line, color)| Item::Part(line, color)));
+                visible_items
+                    .extend(parts.into_iter().rev().map(|(line, color)| Item::Part(line, color)));
             }
         }
     }
-    seen.reverse();
-    seen
+    visible_items.reverse();
+    visible_items
 }
 
+/// The error of a file that is not a drawing, with the cause.
 fn refused(file: &str, cause: String) -> Error {
     let hint = "open the file in an SVG editor, and save it as plain SVG";
     Error::input(file, cause, "an SVG drawing", hint)
@@ -226,7 +242,7 @@ fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> 
 }
 
 /// The tree of an edited file. The error is the cause.
-fn parsed(edited: &str) -> std::result::Result<Tree, String> {
+fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
     // Pictures are not drawn: do not open them.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
@@ -246,21 +262,21 @@ impl Drawing {
         bounds_of(self.items.iter())
     }
 
-    /// Polylines within a tolerance of the curves, with their colors.
+    /// Polylines within a tolerance of the curves, with their colors. Fails for too many points.
     pub(super) fn flatten(&self, tolerance: f64, file: &str) -> Result<Vec<ColoredLine>> {
         let mut lines = Vec::new();
-        let mut left = MAX_POINTS;
+        let mut n_points_left = MAX_POINTS;
         for item in &self.items {
-            let (some, color) = match item {
+            let (item_lines, color) = match item {
                 Item::Whole(path, color) => {
-                    let lines = polylines(path, tolerance, left);
+                    let lines = polylines(path, tolerance, n_points_left);
                     (lines.map(|lines| on_grid(lines, path, tolerance)), color)
                 }
                 Item::Part(line, color) => (Some(vec![simplified(line, tolerance)]), color),
             };
-            let some = some.ok_or_else(|| too_many(file))?;
-            left = left.saturating_sub(some.iter().map(Vec::len).sum());
-            lines.extend(some.into_iter().map(|line| (line, *color)));
+            let item_lines = item_lines.ok_or_else(|| too_many(file))?;
+            n_points_left = n_points_left.saturating_sub(item_lines.iter().map(Vec::len).sum());
+            lines.extend(item_lines.into_iter().map(|line| (line, *color)));
         }
         Ok(lines)
     }
@@ -350,6 +366,7 @@ impl<'a> Walk<'a> {
         painted
     }
 
+    /// Adds a cut to the list of all, and its index to `cuts`.
     fn cut(&mut self, cut: Cut<'a>, cuts: &mut Vec<usize>) {
         cuts.push(self.cuts.len());
         self.cuts.push(cut);
@@ -369,32 +386,19 @@ impl<'a> Walk<'a> {
         if alpha <= 0.0 {
             return;
         }
-        let scale = self.scale;
         // Its clips and masks, and those of these, cut everything in it.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
             let mut parts = Vec::new();
             self.group(clip.root(), placed * affine(clip.transform()), &[], 1.0, &mut parts);
-            let layers = parts.iter().filter_map(|part| part.fill_layer(0, scale));
-            self.cut(Cut::Clip(layers.collect()), &mut cuts);
+            let layers = parts.iter().filter_map(|part| part.fill_layer(0, self.scale));
+            let clip = Cut::Clip(layers.collect());
+            self.cut(clip, &mut cuts);
         }
         for mask in std::iter::successors(group.mask(), |mask| mask.mask()) {
-            let mut parts = Vec::new();
-            let outside = std::mem::replace(&mut self.in_mask, true);
-            self.group(mask.root(), placed, &[], 1.0, &mut parts);
-            self.in_mask = outside;
-            // Strokes are light in a mask, too. A clip has fills only.
-            let layers = parts
-                .iter()
-                .flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
-            let rect = mask.rect();
-            let [x0, y0, x1, y1] =
-                [rect.left(), rect.top(), rect.right(), rect.bottom()].map(f64::from);
-            let edge = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
-            let edge = scale.area(&(Affine::FLIP_Y * placed * edge), false);
-            let by_alpha = mask.kind() == usvg::MaskType::Alpha;
-            self.cut(Cut::Mask(layers.flatten().collect(), by_alpha, edge), &mut cuts);
+            let mask = self.mask(mask, placed);
+            self.cut(mask, &mut cuts);
         }
         for node in group.children() {
             match node {
@@ -407,6 +411,27 @@ impl<'a> Walk<'a> {
         }
     }
 
+    /// A mask of a group with a transform. Unlike in a clip, strokes count in it, too.
+    fn mask(&mut self, mask: &usvg::Mask, placed: Affine) -> Cut<'a> {
+        let scale = self.scale;
+        let mut parts = Vec::new();
+        let was_in_mask = std::mem::replace(&mut self.in_mask, true);
+        self.group(mask.root(), placed, &[], 1.0, &mut parts);
+        self.in_mask = was_in_mask;
+        let layers =
+            parts.iter().flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
+        let layers = layers.flatten().collect();
+        let rect = mask.rect();
+        let [x0, y0, x1, y1] =
+            [rect.left(), rect.top(), rect.right(), rect.bottom()].map(f64::from);
+        // A rectangle has no curves, so that the tolerance does not count.
+        let edge = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
+        let edge = scale.area(&(Affine::FLIP_Y * placed * edge), false);
+        Cut::Mask(layers, mask.kind() == usvg::MaskType::Alpha, edge)
+    }
+
+    /// A visible path of the tree as a painted element. `None` for a path without visible paint,
+    /// and for a sign, which is noted.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
     fn path(
         &mut self,
@@ -416,6 +441,7 @@ impl<'a> Walk<'a> {
         alpha: f64,
     ) -> Option<Painted> {
         let first = path.data().points().first().copied().unwrap_or_default();
+        // A sign stands for an element whose index is its y.
         if first.x == SIGN_X {
             self.signs_seen.insert(first.y as usize);
             return None;
@@ -430,7 +456,8 @@ impl<'a> Walk<'a> {
             let (color, opacity) = self.paint(stroke.paint());
             (color, alpha * opacity * f64::from(stroke.opacity().get()), style(stroke))
         });
-        let (fill, stroke) = (fill.filter(|it| it.1 > 0.0), stroke.filter(|it| it.1 > 0.0));
+        let (fill, stroke) =
+            (fill.filter(|fill| fill.1 > 0.0), stroke.filter(|stroke| stroke.1 > 0.0));
         let (path, cuts) = (convert(path.data(), placed), cuts.to_vec());
         let is_painted = fill.is_some() || stroke.is_some();
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
@@ -463,16 +490,17 @@ impl<'a> Walk<'a> {
     }
 }
 
+/// Red, green and blue of a color of usvg.
 fn rgb(color: usvg::Color) -> Color {
     [color.red, color.green, color.blue]
 }
 
-/// A transform in full precision.
+/// A transform in the type of kurbo, in full precision.
 fn affine(t: usvg::Transform) -> Affine {
     Affine::new([t.sx, t.ky, t.kx, t.sy, t.tx, t.ty].map(f64::from))
 }
 
-/// A stroke as kurbo has it.
+/// The width, caps and dashes of a stroke, in the type of kurbo.
 fn style(stroke: &usvg::Stroke) -> kurbo::Stroke {
     let cap = match stroke.linecap() {
         usvg::LineCap::Butt => kurbo::Cap::Butt,
@@ -487,7 +515,7 @@ fn style(stroke: &usvg::Stroke) -> kurbo::Stroke {
     style
 }
 
-/// A path with y up, transformed in full precision.
+/// The path of usvg in the type of kurbo, transformed in full precision.
 fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     fn point(p: tiny_skia_path::Point) -> Point {
         Point::new(f64::from(p.x), f64::from(p.y))
@@ -505,13 +533,14 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     placed * drawn
 }
 
-/// The dashes of a path, or the path itself, while points are left. Also the greatest length of a
-/// dash that stands for a point. Under an uneven transform dashes have their mean length.
+/// The dashes of a path, or the path itself without a pattern, and the greatest length of a dash
+/// that stands for a point. Under an uneven transform dashes have their mean length. Fails once no
+/// points are left.
 fn dashed(
     drawn: BezPath,
     style: &kurbo::Stroke,
     placed: Affine,
-    left: &mut f64,
+    n_points_left: &mut f64,
     file: &str,
 ) -> Result<(BezPath, f64)> {
     if style.dash_pattern.is_empty() {
@@ -529,8 +558,8 @@ fn dashed(
         dashes[next] = (dashes[next] - longer).max(0.0);
     }
     dashes.iter_mut().for_each(|dash| *dash = dash.max(least));
-    *left -= drawn.perimeter(1e-3 * period) / period * dashes.len() as f64;
-    if left.is_nan() || *left < 0.0 {
+    *n_points_left -= drawn.perimeter(1e-3 * period) / period * dashes.len() as f64;
+    if n_points_left.is_nan() || *n_points_left < 0.0 {
         return Err(too_many(file));
     }
     let offset = scale * style.dash_offset;

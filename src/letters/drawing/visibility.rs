@@ -22,8 +22,11 @@ pub(super) const OPAQUE: f64 = 0.9;
 /// Difference of two colors in a channel, of 255, up to which they are one.
 const ALIKE: f64 = 3.0;
 
-/// Steps of a line's piece.
-const STEPS: usize = 20;
+/// Largest distance of two crossings that differ by rounding, by the page's larger side.
+const ROUNDING: f64 = 1e-6;
+
+/// Budget steps of a line's piece.
+const STEPS_PER_PIECE: usize = 20;
 
 /// Distance of the test points from a line, by the page's larger side.
 const BESIDE: f64 = 4e-4;
@@ -47,6 +50,33 @@ pub(super) type Part = (Vec<[f64; 2]>, Color);
 /// A piece of a line, and its color if it is visible.
 type Piece = (Vec<[f64; 2]>, Option<Color>);
 
+/// A stroke and what is near it.
+struct Stroked<'b, 'a> {
+    /// The index of its element.
+    index: usize,
+    item: &'b Painted,
+    near: &'b [&'b Layer<'a>],
+    /// The element's fill.
+    fill: Option<&'b Layer<'a>>,
+    color: Color,
+    alpha: f64,
+}
+
+impl Stroked<'_, '_> {
+    /// True if the stroke does not stand out from a ground.
+    fn blends(&self, ground: [f64; 3]) -> bool {
+        let ink = self.color.map(f64::from);
+        alike(ground, [0, 1, 2].map(|i| ground[i] + self.alpha * (ink[i] - ground[i])))
+    }
+}
+
+/// How a place of a stroke is seen: hidden, in the color of what is beneath, or in its own.
+enum Sight {
+    Hidden,
+    Alike,
+    Shown(Color),
+}
+
 /// The visible part of an element.
 pub(super) enum Visible {
     /// All of its stroke.
@@ -57,6 +87,8 @@ pub(super) enum Visible {
 }
 
 impl<'a> Page<'a> {
+    /// The layers of painted elements from back to front: all fills, and strokes in the color of
+    /// the ground. The paper is black if all ink is white, and white otherwise.
     pub(super) fn new(
         painted: &[Painted],
         cuts: &'a [Cut<'a>],
@@ -64,10 +96,10 @@ impl<'a> Page<'a> {
         scale: Scale<'a>,
     ) -> Self {
         let fills = painted.iter().filter_map(|item| item.fill.map(|(color, _)| color));
-        let strokes = painted.iter().filter_map(|item| item.stroke.as_ref().map(|it| it.0));
-        // If all ink is white, the page is dark.
-        let is_light = fills.chain(strokes).all(|color| color == [255; 3]);
-        let paper = [if is_light { 0.0 } else { 255.0 }; 3];
+        let strokes =
+            painted.iter().filter_map(|item| item.stroke.as_ref().map(|(color, ..)| *color));
+        let is_ink_white = fills.chain(strokes).all(|color| color == [255; 3]);
+        let paper = [if is_ink_white { 0.0 } else { 255.0 }; 3];
         // From back to front, as a fill over the whole page changes the ground of the rest.
         let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
         let mut ground = paper;
@@ -107,11 +139,10 @@ impl<'a> Page<'a> {
             && self.layers.iter().any(|layer| layer.element == index && self.is_whole(layer))
     }
 
-    /// The visible part of an element, whose stroke with its dashes is a line, and whether a part
-    /// of that has the color of the background.
+    /// The visible part of an element, whose stroke with its dashes is `line`, and true if a part
+    /// of that line is invisible because it has the color of the background.
     pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
-        let box_ = item.path.bounding_box();
-        let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
+        let extent = extent(item);
         // Only the layers near the element can hide it.
         self.scale.budget.spend_steps(self.layers.len() / 8);
         let mut near: Vec<&Layer<'a>> =
@@ -127,43 +158,35 @@ impl<'a> Page<'a> {
             near.retain(|layer| layer.element != index || !layer.is_stroke);
             return (self.outline(index, item, &near), false);
         }
+        self.visible_stroke(&Stroked { index, item, near: &near, fill, color, alpha }, line)
+    }
+
+    /// The visible part of a stroke along `line`, with the sides that only its fill closes, and
+    /// true if a part is invisible because it has the color of the background.
+    fn visible_stroke(&self, stroked: &Stroked<'_, 'a>, line: &BezPath) -> (Visible, bool) {
+        let Stroked { index, item, near, fill, color, .. } = *stroked;
         // The sides that only the fill closes, or a clip.
         let closing = fill.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
-        let (mut sides, _) = self.parts(&closing, item, &near, &mut |place, sides| {
-            self.outline_color(&near, fill?, true, place, sides)
+        let (mut sides, _) = self.parts(&closing, item, near, &mut |place, sides| {
+            self.outline_color(near, fill?, true, place, sides)
         });
-        sides.extend(fill.map_or(Vec::new(), |fill| self.outline_at_clips(item, &near, fill)));
+        sides.extend(fill.map_or(Vec::new(), |fill| self.outline_at_clips(item, near, fill)));
         // Most elements have nothing near, and are shown as a whole without another look.
-        let is_alone = near.iter().all(|layer| layer.element == index);
-        let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
-        // True if the stroke does not stand out from a background.
-        let blends = |ground: [f64; 3]| {
-            alike(ground, [0, 1, 2].map(|i| ground[i] + alpha * (f64::from(color[i]) - ground[i])))
-        };
-        if is_alone && !is_cut && !blends(self.paper) && sides.is_empty() {
+        let is_isolated = near.iter().all(|layer| layer.element == index);
+        let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent(item)));
+        if is_isolated && !is_cut && !stroked.blends(self.paper) && sides.is_empty() {
             return (Visible::Stroke(color), false);
         }
         let mut is_alike = false;
-        let mut look = |place: [f64; 2], sides: [[f64; 2]; 2]| {
-            // A piece is hidden if it is so on both sides, too.
-            let around = [sides[0], place, sides[1]];
-            if !around.iter().any(|place| self.within(&item.cuts, *place))
-                || around.iter().all(|place| self.is_covered(index, &near, *place))
-            {
-                return None;
+        let mut look = |place, sides| match self.sight(stroked, place, sides) {
+            Sight::Shown(color) => Some(color),
+            Sight::Hidden => None,
+            Sight::Alike => {
+                is_alike = true;
+                None
             }
-            let mut below = sides
-                .iter()
-                .map(|side| self.color_at(*side, &near, |layer| layer.element < index).0);
-            if !below.all(blends) {
-                return Some(color);
-            }
-            // An outline in the color of the background shows the edge of the fill under it.
-            let outline = fill.and_then(|fill| self.outline_color(&near, fill, true, place, sides));
-            is_alike |= outline.is_none();
-            outline
         };
-        let (mut parts, is_whole) = self.parts(&self.lines(line), item, &near, &mut look);
+        let (mut parts, is_whole) = self.parts(&self.lines(line), item, near, &mut look);
         if is_whole && sides.is_empty() {
             let color = parts.first().map_or(color, |part| part.1);
             return (Visible::Stroke(color), is_alike);
@@ -172,7 +195,28 @@ impl<'a> Page<'a> {
         (Visible::Parts(parts), is_alike)
     }
 
-    /// The color of a fill's outline at a place of its path or its clip, if its sides differ there.
+    /// How a stroke is seen at a place, from the places to its left and right.
+    fn sight(&self, stroked: &Stroked<'_, 'a>, place: [f64; 2], sides: [[f64; 2]; 2]) -> Sight {
+        let Stroked { index, item, near, fill, color, .. } = *stroked;
+        // It is hidden if it is so on both sides, too.
+        let around = [sides[0], place, sides[1]];
+        if !around.iter().any(|place| self.within(&item.cuts, *place))
+            || around.iter().all(|place| self.is_covered(index, near, *place))
+        {
+            return Sight::Hidden;
+        }
+        let mut below =
+            sides.iter().map(|side| self.color_at(*side, near, |layer| layer.element < index).0);
+        if !below.all(|ground| stroked.blends(ground)) {
+            return Sight::Shown(color);
+        }
+        // An outline in the color of the background shows the edge of the fill under it.
+        let outline = fill.and_then(|fill| self.outline_color(near, fill, true, place, sides));
+        outline.map_or(Sight::Alike, Sight::Shown)
+    }
+
+    /// The color of a fill's outline at a place of its path (`is_path`) or of a clip. `None` if the
+    /// sides there look alike, or neither shows the fill.
     fn outline_color(
         &self,
         near: &[&Layer<'a>],
@@ -183,9 +227,9 @@ impl<'a> Page<'a> {
     ) -> Option<Color> {
         if is_path && sides.iter().all(|side| !fill.area.holds(*side)) {
             // Thinner than the distance of the test points.
-            let seen =
+            let is_seen =
                 !self.is_covered(fill.element, near, place) && self.within(&fill.cuts, place);
-            return seen.then_some(fill.color);
+            return is_seen.then_some(fill.color);
         }
         // Where a clip ends at the fill's own path, the path is the outline.
         if !is_path && !sides.iter().all(|side| fill.area.holds(between(place, *side, TOUCH))) {
@@ -203,7 +247,7 @@ impl<'a> Page<'a> {
         Some(around.map_or(fill.color, |layer| layer.color))
     }
 
-    /// The outline of a fill where a clip ends it.
+    /// The visible parts of the edges of an element's clips that end its fill.
     fn outline_at_clips(&self, item: &Painted, near: &[&Layer<'a>], fill: &Layer<'a>) -> Vec<Part> {
         let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
         let contours = contours.filter(|line| fill.area.meets(bounds(line.iter().copied())));
@@ -213,7 +257,7 @@ impl<'a> Page<'a> {
         }))
     }
 
-    /// The outline of a fill.
+    /// The visible outline of an element's fill. Nothing without a fill.
     fn outline(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
         let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
         // A line encloses nothing.
@@ -230,13 +274,16 @@ impl<'a> Page<'a> {
         }
     }
 
+    /// The polylines of a path.
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {
         let tolerance = FLATNESS * self.scale.size;
         let lines = polylines(path, tolerance, MAX_POINTS).unwrap_or_default();
         on_grid(lines, path, tolerance)
     }
 
-    /// The visible parts of lines, and whether the lines are visible as a whole in one color.
+    /// The visible parts of lines of an element, and true if all of each line is visible, in one
+    /// color. `look` returns the color at a place of a line from the places beside it, `None` if
+    /// hidden.
     fn parts(
         &self,
         lines: &[Vec<[f64; 2]>],
@@ -250,51 +297,10 @@ impl<'a> Page<'a> {
         self.areas(&item.cuts, &mut areas);
         areas.sort_by_key(|area| std::ptr::from_ref(*area));
         areas.dedup_by_key(|area| std::ptr::from_ref(*area));
-        let beside = BESIDE * self.scale.size;
         let (mut parts, mut is_whole) = (Vec::new(), true);
-        let mut fractions = Vec::new();
         for line in lines {
-            let extent = bounds(line.iter().copied());
-            let areas: Vec<_> = areas.iter().filter(|area| area.meets(extent)).collect();
-            let mut pieces: Vec<Piece> = Vec::new();
-            // The color of the piece before, up to the next edge of an area.
-            let mut last: Option<Option<Color>> = None;
-            for [from, to] in segments(line) {
-                // The crossings of the segment, in order.
-                fractions.clear();
-                fractions.push(0.0);
-                areas.iter().for_each(|area| area.filled.crossings([from, to], &mut fractions));
-                let length = distance(from, to);
-                let is_crossed = fractions.len() > 1;
-                fractions.push(1.0);
-                fractions.sort_by(f64::total_cmp);
-                fractions.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.scale.size);
-                // A segment has two ends, however short it is.
-                match &mut fractions[..] {
-                    [_] => fractions.push(1.0),
-                    [.., end] => *end = 1.0,
-                    [] => {}
-                }
-                if !self.scale.budget.spend_steps(STEPS * fractions.len()) {
-                    return (parts, false);
-                }
-                // Between two of them, one look at the middle decides.
-                for piece in fractions.windows(2) {
-                    let [begin, end] =
-                        [piece[0], piece[1]].map(|fraction| between(from, to, fraction));
-                    let seen = last.filter(|_| !is_crossed).unwrap_or_else(|| {
-                        let middle = between(from, to, 0.5 * (piece[0] + piece[1]));
-                        look(middle, sides(middle, [from, to], beside))
-                    });
-                    last = Some(seen);
-                    match pieces.last_mut().filter(|(_, before)| *before == seen) {
-                        Some((points, _)) => points.push(end),
-                        None => pieces.push((vec![begin, end], seen)),
-                    }
-                }
-                last = last.filter(|_| !is_crossed);
-            }
-            let mut pieces = without_slivers(pieces, 2.0 * beside);
+            let Some(pieces) = self.pieces(line, &areas, look) else { return (parts, false) };
+            let mut pieces = without_slivers(pieces, 2.0 * BESIDE * self.scale.size);
             if let [(_, Some(color))] = pieces[..] {
                 parts.push((line.clone(), color));
                 continue;
@@ -306,13 +312,76 @@ impl<'a> Page<'a> {
                 let (first, _) = pieces.remove(0);
                 pieces.last_mut().expect("two are left").0.extend(&first[1..]);
             }
-            parts.extend(pieces.into_iter().filter_map(|(points, seen)| Some((points, seen?))));
+            parts.extend(pieces.into_iter().filter_map(|(points, color)| Some((points, color?))));
         }
         let one_color = parts.windows(2).all(|pair| pair[0].1 == pair[1].1);
         (parts, is_whole && one_color)
     }
 
-    /// True if a place is within some cuts.
+    /// A line in pieces, each with its color at its middle. `None` once the budget is spent.
+    fn pieces(
+        &self,
+        line: &[[f64; 2]],
+        areas: &[&Area<'a>],
+        look: &mut dyn FnMut([f64; 2], [[f64; 2]; 2]) -> Option<Color>,
+    ) -> Option<Vec<Piece>> {
+        let extent = bounds(line.iter().copied());
+        let areas: Vec<&Area<'a>> =
+            areas.iter().copied().filter(|area| area.meets(extent)).collect();
+        let mut pieces: Vec<Piece> = Vec::new();
+        // The color of the piece before, up to the next edge of an area.
+        let mut last: Option<Option<Color>> = None;
+        let mut fractions = Vec::new();
+        for [from, to] in segments(line) {
+            let is_crossed = self.crossings([from, to], &areas, &mut fractions);
+            if !self.scale.budget.spend_steps(STEPS_PER_PIECE * fractions.len()) {
+                return None;
+            }
+            // Between two crossings, one look at the middle decides.
+            for piece in fractions.windows(2) {
+                let [begin, end] = [piece[0], piece[1]].map(|fraction| between(from, to, fraction));
+                let color = last.filter(|_| !is_crossed).unwrap_or_else(|| {
+                    let middle = between(from, to, 0.5 * (piece[0] + piece[1]));
+                    look(middle, sides(middle, [from, to], BESIDE * self.scale.size))
+                });
+                last = Some(color);
+                match pieces.last_mut().filter(|(_, before)| *before == color) {
+                    Some((points, _)) => points.push(end),
+                    None => pieces.push((vec![begin, end], color)),
+                }
+            }
+            last = last.filter(|_| !is_crossed);
+        }
+        Some(pieces)
+    }
+
+    /// Sets `fractions` to those of a segment at which it crosses edges of areas, in order, from 0
+    /// to 1. Returns true if it crosses any.
+    fn crossings(
+        &self,
+        [from, to]: [[f64; 2]; 2],
+        areas: &[&Area<'a>],
+        fractions: &mut Vec<f64>,
+    ) -> bool {
+        fractions.clear();
+        fractions.push(0.0);
+        areas.iter().for_each(|area| area.filled.crossings([from, to], fractions));
+        let is_crossed = fractions.len() > 1;
+        fractions.push(1.0);
+        fractions.sort_by(f64::total_cmp);
+        // Crossings that differ by rounding are one.
+        let length = distance(from, to);
+        fractions.dedup_by(|a, b| (*a - *b).abs() * length <= ROUNDING * self.scale.size);
+        // A segment has two ends, however short it is.
+        match &mut fractions[..] {
+            [_] => fractions.push(1.0),
+            [.., end] => *end = 1.0,
+            [] => {}
+        }
+        is_crossed
+    }
+
+    /// True if a place is within all of some cuts.
     fn within(&self, cuts: &[usize], place: [f64; 2]) -> bool {
         cuts.iter().all(|cut| match &self.cuts[*cut] {
             Cut::Page(edge) => edge.holds(place),
@@ -327,6 +396,7 @@ impl<'a> Page<'a> {
         })
     }
 
+    /// True if a layer, within its cuts, holds a place.
     fn lies_at(&self, layer: &Layer<'a>, place: [f64; 2]) -> bool {
         layer.area.holds(place) && self.within(&layer.cuts, place)
     }
@@ -337,7 +407,7 @@ impl<'a> Page<'a> {
         over.any(|layer| self.lies_at(layer, place))
     }
 
-    /// The color at a place, and the element on top of it.
+    /// The color at a place of the layers that count, and the topmost element there, if any.
     fn color_at(
         &self,
         place: [f64; 2],
@@ -352,8 +422,7 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// True if a cut may cut something of an extent. The page's edge does not if that lies within
-    /// it.
+    /// True if a cut may cut something with these bounds: not a page's edge around them.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
         let (page, slack) = (edge.bounds, BESIDE * self.scale.size);
@@ -363,6 +432,7 @@ impl<'a> Page<'a> {
             || top > page[3] + slack
     }
 
+    /// Adds the areas of cuts, and those of the cuts of their layers, to a list.
     fn areas<'b>(&'b self, cuts: &[usize], areas: &mut Vec<&'b Area<'a>>) {
         for cut in cuts {
             let (edge, layers) = self.cuts[*cut].parts();
@@ -374,7 +444,7 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// Contours of a cut, without the page's edge.
+    /// The contours of a clip or a mask. None for the page's edge.
     fn contours(&self, cut: usize) -> impl Iterator<Item = &Vec<[f64; 2]>> {
         let mut areas = Vec::new();
         if !matches!(self.cuts[cut], Cut::Page(_)) {
@@ -384,13 +454,19 @@ impl<'a> Page<'a> {
     }
 }
 
+/// The bounds of an element's path: left, bottom, right, top.
+fn extent(item: &Painted) -> [f64; 4] {
+    let bounds = item.path.bounding_box();
+    [bounds.x0, bounds.y0, bounds.x1, bounds.y1]
+}
+
 /// The light of a layer of a mask, 0 to 1 (CSS Masking, section 7.10.1).
 fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
     let [r, g, b] = layer.color.map(|channel| f64::from(channel) / 255.0);
     if by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b }
 }
 
-/// From the end of each open line to its beginning.
+/// A line from the end of each open line to its beginning.
 fn closing_sides(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
     let open = lines.iter().filter(|line| line.len() > 2 && !is_closed(line));
     open.map(|line| vec![line[line.len() - 1], line[0]]).collect()
@@ -401,6 +477,7 @@ fn blended(below: [f64; 3], layer: &Layer<'_>) -> [f64; 3] {
     [0, 1, 2].map(|i| below[i] + layer.alpha * (f64::from(layer.color[i]) - below[i]))
 }
 
+/// True if two colors differ by no more than [`ALIKE`] in each channel.
 fn alike(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|i| (a[i] - b[i]).abs() <= ALIKE)
 }
@@ -416,12 +493,12 @@ fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2];
 /// Pieces of a line with those that are too short joined to their neighbors.
 fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
     let mut kept: Vec<Piece> = Vec::new();
-    for (points, seen) in pieces {
+    for (points, color) in pieces {
         match kept.last_mut() {
-            Some((before, last)) if *last == seen || polyline_length_m(&points) < shortest => {
+            Some((before, last)) if *last == color || polyline_length_m(&points) < shortest => {
                 before.extend(&points[1..]);
             }
-            _ => kept.push((points, seen)),
+            _ => kept.push((points, color)),
         }
     }
     // The first piece may be too short as well.

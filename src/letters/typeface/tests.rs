@@ -35,7 +35,7 @@ fn center_lines_are_the_strokes_of_handwriting() {
 fn capitals_are_a_cap_height_high_on_the_baseline() {
     let face = roboto(Trace::CenterLine);
     for character in ('A'..='Z').chain('0'..='9') {
-        let [_, bottom, _, top] = face.shape(character).unwrap().ink();
+        let [_, bottom, _, top] = face.shape(character).unwrap().ink_bounds();
         let tail = if character == 'Q' { 0.2 } else { 0.03 };
         assert!((top - 1.0).abs() < 0.03, "{character}: top at {top}");
         assert!(bottom.abs() < tail, "{character}: bottom at {bottom}");
@@ -83,7 +83,7 @@ fn flat_tips_are_not_extended_and_stems_stay_upright() {
         }
     }
     for character in "AMNVW4".chars() {
-        let [_, bottom, _, top] = face.shape(character).unwrap().ink();
+        let [_, bottom, _, top] = face.shape(character).unwrap().ink_bounds();
         assert!(top < 1.02 && bottom > -0.02, "{character}: {bottom} to {top}");
     }
 }

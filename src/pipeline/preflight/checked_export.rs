@@ -1,6 +1,6 @@
 //! An export with its checks: the exported flights, their findings, and the files.
 
-use super::{Profile, checks, flown, of_flights, platform, preflight};
+use super::{Profile, checks, fly_plans, platform, preflight, preflight_flights};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::Feature;
@@ -16,15 +16,15 @@ use noctograph_sim::{Law, SetpointKind};
 /// Format of the export and limits of its checks.
 #[derive(Clone, Debug)]
 pub struct ExportOptions {
-    /// Form of the files.
+    /// Format of the files.
     pub format: Format,
-    /// Setpoints of the script for cflib, unless its own --mode is given.
+    /// Setpoints that the script for cflib sends, unless its own --mode is given.
     pub mode: Mode,
     /// Largest distance of a trajectory from the design.
     pub tolerance_m: f64,
     /// Limits of the flight.
     pub profile: Profile,
-    /// True if unsafe flights are written, too.
+    /// True if files of unsafe flights are written, too.
     pub is_unchecked: bool,
 }
 
@@ -49,9 +49,9 @@ pub struct ExportedFiles {
     pub deviation_m: Option<f64>,
 }
 
-/// Makes a scene the one that an export flies: as slow as a profile, if one is given, paced by a
-/// clock that its script can set, and with the setpoints of the script. Returns the mode of the
-/// script, by default that of the setpoints that `check` flies.
+/// Changes a scene to the one that an export flies: no faster than the profile `slow`, paced by a
+/// clock that the script can set, and with setpoints of the kind that the script sends. Returns
+/// the mode of the script, by default that of the scene's setpoints.
 ///
 /// # Errors
 ///
@@ -71,36 +71,37 @@ pub fn make_exportable(
     }
     let kind = SetpointKind::ALL.iter().find(|kind| mode == Some(mode_of(**kind)));
     if let Some(kind) = kind.filter(|_| format == Format::Cflib) {
-        send(scene, *kind)?;
+        set_setpoint_kind(scene, *kind)?;
     }
     Ok(mode.unwrap_or(mode_of(scene.controller.sends())))
 }
 
-/// The mode in which the script sends setpoints of a kind.
+/// Returns the mode in which the script sends setpoints of a kind.
 fn mode_of(kind: SetpointKind) -> Mode {
     kind.name().parse().expect("setpoints have the names of modes")
 }
 
-/// Gives a scene the setpoints that a script sends, if its controller flies them.
-fn send(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
+/// Makes the scene's controller fly setpoints of a kind. Refuses a kind that it cannot fly.
+fn set_setpoint_kind(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     let controller = &mut scene.controller;
     // Only the cascade takes setpoints of several kinds.
     if controller.kind.law() == Law::Cascade {
         controller.setpoints = kind;
     }
-    let flies = controller.sends();
-    if flies == kind {
+    let flown_kind = controller.sends();
+    if flown_kind == kind {
         return Ok(());
     }
-    let (law, flies) = (controller.kind.name(), flies.name());
+    let (law, flown_kind) = (controller.kind.name(), flown_kind.name());
     let hint = format!(
-        "under controller.kind = {law} flights are checked with {flies} setpoints or as a trajectory"
+        "under controller.kind = {law} flights are checked with {flown_kind} setpoints or as a \
+         trajectory"
     );
-    Err(Error::input("the mode", kind.name(), format!("{flies}, or trajectory"), hint))
+    Err(Error::input("the mode", kind.name(), format!("{flown_kind}, or trajectory"), hint))
 }
 
 impl CheckedExport {
-    /// Flies a shoot's plans as exported, and checks them.
+    /// Simulates a shoot's plans as exported, and checks the flights.
     ///
     /// # Errors
     ///
@@ -112,33 +113,33 @@ impl CheckedExport {
         let trajectory = trajectory
             .map(|(form, length)| shoot.as_exported(form, options.tolerance_m, length))
             .transpose()?;
-        // What is judged is what the file flies: the decoded trajectory, or the plans.
-        let flies = trajectory.as_ref().unwrap_or(&shoot);
-        let flights = if options.format.flies() { flown(flies)? } else { Vec::new() };
-        let checks = checks(flies, &flights, &options.profile);
+        // The checks are of what the file makes a drone fly: the decoded trajectory, or the plans.
+        let exported = trajectory.as_ref().unwrap_or(&shoot);
+        let flights = if options.format.flies() { fly_plans(exported)? } else { Vec::new() };
+        let checks = checks(exported, &flights, &options.profile);
         let findings = match options.format.flies() {
-            true => of_flights(flies, flights, &options.profile)?.findings,
+            true => preflight_flights(exported, flights, &options.profile)?.findings,
             false => Vec::new(),
         };
         Ok(Self { options, shoot, trajectory, checks, findings })
     }
 
-    /// The plans as they fly.
+    /// Returns the shoot with the plans as a drone flies them: the trajectory, if one is exported.
     pub fn flies(&self) -> &Shoot {
         self.trajectory.as_ref().unwrap_or(&self.shoot)
     }
 
-    /// The subject: a word, or a drawing.
+    /// Returns the word, or `drawing`.
     pub fn word(&self) -> &str {
         let strokes = self.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());
         strokes.map_or("drawing", |strokes| strokes.word.as_str())
     }
 
-    /// The files. Scripts say why they are not safe, if a reason is given.
+    /// Returns the files. Scripts contain the reason `unsafe_because`, if one is given.
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
-        // A script of setpoints offers the trajectory, too, if it is safe as well.
+        // A script that sends setpoints offers the trajectory, too, if it is safe as well.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
@@ -148,7 +149,7 @@ impl CheckedExport {
         };
         let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
-        // A show has the light of the design: no lamp delays it in a viewer.
+        // A show has the light of the design, since a viewer simulates no lamps that delay it.
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
             _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
@@ -173,17 +174,17 @@ impl CheckedExport {
         })
     }
 
-    /// Kinds of setpoints that the script refuses to send, each with its reason.
+    /// Returns the kinds of setpoints that the script refuses to send, each with the reason.
     fn refused(&self) -> Vec<(&'static str, String)> {
         let kinds = SetpointKind::ALL.iter();
         kinds.filter_map(|kind| Some((kind.name(), self.refusal(*kind)?))).collect()
     }
 
-    /// The reason why the script refuses setpoints of a kind: its controller does not fly them, or
-    /// the flight is not safe.
+    /// Returns why the script refuses setpoints of a kind: the controller does not fly them, or the
+    /// flight is not safe. `None` if it sends them.
     fn refusal(&self, kind: SetpointKind) -> Option<String> {
         let mut shoot = self.shoot.clone();
-        if let Err(error) = send(&mut shoot.scene, kind) {
+        if let Err(error) = set_setpoint_kind(&mut shoot.scene, kind) {
             return Some(error.hint().to_owned());
         }
         let is_unsafe = mode_of(kind) != self.options.mode && !self.may_fly(&shoot);
@@ -191,7 +192,7 @@ impl CheckedExport {
         is_unsafe.then(|| reason.to_owned())
     }
 
-    /// True if no check stops another flight of the plans, or if flights are not checked.
+    /// True if no check stops the flights of a shoot, or if unsafe flights are exported, too.
     fn may_fly(&self, shoot: &Shoot) -> bool {
         self.options.is_unchecked
             || preflight(shoot, &self.options.profile)
@@ -224,11 +225,12 @@ fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
     Err(Error::input("vehicle.firmware", release.name(), wanted, hint))
 }
 
+/// Returns the plans of all drones.
 pub(super) fn plans_of(shoot: &Shoot) -> Vec<Plan> {
     shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
 }
 
-/// The box of the word, or of the plans.
+/// Returns left, bottom, right and top of the strokes or, without strokes, of the plans' letters.
 pub(super) fn bounds_m(shoot: &Shoot) -> [f64; 4] {
     if let Some(strokes) = &shoot.strokes {
         return strokes.bounds_m();

@@ -1,11 +1,11 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
-use super::picture::{Picture, Piece, painted};
+use super::picture::{Picture, Piece, lit_pieces};
 use super::{
     CAP_HEIGHT_M, GRAVITY_M_S2, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if,
 };
 use crate::scene::Scene;
-use crate::shoot::{CHECK_LIGHT, Shoot, ends};
+use crate::shoot::{CHECK_LIGHT, Shoot, stroke_end_errors};
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{BATTERY_V, Flight, FlightSample, SATURATED_S, saturated_s, warning};
@@ -17,18 +17,18 @@ use noctograph_plan::tracking::{Part, least_cap_height_m};
 use noctograph_plan::{LightClock, PlanOptions, StrokeEnd, Style};
 use noctograph_sim::sensors::Positioning;
 
-/// Ratio to the median dose that counts as dwelling: two stops.
+/// Ratio to the median dose from which a spot counts as dwelled on: two stops.
 const DWELL: f64 = 4.0;
-/// Longest lit dwell.
+/// Longest dwell with light that causes no warning.
 const MAX_DWELL_S: f64 = 0.1;
-/// Largest streak at a stroke's end, as a fraction of the cap height. The letter has a hook and is
-/// still read. The wobble of the drone leaves up to 46 mm in the default scene.
+/// Largest streak at a stroke's end, as a fraction of the cap height. The letter has a hook and can
+/// still be read. The wobble of the drone leaves up to 46 mm in the default scene.
 const MAX_STREAK_FRAC: f64 = 0.1;
-/// Largest range of the exposure along a trail, stops. The trail of a Gaussian spot is white over a
+/// Largest exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
 /// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times at
-/// five, which looks like two pens. The headlights measure 4.2 in NOOR, which reads.
+/// five, which looks like two pens. The headlights have 4.2 in NOOR, which can be read.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
-/// Time at a motor's limit without an effect on the flight: the time constant of a Crazyflie's
+/// Duration at a motor's limit without an effect on the flight: the time constant of a Crazyflie's
 /// motors is 0.07 s or more.
 const BRIEF_SATURATED_S: f64 = 0.07;
 /// Duration at a motor's limit that stops the flight.
@@ -43,13 +43,13 @@ pub(super) fn check_flight(
     profile: &Profile,
 ) -> Result<Vec<Diagnostic>> {
     let (scene, strokes) = (&shoot.scene, shoot.strokes.as_ref());
-    // The light of the picture is that of this flight, and is computed only once.
-    let trace = match picture.and_then(|picture| picture.light_of(drone)) {
+    // A picture contains the light of this flight already.
+    let trace = match picture.and_then(|picture| picture.drone_light(drone)) {
         Some(trace) => trace,
         None => shoot.light_drone(drone, flight)?,
     };
-    let painted = painted(flight, &trace, scene);
-    let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
+    let pieces = lit_pieces(flight, &trace, scene);
+    let ends = stroke_end_errors(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
     let trail = picture.and_then(|picture| picture.trail(drone));
     Ok(vec![
         corridor(flight, scene, profile),
@@ -58,28 +58,28 @@ pub(super) fn check_flight(
         motors(flight, scene.vehicle.motor_max),
         thrust(flight, scene),
         battery(flight, scene),
-        lit_transit(&ends, &painted, strokes, scene.plan.light_clock),
-        dwell(&painted, &scene.plan),
+        lit_transit(&ends, &pieces, strokes, scene.plan.light_clock),
+        dwell(&pieces, &scene.plan),
         evenness(trail.map(LampReading::evenness_stops)),
     ])
 }
 
-/// Checks that the letters are high enough for the error of the height.
+/// Checks that the letters are large enough for the height error.
 fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     fn unchecked(why: &str, advice: &'static str) -> Diagnostic {
         let wanted = "letters of a known height, not a drawing";
         Diagnostic::unchecked("altitude hold", why, wanted, advice)
     }
-    let of_plans = "name the word of the plans: {word}";
-    // The error of the height is judged by the cap height, which a drawing does not have.
+    let name_word = "name the word of the plans: {word}";
+    // The limit of the error is a fraction of the cap height, which a drawing does not have.
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
         return match strokes.is_some_and(|strokes| strokes.font.is_none()) {
             true => unchecked("a drawing has no letters", "look at its preview"),
-            false => unchecked("there are no letters whose height is known", of_plans),
+            false => unchecked("there are no letters whose height is known", name_word),
         };
     };
     let Ok(least_m) = least_cap_height_m(flight, Part::Letters) else {
-        return unchecked("the flight writes no letter", of_plans);
+        return unchecked("the flight writes no letter", name_word);
     };
     Diagnostic::check("altitude hold", warn_if(least_m > cap_height_m), least_m)
         .within(cap_height_m)
@@ -94,29 +94,31 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
         )
 }
 
-/// Check of the deviation in depth against the profile's corridor.
+/// Checks that the depth error stays within the profile's corridor.
 fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
     let errors = flight.samples.iter().map(|s| (s.position_m.y - s.design_m.y, s.time_s));
-    let largest = errors.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let ((y_m, time_s), most_m) = (largest.unwrap_or_default(), profile.corridor_m);
-    let mean_m = errors.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
-    let (room, beacons) = (&scene.sensors.lighthouse, &scene.sensors.positioning);
-    let by_light = matches!(beacons, Positioning::CrossingBeams | Positioning::Sweeps);
-    Diagnostic::check("corridor", stop_if(y_m.abs() > most_m), y_m)
+    let worst = errors.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let ((error_m, time_s), most_m) = (worst.unwrap_or_default(), profile.corridor_m);
+    let n_samples = flight.samples.len().max(1);
+    let mean_m = errors.map(|(error_m, _)| error_m).sum::<f64>() / n_samples as f64;
+    let (lighthouse, positioning) = (&scene.sensors.lighthouse, &scene.sensors.positioning);
+    let is_optical = matches!(positioning, Positioning::CrossingBeams | Positioning::Sweeps);
+    let reflects = !(lighthouse.mirrors_m.is_empty() && lighthouse.panes_m.is_empty());
+    Diagnostic::check("corridor", stop_if(error_m.abs() > most_m), error_m)
         .within(most_m)
         .timed(time_s)
         .say(
-            format!("strays by {y_m:+.2} m in depth{}", at_time(time_s)),
+            format!("strays by {error_m:+.2} m in depth{}", at_time(time_s)),
             format!("within ±{most_m} m of the design"),
             // The likeliest cause first: what disturbs the light of the stations.
-            match beacons {
-                _ if by_light && !room.people_m.is_empty() => {
+            match positioning {
+                _ if is_optical && !lighthouse.people_m.is_empty() => {
                     "let people stand out of the light ({sensors.lighthouse.people_m})"
                 }
-                _ if by_light && !(room.mirrors_m.is_empty() && room.panes_m.is_empty()) => {
+                _ if is_optical && reflects => {
                     "cover what reflects ({sensors.lighthouse.mirrors_m})"
                 }
-                _ if by_light && !room.silent.is_empty() => {
+                _ if is_optical && !lighthouse.silent.is_empty() => {
                     "let every station send ({sensors.lighthouse.silent})"
                 }
                 Positioning::UwbTwr | Positioning::UwbTdoa => {
@@ -124,8 +126,8 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                  ({sensors.uwb.anchors_m})"
                 }
                 Positioning::Gnss => "fly in calmer air, or with a better receiver",
-                // A mean error can be planned for. A varying one cannot.
-                _ if mean_m.abs() > 0.5 * y_m.abs() => {
+                // A plan can compensate a mean error, but not a varying one.
+                _ if mean_m.abs() > 0.5 * error_m.abs() => {
                     "take the mean error off ({plan.mean_error_m})"
                 }
                 Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
@@ -135,7 +137,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
         )
 }
 
-/// Check of the greatest tilt in flight.
+/// Checks the greatest tilt in flight.
 fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     fn tilt_rad(s: &FlightSample) -> f64 {
         libm::acos((libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad)).min(1.0))
@@ -150,19 +152,19 @@ fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Check of the time at the motors' limit.
+/// Checks the duration with a motor at its limit.
 fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
     // A simulated flight counts the ticks of the controller, which are shorter than its samples.
     let counted_s = flight.at_end(SATURATED_S);
-    let lasts_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
-    let severity = match lasts_s > MAX_SATURATED_S {
+    let duration_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
+    let severity = match duration_s > MAX_SATURATED_S {
         true => Severity::Stop,
-        false => warn_if(lasts_s > BRIEF_SATURATED_S),
+        false => warn_if(duration_s > BRIEF_SATURATED_S),
     };
-    Diagnostic::check("motors", severity, lasts_s).within(BRIEF_SATURATED_S).timed(time_s).say(
-        match lasts_s {
+    Diagnostic::check("motors", severity, duration_s).within(BRIEF_SATURATED_S).timed(time_s).say(
+        match duration_s {
             0.0 => "never at their limit".to_owned(),
             s => format!("{:.0} ms at their limit, first{}", 1e3 * s, at_time(time_s)),
         },
@@ -171,22 +173,23 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     )
 }
 
-/// Greatest fraction of the thrust for hovering (an assumption): the rest controls attitude and
-/// climbs. A Crazyflie 2.1 with two decks takes two thirds.
+/// Greatest fraction of the thrust that may be needed to hover (an assumption): the rest controls
+/// attitude and climb. A Crazyflie 2.1 with two decks needs two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
-/// Thrust to hover, of the greatest thrust at the voltage of the flight's end.
+/// Checks the fraction of the greatest thrust that hovering needs, at the voltage with which the
+/// flight ends.
 fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();
     let has_battery = scene.battery.capacity_ah > 0.0;
-    // The last sample with the motors on: a resting battery recovers.
-    let volts = flight.extra.get(BATTERY_V).filter(|_| has_battery);
+    // The voltage of the last sample in the air, since a battery recovers when the motors stop.
+    let battery_v = flight.extra.get(BATTERY_V).filter(|_| has_battery);
     let last = flight.samples.iter().rposition(|sample| sample.position_m.z > AIRBORNE_M);
-    let volts = volts.and_then(|volts| volts.get(last?)).copied();
-    // Four rotors, each with the thrust polynomial of the battery's voltage.
+    let end_v = battery_v.and_then(|battery_v| battery_v.get(last?)).copied();
+    // The thrust of each of the four rotors is a polynomial of the voltage.
     let [t0, t1, t2, t3] = scene.battery.thrust_from_v_n;
-    let at_end_n = volts.map_or(full_n, |v| 4.0 * (t0 + v * (t1 + v * (t2 + v * t3))));
+    let at_end_n = end_v.map_or(full_n, |v| 4.0 * (t0 + v * (t1 + v * (t2 + v * t3))));
     let frac = weight_n / at_end_n.min(full_n);
     Diagnostic::check("thrust", warn_if(frac > MAX_HOVER_FRAC), frac).within(MAX_HOVER_FRAC).say(
         format!("hovering takes {:.0} % of the greatest thrust", 100.0 * frac),
@@ -195,10 +198,10 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     )
 }
 
-/// Height above which a drone counts as flying, with its battery under load.
+/// Height above which a drone counts as in the air, with its battery under load.
 const AIRBORNE_M: f64 = 0.2;
 
-/// Check of the flight's load on the battery, by the rule that exported scripts apply.
+/// Checks that the battery lasts for the flight, by the rule that exported scripts apply.
 fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     if scene.battery.capacity_ah <= 0.0 {
         let why = "the scene's drone has no battery model";
@@ -211,8 +214,8 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     let load = Battery::new(&scene.battery, flight, low_v);
     let lasts = load.as_ref().is_none_or(Battery::lasts);
     let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
-    // The voltage at rest, before take-off, is what a script can measure.
-    let (volts, wanted) = match &load {
+    // The limit is the voltage at rest before take-off, which a script can measure.
+    let (voltages, wanted) = match &load {
         None => ("lasts".to_owned(), never),
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
             let verdict = if lasts { "lasts" } else { "does not last" };
@@ -221,14 +224,14 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
                 Some(least_v) => format!("{least_v:.2} V at rest or more: {never}"),
                 None => format!("{never}; no full battery does that"),
             };
-            let volts =
+            let voltages =
                 format!("{verdict}: {rest_v:.2} V at rest, {lowest_v:.2} V at the hardest moment");
-            (volts, wanted)
+            (voltages, wanted)
         }
     };
-    // A warning of the flight itself, such as a cut-off, goes before the voltages.
+    // A warning of the simulation, such as a cut-off, precedes the voltages.
     let detail = warning.map(ToString::to_string).unwrap_or_default();
-    let actual = if detail.is_empty() { volts } else { format!("{detail} ({volts})") };
+    let actual = if detail.is_empty() { voltages } else { format!("{detail} ({voltages})") };
     let rest_v = load.as_ref().map(|load| load.rest_v);
     let limit_v = load.and_then(|load| load.least_rest_v).unwrap_or(0.0);
     let severity = stop_if(warning.is_some() || !lasts);
@@ -241,15 +244,15 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
 
 const NO_LAMP: &str = "no lamp follows the plan's light";
 
-/// A check of the light of a flight that has none.
+/// Returns the unknown result of a check of light, for a flight without light.
 fn without_light(check: &'static str, why: &str) -> Diagnostic {
     Diagnostic::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
-/// Check of the light at the ends of strokes, by its largest distance from one.
+/// Checks that the light changes at the ends of strokes, by the largest distance from an end.
 fn lit_transit(
     ends: &[StrokeEnd],
-    painted: &[Piece],
+    pieces: &[Piece],
     strokes: Option<&Strokes>,
     clock: LightClock,
 ) -> Diagnostic {
@@ -257,7 +260,7 @@ fn lit_transit(
     let Some(StrokeEnd { time_s, at_m, on, streak_m }) = worst.copied() else {
         return without_light("lit transit", "the flight has no lit stroke");
     };
-    if painted.is_empty() {
+    if pieces.is_empty() {
         return without_light("lit transit", NO_LAMP);
     }
     let cap_height_m = strokes.and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
@@ -284,27 +287,12 @@ fn lit_transit(
     )
 }
 
-/// Duration of the light's dwell on a spot.
-fn dwell(painted: &[Piece], plan: &PlanOptions) -> Diagnostic {
-    if painted.is_empty() {
+/// Checks the longest time for which a lamp dwells on a spot, which is then overexposed.
+fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
+    if pieces.is_empty() {
         return without_light("lit dwell", NO_LAMP);
     }
-    // The usual dose is the median of light per length, weighted by length.
-    let pieces = painted.iter().filter(|(_, length_m, _)| *length_m > 0.0);
-    let mut doses: Vec<(f64, f64)> =
-        pieces.map(|(_, length_m, light_s)| (light_s / length_m, *length_m)).collect();
-    let median = weighted_quantile(&mut doses, 0.5).unwrap_or(0.0);
-    // The longest run of pieces with much more light: its seconds of light, and its beginning.
-    let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
-    for (time_s, length_m, light_s) in painted {
-        if *light_s > DWELL * median * length_m && *light_s > 0.0 {
-            run = if run.0 > 0.0 { (run.0 + light_s, run.1) } else { (*light_s, *time_s) };
-            longest = if run.0 > longest.0 { run } else { longest };
-        } else {
-            run = (0.0, 0.0);
-        }
-    }
-    let (dwell_s, time_s) = longest;
+    let (dwell_s, time_s) = longest_dwell(pieces);
     let row = Diagnostic::check("lit dwell", warn_if(dwell_s > MAX_DWELL_S), dwell_s);
     row.within(MAX_DWELL_S).timed(time_s).say(
         match dwell_s {
@@ -325,7 +313,28 @@ fn dwell(painted: &[Piece], plan: &PlanOptions) -> Diagnostic {
     )
 }
 
-/// Check of the range of the exposure along the brightest trail in the picture, if there is one.
+/// Returns the seconds of light in the longest run of pieces with at least [`DWELL`] times the
+/// median dose, and the time at which the run begins. Zeros if there is none.
+fn longest_dwell(pieces: &[Piece]) -> (f64, f64) {
+    // The dose is light per length, and its median is weighted by length.
+    let moving = pieces.iter().filter(|piece| piece.length_m > 0.0);
+    let mut doses: Vec<(f64, f64)> =
+        moving.map(|piece| (piece.light_s / piece.length_m, piece.length_m)).collect();
+    let median = weighted_quantile(&mut doses, 0.5).unwrap_or(0.0);
+    let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
+    for Piece { time_s, length_m, light_s } in pieces {
+        if *light_s > DWELL * median * length_m && *light_s > 0.0 {
+            run = if run.0 > 0.0 { (run.0 + light_s, run.1) } else { (*light_s, *time_s) };
+            longest = if run.0 > longest.0 { run } else { longest };
+        } else {
+            run = (0.0, 0.0);
+        }
+    }
+    longest
+}
+
+/// Checks the range of the exposure, in stops, along the brightest trail in the picture. `None` for
+/// a picture without a trail.
 fn evenness(stops: Option<f64>) -> Diagnostic {
     let Some(stops) = stops else {
         return without_light("evenness", "no light of the plan is in the picture");
@@ -351,11 +360,13 @@ mod tests {
     #[test]
     fn a_spot_with_too_much_light_is_found() {
         // A meter at 5 s of light a meter, and 0.3 s on a millimeter.
-        let mut painted: Vec<Piece> = (0..100).map(|k| (f64::from(k) * 0.05, 0.01, 0.05)).collect();
-        let dwell = |painted: &[Piece]| dwell(painted, &PlanOptions::default());
-        assert_eq!(dwell(&painted).severity, Severity::Fine);
-        painted.insert(50, (2.5, 0.001, 0.3));
-        let actual = dwell(&painted);
+        let piece = |time_s, length_m, light_s| Piece { time_s, length_m, light_s };
+        let mut pieces: Vec<Piece> =
+            (0..100).map(|k| piece(f64::from(k) * 0.05, 0.01, 0.05)).collect();
+        let dwell = |pieces: &[Piece]| dwell(pieces, &PlanOptions::default());
+        assert_eq!(dwell(&pieces).severity, Severity::Fine);
+        pieces.insert(50, piece(2.5, 0.001, 0.3));
+        let actual = dwell(&pieces);
         let figures = ["value", "limit", "time_s"].map(|name| actual.number(name));
         assert_eq!(figures, [0.3, 0.1, 2.5].map(Some));
         assert_eq!(actual.severity, Severity::Warning);
@@ -391,7 +402,12 @@ mod tests {
         for row in [
             altitude_hold(&nothing, None),
             battery(&nothing, &Scene { battery: Default::default(), ..Scene::default() }),
-            lit_transit(&[], &[(0.0, 0.1, 0.1)], None, LightClock::Light),
+            lit_transit(
+                &[],
+                &[Piece { time_s: 0.0, length_m: 0.1, light_s: 0.1 }],
+                None,
+                LightClock::Light,
+            ),
             // Its lamp shines all the way.
             lit_transit(&[end], &[], None, LightClock::Light),
             dwell(&[], &PlanOptions::default()),

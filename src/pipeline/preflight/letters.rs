@@ -10,16 +10,16 @@ use noctograph_plan::Style;
 
 /// Largest distance between two lit moves that count as one line drawn twice.
 const SAME_LINE_M: f64 = 0.002;
-/// Longest doubled stroke, and longest jump, without a warning.
+/// Longest doubled stroke, and longest pen jump, that cause no warning.
 const SHORT_M: f64 = 0.02;
 
-/// Checks the letters of a drawing. The beginning and end of the light matter only in style `team`,
+/// Checks the letters. The light at the beginning and end of a letter matters only in style `team`,
 /// whose plan follows the dark moves of the letters.
 pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic> {
-    // Equal letters are neighbors, so that each is named once.
+    // Sorted, so that equal letters are adjacent and each is named once.
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
     glyphs.sort_by_key(|glyph| glyph.character);
-    let mut findings = vec![lengths(
+    let mut findings = vec![check_lengths(
         "doubled stroke",
         glyphs.iter().map(|glyph| (glyph.character, doubled_m(&glyph.moves))),
         SHORT_M,
@@ -30,7 +30,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
         },
     )];
     if strokes.font.is_some() {
-        findings.push(lengths(
+        findings.push(check_lengths(
             "lost stroke",
             glyphs.iter().map(|glyph| {
                 let lost_h = strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
@@ -48,7 +48,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
             faulty.dedup();
             let (is_bad, detail) = (!faulty.is_empty(), named(faulty));
             let actual = if is_bad { detail.clone() } else { "none".to_owned() };
-            // Style `even` helps as well: its plan follows no dark move.
+            // Style `even` helps, too: its plan does not follow the dark moves.
             let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
             let row = Diagnostic::check(check, warn_if(is_bad), f64::from(is_bad));
             findings.push(row.detailed(detail).say(actual, wanted, advice));
@@ -57,7 +57,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
     findings
 }
 
-/// A fault of a font: its check, the test of a letter, and what is wanted.
+/// A fault of a font: the name of its check, the test of a letter, and what is wanted instead.
 type Fault = (&'static str, fn(&Glyph) -> bool, &'static str);
 
 const FAULTS: [Fault; 3] = [
@@ -76,11 +76,12 @@ fn never_off(glyph: &Glyph) -> bool {
     has_tail(glyph) && glyph.moves.last().is_some_and(|last| last.lit)
 }
 
+/// True if a move begins away from the end of the move before it.
 fn jumps(glyph: &Glyph) -> bool {
     glyph.moves.windows(2).any(|pair| distance(pair[0].to_m, pair[1].from_m) > SHORT_M)
 }
 
-/// Length that is lit twice.
+/// Returns the length that is lit twice.
 fn doubled_m(moves: &[Move]) -> f64 {
     let lit: Vec<[Vector2<f64>; 2]> = moves
         .iter()
@@ -91,20 +92,21 @@ fn doubled_m(moves: &[Move]) -> f64 {
     pairs.map(|(a, b)| shared_m(a, b)).sum()
 }
 
-/// Length that two straight moves have in common.
+/// Returns the length that two straight moves have in common, 0 if they are not on one line.
 fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     let length_m = (a[1] - a[0]).norm();
-    let along = (a[1] - a[0]) / length_m;
-    if b.iter().any(|p| (p - a[0]).perp(&along).abs() > SAME_LINE_M) {
+    let direction = (a[1] - a[0]) / length_m;
+    if b.iter().any(|point| (point - a[0]).perp(&direction).abs() > SAME_LINE_M) {
         return 0.0;
     }
-    // The overlap of the projections onto the first move.
-    let [from, to] = [&b[0], &b[1]].map(|p| (p - a[0]).dot(&along).clamp(0.0, length_m));
+    // The projection of the second move onto the first, cut off at the ends of the first.
+    let [from, to] =
+        [&b[0], &b[1]].map(|point| (point - a[0]).dot(&direction).clamp(0.0, length_m));
     (to - from).abs()
 }
 
-/// Letters with a length above the limit.
-fn lengths(
+/// Checks that no letter has a length above `limit_m`.
+fn check_lengths(
     check: &'static str,
     lengths_m: impl Iterator<Item = (char, f64)>,
     limit_m: f64,
@@ -124,7 +126,7 @@ fn lengths(
     row.detailed(detail).say(actual, wanted, advice)
 }
 
-/// Letters in a sentence.
+/// Returns letters separated by commas.
 fn named(letters: impl IntoIterator<Item = char>) -> String {
     let names = letters.into_iter().map(|letter| match letter {
         DRAWING => "the drawing".to_owned(),

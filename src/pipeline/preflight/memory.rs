@@ -13,14 +13,14 @@ use noctograph_export::{Form, Length, Memory, memory};
 /// The check of the LED timing memory.
 pub const LED_MEMORY: &str = "LED memory";
 
-/// A check of a plan that the export refuses.
+/// Returns the unknown result of a check, for a plan that the export refuses.
 fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     let wanted = "a plan that can be exported";
     Diagnostic::unchecked(check, error, wanted, "change what the export refuses")
 }
 
-/// Checks that the plan fits the memory on board as a trajectory of either form, by its bytes and
-/// pieces.
+/// Checks that the plan fits the memory on board as a trajectory of either form: by its bytes if
+/// compressed, and by its pieces as poly4d.
 pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     let release = shoot.scene.vehicle.firmware;
     let memory = match memory(release, &shoot.designs()[drone]) {
@@ -28,7 +28,7 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         Err(error) => return not_exported("memory", &error),
     };
     let Memory { bytes, flies_heading, pieces, formats, fits_all } = memory;
-    // Each limit that is exceeded is marked beside its figure, and the heading after the bytes.
+    // Each number beyond its limit is marked, and a heading that the firmware misreads.
     let [bytes_beyond, pieces_beyond] = [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES]
         .map(|is_beyond| if is_beyond { ", too many" } else { "" });
     let detail = formats.join(", ");
@@ -69,8 +69,8 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     )
 }
 
-/// Entries of the LED timing memory for the lights of a drone, as they are timed on the exported
-/// trajectory. `None` for lamps that it does not play.
+/// Returns the number of LED timing entries for the lights of a drone, as they are timed on the
+/// exported trajectory. `None` if it writes with other lamps than the ring.
 fn timing_entries_of(shoot: &Shoot, drone: usize) -> Result<Option<usize>> {
     if !shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]) {
         return Ok(None);

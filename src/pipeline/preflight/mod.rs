@@ -2,8 +2,8 @@
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room if its size is known.
 //! Product out: a [`Diagnostic`] for each check of letters, plans, simulated flights, lamps, base
-//! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Not
-//! known: what no key of the scene names, such as doors.
+//! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Things
+//! that no key of the scene names, such as doors, are not checked.
 
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
@@ -40,22 +40,22 @@ use obstacles::{Paths, check_obstacles, check_people};
 pub use picture::PICTURE;
 use picture::{Picture, check_picture};
 pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, fit_within, frame_within};
-use placement::{camera_place, outside_of, place};
+use placement::{check_camera_place, check_frame, plan_shot};
 pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use room::{hang_stations, letters_within, parse_room};
 use surroundings::{check_coverage, check_surroundings};
 
-/// Largest error of a position in readable letters, in cap heights, and the cap height that is
-/// assumed without a word.
+/// Largest position error in readable letters, in cap heights.
 const MAX_ERROR_H: f64 = 0.05;
+/// Cap height that is assumed for plans without a word.
 const CAP_HEIGHT_M: f64 = 0.5;
 
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.806_65;
 
-/// Findings of flights, and the placement of things in their room.
+/// Findings about flights, and the placement of things in their room.
 #[derive(Clone, Debug)]
 pub struct Preflight {
     /// Every check that was made.
@@ -64,23 +64,24 @@ pub struct Preflight {
     pub placement: Option<ShotPlan>,
 }
 
-/// Checks letters, plans, simulated flights, light and base stations against a profile.
+/// Simulates the flights, and checks letters, plans, flights, light and base stations against a
+/// profile.
 ///
 /// # Errors
 ///
-/// Those of the stages. An infeasible flight is a finding instead.
+/// The errors of the stages. An infeasible flight is a finding instead.
 pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
-    of_flights(shoot, flown(shoot)?, profile)
+    preflight_flights(shoot, fly_plans(shoot)?, profile)
 }
 
-/// Flies every plan, for [`of_flights`].
+/// Simulates the flight of every plan, for [`preflight_flights`].
 ///
 /// # Errors
 ///
-/// As [`preflight`]. The error of an infeasible flight takes its place in the list.
-pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
+/// As [`preflight`]. An infeasible flight is an error in the list.
+pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let drones = 0..shoot.plans.len();
-    if !shoot.in_step() {
+    if !shoot.is_one_simulation() {
         return Ok(drones.map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect());
     }
     match shoot.fly(&|_, _| {}) {
@@ -93,8 +94,8 @@ pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     }
 }
 
-/// Checks flights that were simulated already.
-pub fn of_flights(
+/// Checks flights that were simulated already, as [`preflight`] does.
+pub fn preflight_flights(
     shoot: &Shoot,
     flown: Vec<Result<Flight>>,
     profile: &Profile,
@@ -103,7 +104,7 @@ pub fn of_flights(
     let paths = Paths::new(shoot, flown.iter().flatten());
     let mut findings = check_design(shoot, profile, &paths);
     findings.extend(check_downwash(shoot, &flown));
-    // Then each drone: its memories, its flight, and the base stations that it sees.
+    // Then each drone: its memories, its flight, and its view of the base stations.
     let picture = Picture::new(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
         let mut checks = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
@@ -121,7 +122,7 @@ pub fn of_flights(
         checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
         findings.extend(numbered(shoot, drone, checks));
     }
-    // Last the room. A picture from a place outside of it is not taken, so it cannot pass.
+    // Last the room. A picture cannot pass if its camera would be outside the room.
     let in_room = check_room(shoot, profile)?;
     let is_inside = in_room.iter().all(|row| row.severity == Severity::Fine);
     let mut pictures = check_picture(shoot, picture.as_ref());
@@ -129,27 +130,27 @@ pub fn of_flights(
     findings.extend(pictures.into_iter().chain(in_room));
     let lit = picture.as_ref().and_then(|picture| picture.lit.as_ref());
     let placement =
-        lit.map(|(trace, camera)| place(shoot, trace, camera.shutter_close_s, profile, &paths));
+        lit.map(|(trace, camera)| plan_shot(shoot, trace, camera.shutter_close_s, profile, &paths));
     Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
-/// Findings of a room: things outside of it, and the place of the camera.
+/// Checks that things are inside the room, and that it has a position for the camera.
 fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
     let Some(room_m) = profile.room_m else {
         let wanted = "the room's size, its middle at x = y = 0";
         let help = "name the room: {expose.room_m}";
         return Ok(vec![Diagnostic::unchecked("frame", "no room is named", wanted, help)]);
     };
-    let camera = camera_place(shoot, room_m)?;
-    Ok([Some(outside_of(shoot, room_m)), camera].into_iter().flatten().collect())
+    let camera = check_camera_place(shoot, room_m)?;
+    Ok([Some(check_frame(shoot, room_m)), camera].into_iter().flatten().collect())
 }
 
 impl Shot {
-    /// Findings of its flights by the checks that can stop one, without memory and picture.
+    /// Makes the checks that can stop a flight, without those of memory and picture.
     pub fn findings(&self, profile: &Profile) -> Result<Vec<Diagnostic>> {
         let shoot = &self.shoot;
         let mut findings = check_design(shoot, profile, &Paths::new(shoot, &self.flights));
-        findings.extend(profile.room_m.map(|room_m| outside_of(shoot, room_m)));
+        findings.extend(profile.room_m.map(|room_m| check_frame(shoot, room_m)));
         for (drone, (planned, flight)) in shoot.plans.iter().zip(&self.flights).enumerate() {
             let mut checks = check_flight(shoot, drone, flight, None, profile)?;
             checks.push(check_coverage(&planned.plan, &shoot.scene)?);
@@ -158,26 +159,26 @@ impl Shot {
         Ok(findings)
     }
 
-    /// Every check of its flights.
+    /// Makes every check of the flights.
     pub fn preflight(&self, profile: &Profile) -> Result<Preflight> {
-        of_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
+        preflight_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
     }
 
-    /// The places of all things in the room. `None` without a room or without strokes.
+    /// Returns the positions of all things in the room. `None` without a room or without strokes.
     pub fn placement(&self, profile: &Profile) -> Result<Option<ShotPlan>> {
         let paths = Paths::new(&self.shoot, &self.flights);
-        place(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &paths)
+        plan_shot(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &paths)
     }
 }
 
-/// The findings of a drone, with its number if there are several drones.
+/// Gives the findings about a drone its number, if there are several drones.
 fn numbered(
     shoot: &Shoot,
     drone: usize,
-    rows: Vec<Diagnostic>,
+    findings: Vec<Diagnostic>,
 ) -> impl Iterator<Item = Diagnostic> {
     let number = (shoot.plans.len() > 1).then_some(DroneIndex(drone));
-    rows.into_iter().map(move |row| row.of_drone(number))
+    findings.into_iter().map(move |finding| finding.of_drone(number))
 }
 
 /// Checks letters and plans, and their distance from people and things.
@@ -197,8 +198,8 @@ fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnost
         let checks = check_plan(design, &lamps, is_even, profile);
         findings.extend(numbered(shoot, drone, checks));
     }
-    // Drones with trajectories on board wait for their turn in the air: the plans count, not the
-    // designs.
+    // Drones with trajectories on board wait for their turn in the air, which only the plans
+    // contain, not the designs.
     findings.extend(check_separation(&plans_of(shoot)));
     findings.extend(check_people(shoot, paths));
     findings.push(check_obstacles(shoot, profile));
@@ -206,77 +207,98 @@ fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnost
     findings
 }
 
-/// The largest of some values, with its time. Zeros if there are none.
+/// Returns the largest of values with times, and its time. Zeros if there are no values.
 fn largest(values: impl IntoIterator<Item = (f64, f64)>) -> (f64, f64) {
     values.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
 }
 
-/// A time in a sentence.
+/// Returns ` at 1.2 s`, to follow a value in a sentence. Empty for `None`.
 fn at_time(time_s: impl Into<Option<f64>>) -> String {
     time_s.into().map_or(String::new(), |time_s| format!(" at {time_s:.1} s"))
 }
 
-fn warn_if(bad: bool) -> Severity {
-    if bad { Severity::Warning } else { Severity::Fine }
+/// Returns a warning for a limit that is exceeded.
+fn warn_if(is_exceeded: bool) -> Severity {
+    if is_exceeded { Severity::Warning } else { Severity::Fine }
 }
 
-fn stop_if(bad: bool) -> Severity {
-    if bad { Severity::Stop } else { Severity::Fine }
+/// Returns a stop for a limit that is exceeded.
+fn stop_if(is_exceeded: bool) -> Severity {
+    if is_exceeded { Severity::Stop } else { Severity::Fine }
 }
 
-/// Position error by the downwash of other drones. `None` for a single drone.
+/// A drone that is planned into the downwash of another one.
+struct LowerDrone {
+    index: usize,
+    /// Its closest approach to the nearest drone above.
+    approach: Approach,
+    /// Largest position error due to the downwash, and its time.
+    error_m: f64,
+    time_s: f64,
+}
+
+/// Checks the position error due to the downwash of other drones. `None` for a single drone, and
+/// without a downwash model.
 fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
     }
     let most_m =
         MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
-    // However many drones are above one, it is compared once, and the nearest is named.
-    let mut pairs = shoot.downwash_pairs();
-    pairs.sort_by(|([_, a], above_a), ([_, b], above_b)| {
-        a.cmp(b).then(above_a.vertical_m.abs().total_cmp(&above_b.vertical_m.abs()))
+    let lower_drones = nearest_above_each_lower(shoot).into_iter().map(|(index, approach)| {
+        // A flight that fails has an infinite error.
+        let error = downwash_error(shoot, index, &flown[index]);
+        let (error_m, time_s) = error.unwrap_or((f64::INFINITY, approach.time_s));
+        LowerDrone { index, approach, error_m, time_s }
     });
-    pairs.dedup_by_key(|([_, lower], _)| *lower);
-    let errors = pairs.into_iter().map(|([_, lower], nearest)| {
-        let error = downwash_error(shoot, lower, &flown[lower]);
-        let (error_m, time_s) = error.unwrap_or((f64::INFINITY, nearest.time_s));
-        (error_m, time_s, lower + 1, nearest)
-    });
-    let worst = errors.max_by(|a, b| a.0.total_cmp(&b.0));
-    let error_m = worst.map_or(0.0, |(error_m, ..)| error_m);
+    let worst = lower_drones.max_by(|a, b| a.error_m.total_cmp(&b.error_m));
+    let error_m = worst.as_ref().map_or(0.0, |lower| lower.error_m);
     let row = Diagnostic::check("wake", warn_if(error_m > most_m), error_m).within(most_m);
-    Some(row.timed(worst.map(|(_, time_s, ..)| time_s)).say(
+    Some(row.timed(worst.as_ref().map(|lower| lower.time_s)).say(
         match worst {
             None => "no drone is planned into another's wake".to_owned(),
-            Some((_, time_s, lower, Approach { vertical_m, horizontal_m, time_s: near_s })) => {
-                format!(
-                    "drone {lower} comes {:.2} m below and {horizontal_m:.2} m beside another at \
-                     {near_s:.1} s; off by up to {error_m:.3} m{}",
-                    vertical_m.abs(),
-                    at_time(time_s)
-                )
-            }
+            Some(LowerDrone { index, approach, time_s, .. }) => format!(
+                "drone {} comes {:.2} m below and {:.2} m beside another at {:.1} s; off by up to \
+                 {error_m:.3} m{}",
+                index + 1,
+                approach.vertical_m.abs(),
+                approach.horizontal_m,
+                approach.time_s,
+                at_time(time_s)
+            ),
         },
         format!("off by up to {most_m} m, a twentieth of the letters"),
         "plan the drones together with {plan.drones}, or fly the lower drone first",
     ))
 }
 
-/// The largest distance between a drone's flight below others and its flight without them, with its
-/// time. `None` if one of them fails, which has its own finding.
+/// Returns each drone that is planned into a downwash, by its index, with its closest approach to
+/// the drone that is least above it.
+fn nearest_above_each_lower(shoot: &Shoot) -> Vec<(usize, Approach)> {
+    let pairs = shoot.downwash_pairs().into_iter();
+    let mut lower: Vec<_> = pairs.map(|([_, lower], approach)| (lower, approach)).collect();
+    lower.sort_by(|(a, above_a), (b, above_b)| {
+        a.cmp(b).then(above_a.vertical_m.abs().total_cmp(&above_b.vertical_m.abs()))
+    });
+    lower.dedup_by_key(|(index, _)| *index);
+    lower
+}
+
+/// Returns the largest distance between a drone's flight below others and its flight without them,
+/// and its time. `None` if one of the flights fails, which has its own finding.
 fn downwash_error(shoot: &Shoot, drone: usize, flown: &Result<Flight>) -> Option<(f64, f64)> {
     let undisturbed = shoot.fly_drone(drone, &mut |_| {}).ok()?;
     let pairs = undisturbed.samples.iter().zip(&flown.as_ref().ok()?.samples);
     Some(largest(pairs.map(|(a, b)| ((a.position_m - b.position_m).norm(), b.time_s))))
 }
 
-/// Cap height of a word's letters. `None` for a drawing.
+/// Returns the cap height of a word. `None` for a drawing.
 fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
     Some(letter.cell.cap_height_m)
 }
 
-/// The firmware's name of the scene's drone. `None` for other makers' drones.
+/// Returns the firmware's platform of the scene's drone. `None` for drones of other makers.
 pub fn platform(scene: &Scene) -> Option<Platform> {
     match scene.preset {
         Preset::Cf21 | Preset::Cf21ThrustKit | Preset::Ae4832022 => Some(Platform::Crazyflie2),
@@ -285,7 +307,8 @@ pub fn platform(scene: &Scene) -> Option<Platform> {
     }
 }
 
-/// The facts behind the checks of flights within a profile.
+/// Returns what exported files contain about the checks: the limits of the profile, the battery
+/// load of each flight, and the scene.
 pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Checks {
     let (scene, platform) = (&shoot.scene, platform(&shoot.scene));
     let low_v = platform.map(|platform| platform.low_battery_v());

@@ -1,10 +1,10 @@
 //! People and things in the room: how near a flight comes to them.
 //!
-//! In: a [`Shoot`], and its flights. Out: the distance of an audience, and the rows `people` and
-//! `obstacles`. People keep as far away as a drone without commands may come. Things keep the
-//! margin of a wall and the drone's reach. A thing on the floor keeps it at any height: a drone
-//! that lands in an emergency comes straight down. Not known: doors, cables, and all that no key
-//! of the scene names.
+//! In: a [`Shoot`], and its flights. Out: the distance of an audience, and the findings `people`
+//! and `obstacles`. People keep as far away as a drone without commands may come. Things keep the
+//! margin of a wall and the drone's reach. The distance from a thing on the floor is horizontal: a
+//! drone that lands in an emergency comes straight down. Doors, cables and other things that no
+//! key of the scene names are not checked.
 
 use std::f64::consts::SQRT_2;
 
@@ -26,28 +26,28 @@ use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
 
-/// Radius of a tripod with its camera at the height of a flight, an assumption. Less ignores a long
-/// lens, more leaves no place for a camera in the smallest room.
+/// Radius of a tripod with its camera at the height of a flight, an assumption. A smaller one
+/// ignores a long lens. A larger one leaves no room for a camera in the smallest room.
 const TRIPOD_M: f64 = 0.15;
 
 /// Radius of a base station or an anchor with its stand, an assumption: a station is 75 mm wide.
 const BEACON_M: f64 = 0.05;
 
-/// Least vertical part of the normal of a plane that counts as a floor, which is flown above.
+/// Least vertical component of a plane's unit normal for which the plane counts as a floor.
 const LEVEL_COS: f64 = 0.7;
 
-/// The paths of all drones: as planned and, if they are known, as flown.
+/// The paths of all drones, as planned and, if there are flights, as flown.
 pub(super) struct Paths {
-    /// Straight pieces, each with the time of its beginning.
+    /// Straight pieces, each with the time at which it begins.
     pieces: Vec<([Vector3<f64>; 2], f64)>,
     /// See [`super::ShotPlan::audience_from_m`].
     pub(super) audience_from_m: f64,
 }
 
 impl Paths {
-    /// The plans of a shoot, and flights of them.
+    /// Returns the paths of a shoot's plans and of their flights.
     pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
-        // Speeds are those of the positions: the velocities of a file may be of another flight.
+        // Speeds are computed from positions: the velocities in a file may be of another flight.
         let plans = shoot.plans.iter().map(|planned| &planned.plan);
         let mut speed_m_s = plans.clone().map(greatest_speed_m_s).fold(0.0, f64::max);
         let mut pieces: Vec<_> = plans.flat_map(pieces).collect();
@@ -60,26 +60,27 @@ impl Paths {
         let top_m = pieces.iter().map(|([from_m, _], _)| from_m.z).fold(word_m, f64::max);
         // A drone without commands flies on until its motors stop, and then falls from the top:
         // v (t + √(2 h / g)).
-        let comes_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // Rounded up to what is printed, so that sentence and check agree.
-        Self { pieces, audience_from_m: ((10.0 * comes_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
+        let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
+        // Rounded up to the printed decimals, so that the message and the check agree.
+        Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
-    /// Least y, nearest to the camera.
+    /// Returns the least y of the paths, which is nearest to the camera. 0 at most.
     pub(super) fn front_m(&self) -> f64 {
         let points = self.pieces.iter().flat_map(|(points, _)| points);
         points.map(|point| point.y).fold(0.0, f64::min)
     }
 }
 
-/// The straight pieces between the setpoints of a plan.
+/// Returns the straight pieces between the setpoints of a plan, each with the time at which it
+/// begins.
 fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
     let pairs = plan.setpoints.windows(2);
     pairs.map(|pair| ([pair[0].position_m, pair[1].position_m], pair[0].time_s))
 }
 
-/// Check of the distance of people from a flight, at any height: a drone that fails falls. `None`
-/// if the scene has no people.
+/// Checks the horizontal distance from people to a flight: a drone that fails falls. `None` if the
+/// scene has no people.
 pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     // A person is a circle on the floor.
     let people = &shoot.scene.sensors.lighthouse.people_m;
@@ -100,33 +101,34 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     ))
 }
 
-/// A thing in the room.
+/// A thing in the room that a drone must not touch.
 struct Thing {
     name: String,
     shape: Solid,
-    /// True if a drone takes off from it, and may fly above it.
+    /// True for the step of the floor from which the drone takes off.
     is_stand: bool,
     advice: &'static str,
 }
 
-/// Check of the distance of the camera, and of the things that the scene names, from the plans.
+/// Checks the distance from the plans to the camera and to the things that the scene names.
 pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
-    // Motors are at the corners of a square, and propellers that do not overlap reach half of its
-    // side beyond them.
+    // Motors are at the corners of a square. Propellers do not overlap, so they reach beyond the
+    // motors by half of the square's side.
     let limit_m = ROOM_MARGIN_M + (1.0 + SQRT_2) * shoot.scene.vehicle.arm_m;
     let wanted =
         format!("{limit_m:.2} m or more from take-off to landing, and straight down from there");
     let (mut least_m, mut nearest) = (f64::INFINITY, None);
     for plan in shoot.plans.iter().map(|planned| &planned.plan) {
-        let away = away_from_mark(&plan.setpoints);
+        let away = pieces_away_from_mark(&plan.setpoints);
         for thing in things(shoot, plan, profile) {
             for (row, (piece, time_s)) in pieces(plan).enumerate() {
-                // The stand of a drone is near while it takes off and lands.
+                // A drone may be near its stand while it takes off and lands.
                 if thing.is_stand && !away.contains(&row) {
                     continue;
                 }
-                if let Some(m) = thing.shape.nearer_m(piece, least_m) {
-                    (least_m, nearest) = (m, Some((thing.name.clone(), time_s, thing.advice)));
+                if let Some(nearer_m) = thing.shape.nearer_m(piece, least_m) {
+                    least_m = nearer_m;
+                    nearest = Some((thing.name.clone(), time_s, thing.advice));
                 }
             }
         }
@@ -140,13 +142,14 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
     row.say(format!("{name} is {least_m:.2} m from the flight, nearest{when}"), wanted, advice)
 }
 
-/// The pieces between take-off and landing, by the index of the setpoint before each.
-fn away_from_mark(setpoints: &[Setpoint]) -> std::ops::Range<usize> {
+/// Returns the indices of the pieces between take-off and landing. The piece of an index begins at
+/// the setpoint of that index.
+fn pieces_away_from_mark(setpoints: &[Setpoint]) -> std::ops::Range<usize> {
     let (rise, descent) = (n_above_mark(setpoints.iter()), n_above_mark(setpoints.iter().rev()));
     rise.saturating_sub(1)..setpoints.len() - descent
 }
 
-/// Number of setpoints without a letter above the first one.
+/// Returns how many setpoints at the beginning have no letter and are above the first setpoint.
 fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
     let Some(mark) = setpoints.clone().next() else { return 0 };
     let above = setpoints.by_ref().take_while(|s| {
@@ -155,7 +158,8 @@ fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -
     above.count()
 }
 
-/// The camera, and what the scene puts into the room of a plan.
+/// Returns the camera and the things in the room that the scene names: beacons, steps of the floor,
+/// mirrors and panes.
 fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let scene = &shoot.scene;
     let ceiling_m = profile.room_m.map_or(profile.volume_m[1][2], |room_m| room_m[2]);
@@ -168,19 +172,9 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
         let name = "the camera on its tripod".to_owned();
         things.push(Thing { name, shape, is_stand: false, advice });
     }
-    let (beacon, positions_m) = stations(scene);
-    for (index, [x, y, z]) in positions_m.into_iter().enumerate() {
-        // In the lower half of a room they are on stands, in the upper half they hang.
-        let shape = match z < 0.5 * ceiling_m {
-            true => Solid::pillar([x, y], BEACON_M),
-            false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
-        };
-        let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
-        let name = format!("{beacon} {}", index + 1);
-        things.push(Thing { name, shape, is_stand: false, advice });
-    }
+    things.extend(beacons(scene, ceiling_m));
     for (number, FloorStep { x_m, y_m, height_m }) in scene.floor.steps.iter().enumerate() {
-        // The step with the mark may be flown above, others may not.
+        // A drone may fly above the step with its take-off mark, but not above others.
         let is_stand = *height_m == stand_m;
         let top_m = if is_stand { *height_m } else { f64::INFINITY };
         let ends_m = [*x_m, *y_m, [f64::NEG_INFINITY, top_m]];
@@ -193,13 +187,28 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     things
 }
 
-/// Mirrors and panes that are not level: a floor is flown above.
+/// Returns the base stations or anchors as things.
+fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
+    let (beacon, positions_m) = stations(scene);
+    let beacons = positions_m.into_iter().enumerate().map(|(index, [x, y, z])| {
+        // In the lower half of a room they are on stands, in the upper half they hang.
+        let shape = match z < 0.5 * ceiling_m {
+            true => Solid::pillar([x, y], BEACON_M),
+            false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
+        };
+        let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
+        Thing { name: format!("{beacon} {}", index + 1), shape, is_stand: false, advice }
+    });
+    beacons.collect()
+}
+
+/// Returns mirrors and panes as things, without level ones, since a drone flies above a floor.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;
     for (key, planes) in [("mirrors_m", &lighthouse.mirrors_m), ("panes_m", &lighthouse.panes_m)] {
         for (number, [point_m, normal]) in planes.iter().enumerate() {
-            // A normal of zero becomes NaN here, and is not a plane.
+            // A normal of length zero becomes NaN, which the comparison below excludes.
             let normal = Vector3::from(*normal).normalize();
             if normal.z.abs() < LEVEL_COS {
                 let name = format!("sensors.lighthouse.{key}[{number}]");
@@ -212,7 +221,8 @@ fn reflectors(scene: &Scene) -> Vec<Thing> {
     things
 }
 
-/// Beacons of the scene's positioning: what they are called, and their positions.
+/// Returns the name (`anchor` or `station`) and the positions of the beacons by which the drone
+/// finds its position.
 pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
     let stations = &scene.sensors.lighthouse.stations;
     match scene.sensors.positioning {

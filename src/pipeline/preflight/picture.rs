@@ -1,4 +1,4 @@
-//! Checks of the picture that flights would leave: its problems, its light along the strokes.
+//! Checks of the picture that flights would leave: its problems, and its light along the strokes.
 
 use super::warn_if;
 use crate::scene::Scene;
@@ -11,35 +11,35 @@ use noctograph_core::flight::{Flight, warning::UNSEEN};
 use noctograph_picture::expose::meter::{LampReading, meter};
 use noctograph_picture::light::{Lamp, LightTrace, LightTraceData};
 
-/// The check of the picture.
+/// Name of the check of the picture.
 pub const PICTURE: &str = "picture";
 
 /// Fraction of light facing away from the camera above which the word is invisible.
 const MOST_AWAY_FRAC: f64 = 0.95;
 
-/// Shortest outage of two base stations that harms the picture: the gyroscope and one station
-/// bridge shorter ones.
+/// Longest time without a view of two base stations that does not harm the picture: the gyroscope
+/// and one station bridge it.
 const MAX_UNSEEN_S: f64 = 1.0;
 
-/// Duration of the pieces over which light along the path is summed, 1 cm at 0.2 m/s. They are as
-/// long as the blur of a lamp, so that a trembling drone makes no hot spot.
+/// Duration of the pieces of path over which light is summed, 1 cm at 0.2 m/s. They are as long as
+/// the blur of a lamp, so that the trembling of a drone makes no hot spot.
 const PIECE_S: f64 = 0.05;
 
 /// The picture of the light of all drones.
 pub(super) struct Picture {
-    /// The lamps of all drones, and the camera that sees them. `None` if there is no picture.
+    /// The lamps of all drones, and the camera. `None` if there is no picture.
     pub(super) lit: Option<(LightTrace, Camera)>,
-    /// Those of the lamps that write.
+    /// Exposures of the lamps that write.
     readings: Vec<LampReading>,
     problems: Vec<Diagnostic>,
-    /// True if all light that writes is outside the picture.
+    /// True if the light of the lamps that write is completely outside the picture.
     is_unseen: bool,
 }
 
 impl Picture {
-    /// The picture of flights. `None` if one of them fails.
+    /// Returns the picture of flights. `None` if one of them fails.
     pub(super) fn new(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
-        // Lit without another simulation: the flights are recordings of themselves.
+        // With the flights as recordings, nothing is simulated again.
         let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
         let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
         let flown = Shoot { recordings, ..shoot.clone() };
@@ -57,15 +57,15 @@ impl Picture {
         })
     }
 
-    /// The light of one drone.
-    pub(super) fn light_of(&self, drone: usize) -> Option<LightTrace> {
+    /// Returns the light of one drone. `None` if there is no picture.
+    pub(super) fn drone_light(&self, drone: usize) -> Option<LightTrace> {
         let (trace, _) = self.lit.as_ref()?;
         let lamps = trace.lamps.iter();
         let lamps = lamps.filter(|lamp| lamp.drone.is_none_or(|index| index.0 == drone));
         Some(LightTrace::made(LightTraceData { lamps: lamps.cloned().collect() }))
     }
 
-    /// The brightest trail of a drone's lamps.
+    /// Returns the brightest trail of a drone's lamps.
     pub(super) fn trail(&self, drone: usize) -> Option<&LampReading> {
         let readings = self.readings.iter();
         let readings = readings.filter(|r| r.drone.is_none_or(|index| index.0 == drone));
@@ -73,11 +73,11 @@ impl Picture {
     }
 }
 
-/// A picture without a problem.
+/// Describes a picture without a problem.
 const WANTED: &str = "the whole word in the picture, lit while the shutter is open";
 
-/// Checks the picture for the problems that a preview names: the word outside it, a closed shutter,
-/// dark lamps.
+/// Returns a finding for each problem that a preview reports, such as a word outside the picture, a
+/// closed shutter or dark lamps.
 pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Diagnostic> {
     fn unchecked(why: &str) -> Vec<Diagnostic> {
         let advice = "remove what stops the flight, or plan a word";
@@ -88,7 +88,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
-    // A camera that looks elsewhere has every other problem as well.
+    // A camera that points elsewhere has every other problem, too, so only this one is reported.
     if picture.is_unseen {
         let (actual, wanted) = ("the camera shows none of the light that writes", "the whole word");
         let advice = "point the camera at the word ({camera.framing=word})";
@@ -98,7 +98,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
         let row = Diagnostic::check(PICTURE, Severity::Fine, None);
         return vec![row.say("shows the word while it is written", WANTED, "")];
     }
-    picture.problems.iter().map(of_problem).collect()
+    picture.problems.iter().map(finding).collect()
 }
 
 /// True if the light of the lamps that write is outside a camera's picture.
@@ -109,12 +109,12 @@ fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     lit.peek().is_some() && lit.all(|sample| camera.outside([sample.position_m]).is_some())
 }
 
-/// A problem of the picture as a finding.
-fn of_problem(problem: &Diagnostic) -> Diagnostic {
+/// Returns a problem of the picture as a finding, with its severity for a flight.
+fn finding(problem: &Diagnostic) -> Diagnostic {
     let severity = match problem.code {
         UNLIT | NO_PICTURE => Severity::Stop,
         FACES_AWAY if problem.number("away_frac") > Some(MOST_AWAY_FRAC) => Severity::Stop,
-        // The flight's checks judge how well shorter gaps were bridged.
+        // The checks of the flight show how well shorter gaps were bridged.
         UNSEEN => warn_if(problem.number("lasts_s") > Some(MAX_UNSEEN_S)),
         _ => Severity::Warning,
     };
@@ -124,37 +124,43 @@ fn of_problem(problem: &Diagnostic) -> Diagnostic {
         .helped(problem.help.clone())
 }
 
-/// Light along the path: start in s, length in m, seconds of full light.
-pub(super) type Piece = (f64, f64, f64);
+/// A piece of the path of a lamp that is lit.
+pub(super) struct Piece {
+    /// When it begins.
+    pub(super) time_s: f64,
+    pub(super) length_m: f64,
+    /// Light, in seconds at the lamp's highest level.
+    pub(super) light_s: f64,
+}
 
-/// Light of the first lamp that follows the plan, in order of time.
-pub(super) fn painted(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<Piece> {
+/// Returns the lit path of the first lamp that follows the plan, in order of time.
+pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> Vec<Piece> {
     let writing = writing(std::slice::from_ref(flight), trace, &scene.light);
     let name = writing.first().map(|lamp| &lamp.emitter.name);
-    // A lamp that changes its color is several emitters.
+    // A lamp that changes its color consists of several emitters.
     let emitters = writing.iter().filter(|lamp| Some(&lamp.emitter.name) == name);
-    let mut pieces: Vec<Piece> = emitters.flat_map(|lamp| pieces_of(lamp)).collect();
-    pieces.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut pieces: Vec<Piece> = emitters.flat_map(|lamp| emitter_pieces(lamp)).collect();
+    pieces.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     pieces
 }
 
-/// Light along the path of one emitter. Its highest level counts as full light, since the dies of a
-/// color LED are balanced by their levels.
-fn pieces_of(lamp: &Lamp) -> Vec<Piece> {
+/// Returns the lit path of one emitter. Its highest level counts as full light, since levels also
+/// balance the dies of a color LED.
+fn emitter_pieces(lamp: &Lamp) -> Vec<Piece> {
     let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
     let (mut pieces, mut begun) = (Vec::new(), None);
     for (from, to) in lamp.samples.iter().zip(lamp.samples.iter().skip(1)) {
-        // The mean level between two samples. A piece ends in the dark, or after its time.
-        let lit = 0.5 * (from.level + to.level) / full.max(f64::MIN_POSITIVE);
-        if lit <= 0.0 {
+        let mean_level = 0.5 * (from.level + to.level) / full.max(f64::MIN_POSITIVE);
+        // A piece that the dark interrupts is dropped.
+        if mean_level <= 0.0 {
             begun = None;
             continue;
         }
         let (start, light_s) = begun.get_or_insert((from, 0.0));
-        *light_s += lit * (to.time_s - from.time_s);
+        *light_s += mean_level * (to.time_s - from.time_s);
         if to.time_s - start.time_s >= PIECE_S {
             let length_m = (to.position_m - start.position_m).xz().norm();
-            pieces.push((start.time_s, length_m, *light_s));
+            pieces.push(Piece { time_s: start.time_s, length_m, light_s: *light_s });
             begun = None;
         }
     }

@@ -4,7 +4,7 @@
 //! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`ShotPlan`],
 //! in meters of the world, with the middle of the room at x = y = 0 and the word in the plane
 //! y = 0. A camera is centered in front of the word, which fills half of the picture, or more in a
-//! small room. Not known: doors.
+//! small room. Doors are not considered.
 
 use serde::Serialize;
 
@@ -18,24 +18,28 @@ use noctograph_core::camera::{
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_export::safety::FRAME_M;
+use noctograph_letters::Strokes;
 use noctograph_picture::light::LightTrace;
+use noctograph_picture::photo::PhotoOptions;
 
-/// Least distance of a lens from the wall behind it, an assumption: half a tripod, and a hand at
-/// the release. Less would show larger words in a small room.
+/// Least distance from a lens to the wall behind it, an assumption: half a tripod, and a hand at
+/// the release. A smaller one would allow larger words in a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
 
-/// Least distance of a camera from the word, if the room is deep enough. Nearer, it would be in the
-/// way of the flight.
+/// Least distance from a camera to the word, if the room is deep enough. A nearer camera would be
+/// in the way of the flight.
 const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
-/// Most of the picture's width or height that the word may fill: the rest is for its glow, and for
-/// a tripod that is not quite centered.
+/// Greatest fraction of the picture's width or height that the word may fill. The rest is for its
+/// glow, and for a tripod that is not quite centered.
 const MOST_FILLED: f64 = 0.9;
 
-/// The check of the camera's place in a room. A preview does not make it.
+const FULL_FRAME_WIDTH_M: f64 = 0.036;
+
+/// Name of the check of the camera's position in a room. A preview does not make this check.
 pub const CAMERA_PLACE: &str = "camera";
 
-/// The places of things in a room, and the cameras that show the word from within it.
+/// The positions of things in a room, and the cameras that show the word from within it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShotPlan {
     /// Width, depth and height of the room.
@@ -46,8 +50,8 @@ pub struct ShotPlan {
     pub take_off_m: Vec<[f64; 2]>,
     /// Base stations or anchors.
     pub stations_m: Vec<[f64; 3]>,
-    /// Distance that people keep from the flight, in tenths of a meter: a drone that hears no more
-    /// commands flies on at its greatest speed until its motors stop, and falls.
+    /// Distance that people keep from the flight, in whole tenths of a meter: a drone that receives
+    /// no more commands flies on at its greatest speed until its motors stop, and falls.
     pub audience_from_m: f64,
     /// Greatest y of the audience, in front of the flight. `None` if the room is not deep enough.
     pub audience_y_m: Option<f64>,
@@ -77,7 +81,8 @@ pub struct CameraPlace {
     pub metered: Option<Metered>,
 }
 
-/// Cameras that people own, with the widest usual lens of each, instead of the scene's camera.
+/// Returns cameras that people own, each with its name and the widest usual lens, with the other
+/// options of the scene's camera.
 fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     let [zoom_18, zoom_9] = [0.018, 0.009].map(|focal_length_m| {
         LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() })
@@ -100,9 +105,9 @@ fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     })
 }
 
-/// Places all things in the room of a profile. `None` without a room or without strokes. The light
-/// is that of all drones, until `end_s`.
-pub(super) fn place(
+/// Places all things in the room of a profile. `None` without a room or without strokes. `trace` is
+/// the light of all drones, until `end_s`.
+pub(super) fn plan_shot(
     shoot: &Shoot,
     trace: &LightTrace,
     end_s: f64,
@@ -115,30 +120,13 @@ pub(super) fn place(
     let audience_from_m = paths.audience_from_m;
     let audience_y_m =
         Some(paths.front_m() - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
-    let most_m = most_m(room_m);
-    let of_scene = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
+    let own_name = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
     let usual = usual_cameras(scene).map(|(name, options)| (name.to_owned(), options));
     let mut cameras = Vec::new();
-    for (name, options) in [(of_scene, scene.camera.clone())].into_iter().chain(usual) {
-        // A camera with a given pose stays there, in the room or not.
-        let is_fixed = matches!(options.framing, Framing::Fixed(_));
-        let (square, least_m) = framed(options.clone(), word_m, room_m)?;
-        let options = if is_fixed { options } else { square };
-        let camera = options.camera(word_m, end_s)?;
-        let equivalent_m = camera.focal_length_m * 0.036 / camera.sensor_width_m;
-        let fits = is_fixed || least_m <= most_m;
-        let metered = fits.then(|| recommended(trace, &camera, &options, &scene.photo));
-        // The focal length and the letters that just fit are proportional to the distance.
-        cameras.push(CameraPlace {
-            name,
-            equivalent_m,
-            least_m,
-            tripod_m: fits.then(|| camera.position_m.into()),
-            longest_equivalent_m: equivalent_m * most_m / least_m,
-            largest_cap_height_m: cap_height_m(strokes).map(|cap_m| cap_m * most_m / least_m),
-            shutter_s: camera.shutter_close_s - camera.shutter_open_s,
-            metered: metered.flatten(),
-        });
+    for (name, options) in [(own_name, scene.camera.clone())].into_iter().chain(usual) {
+        let mut camera = place_camera(options, strokes, room_m, trace, end_s, &scene.photo)?;
+        camera.name = name;
+        cameras.push(camera);
     }
     Ok(Some(ShotPlan {
         room_m,
@@ -151,44 +139,73 @@ pub(super) fn place(
     }))
 }
 
-/// The take-off marks of the drones.
+/// Places a camera in front of the word, and meters the light for it. Its name is empty.
+fn place_camera(
+    options: CameraOptions,
+    strokes: &Strokes,
+    room_m: [f64; 3],
+    trace: &LightTrace,
+    end_s: f64,
+    photo: &PhotoOptions,
+) -> Result<CameraPlace> {
+    let (word_m, most_m) = (strokes.bounds_m(), max_camera_distance_m(room_m));
+    // A camera with a given pose stays there, in the room or not.
+    let is_fixed = matches!(options.framing, Framing::Fixed(_));
+    let (centered, least_m) = center_in_front(options.clone(), word_m, room_m)?;
+    let options = if is_fixed { options } else { centered };
+    let camera = options.camera(word_m, end_s)?;
+    let equivalent_m = camera.focal_length_m * FULL_FRAME_WIDTH_M / camera.sensor_width_m;
+    let fits = is_fixed || least_m <= most_m;
+    let metered = fits.then(|| recommended(trace, &camera, &options, photo));
+    // The focal length and the letters that just fit are proportional to the distance.
+    Ok(CameraPlace {
+        name: String::new(),
+        equivalent_m,
+        least_m,
+        tripod_m: fits.then(|| camera.position_m.into()),
+        longest_equivalent_m: equivalent_m * most_m / least_m,
+        largest_cap_height_m: cap_height_m(strokes).map(|cap_m| cap_m * most_m / least_m),
+        shutter_s: camera.shutter_close_s - camera.shutter_open_s,
+        metered: metered.flatten(),
+    })
+}
+
+/// Returns x and y of the drones' take-off marks.
 fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     let starts = shoot.plans.iter().filter_map(|planned| planned.plan.setpoints.first());
     starts.map(|start| [start.position_m.x, start.position_m.y])
 }
 
-/// Distance of a point outside a room from the room. 0 inside.
-fn outside_m([x, y, z]: [f64; 3], [width_m, depth_m, height_m]: [f64; 3]) -> f64 {
+/// Returns the distance by which a point is outside a room. 0 inside.
+fn distance_outside_m([x, y, z]: [f64; 3], [width_m, depth_m, height_m]: [f64; 3]) -> f64 {
     let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
     sides.into_iter().fold(0.0, f64::max)
 }
 
-/// Check for things outside the room. Either the origin or the room is wrong then, and the place of
-/// the flight with it.
-pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
-    let mut things: Vec<(String, [f64; 3], Severity)> = Vec::new();
-    let (beacon, stations_m) = stations(&shoot.scene);
-    for (index, position_m) in stations_m.into_iter().enumerate() {
-        things.push((format!("{beacon} {}", index + 1), position_m, Severity::Stop));
-    }
-    for [x, y] in take_off_m(shoot) {
-        things.push(("take-off mark".to_owned(), [x, y, 0.0], Severity::Stop));
-    }
-    if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
-        // It may look in through a door.
-        things.push(("camera".to_owned(), pose.position_m, Severity::Warning));
-    }
+/// A thing that must be inside the room.
+struct RoomThing {
+    name: String,
+    position_m: [f64; 3],
+    /// Severity of a position outside the room.
+    severity: Severity,
+}
+
+/// Checks that stations, take-off marks and a fixed camera are inside the room. If they are not,
+/// the origin or the room is wrong, and so is the position of the flight.
+pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
+    // Within the tolerance of measured positions, a thing counts as inside.
+    let mut things = things_in_room(shoot);
     let n = things.len();
-    things.retain(|(_, position_m, _)| outside_m(*position_m, room_m) > FRAME_M);
-    let severity = things.iter().map(|(.., severity)| *severity).max().unwrap_or_default();
+    things.retain(|thing| distance_outside_m(thing.position_m, room_m) > FRAME_M);
+    let severity = things.iter().map(|thing| thing.severity).max().unwrap_or_default();
     let (mut farthest_m, mut most_m, mut names, mut sentences) =
         (None, 0.0, Vec::new(), Vec::new());
-    for (name, position_m, _) in things {
-        let ([x, y, z], by_m) = (position_m, outside_m(position_m, room_m));
-        if by_m >= most_m {
-            (farthest_m, most_m) = (Some(position_m), by_m);
+    for RoomThing { name, position_m, .. } in things {
+        let ([x, y, z], outside_m) = (position_m, distance_outside_m(position_m, room_m));
+        if outside_m >= most_m {
+            (farthest_m, most_m) = (Some(position_m), outside_m);
         }
-        sentences.push(format!("{name} at ({x:.2}, {y:.2}, {z:.2}), {by_m:.2} m outside"));
+        sentences.push(format!("{name} at ({x:.2}, {y:.2}, {z:.2}), {outside_m:.2} m outside"));
         names.push(name);
     }
     let actual = match names.is_empty() {
@@ -205,29 +222,47 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
     )
 }
 
-/// Checks that the room has a place centered in front of the word for the scene's camera, or else
-/// for a usual camera. `None` for a camera with a given pose, and without a word.
-pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Diagnostic>> {
+/// Returns the stations, the take-off marks, and the camera if its pose is fixed.
+fn things_in_room(shoot: &Shoot) -> Vec<RoomThing> {
+    let (beacon, stations_m) = stations(&shoot.scene);
+    let stations = stations_m.into_iter().enumerate();
+    let stations = stations.map(|(index, m)| (format!("{beacon} {}", index + 1), m));
+    let marks = take_off_m(shoot).map(|[x, y]| ("take-off mark".to_owned(), [x, y, 0.0]));
+    let things = stations.chain(marks);
+    let severity = Severity::Stop;
+    let mut things: Vec<RoomThing> =
+        things.map(|(name, position_m)| RoomThing { name, position_m, severity }).collect();
+    if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
+        // The camera may look in through a door.
+        let (name, severity) = ("camera".to_owned(), Severity::Warning);
+        things.push(RoomThing { name, position_m: pose.position_m, severity });
+    }
+    things
+}
+
+/// Checks that the room has a position centered in front of the word for the scene's camera, or
+/// else for a usual camera. `None` for a camera with a given pose, and without a word.
+pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Diagnostic>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
         return Ok(None);
     };
-    let (word_m, most_m) = (strokes.bounds_m(), most_m(room_m));
-    let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
-    // The first of the usual cameras that fits is named.
+    let (word_m, most_m) = (strokes.bounds_m(), max_camera_distance_m(room_m));
+    let least_m = center_in_front(scene.camera.clone(), word_m, room_m)?.1;
+    // The message names the first of the usual cameras that fits.
     let mut other = None;
     for (name, options) in usual_cameras(scene) {
-        if other.is_none() && framed(options, word_m, room_m)?.1 <= most_m {
+        if other.is_none() && center_in_front(options, word_m, room_m)?.1 <= most_m {
             other = Some(name);
         }
     }
-    let (severity, shows) = match other {
+    let (severity, verdict) = match other {
         _ if least_m <= most_m => (Severity::Fine, "fits in the room".to_owned()),
         Some(other) => (Severity::Warning, format!("does not fit in the room; {other} does")),
         None => (Severity::Stop, "does not fit in the room, and no usual one does".to_owned()),
     };
     Ok(Some(Diagnostic::check(CAMERA_PLACE, severity, least_m).within(most_m).say(
-        format!("{shows}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
+        format!("{verdict}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
         format!("a camera that shows the whole word from within {most_m:.1} m"),
         "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), type \
          the room's true depth ({expose.room_m}), or say where the camera stands \
@@ -235,15 +270,15 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Dia
     )))
 }
 
-/// Greatest distance of a camera in a room from the word.
-fn most_m([_, depth_m, _]: [f64; 3]) -> f64 {
+/// Returns the greatest distance from the word to a camera in a room.
+fn max_camera_distance_m([_, depth_m, _]: [f64; 3]) -> f64 {
     0.5 * depth_m - TRIPOD_FROM_WALL_M
 }
 
-/// A camera centered in front of the word, and its least distance from the word. It is moved nearer
-/// if it would be behind the wall and still shows the whole word, and farther away if it would be
-/// in the way of the flight.
-fn framed(
+/// Returns the options of a camera centered in front of the word, and the least distance at which
+/// it shows the whole word. The camera is moved nearer if it would be behind the wall, and farther
+/// away if it would be in the way of the flight. If the room is not deep enough, it is not moved.
+fn center_in_front(
     options: CameraOptions,
     word_m: [f64; 4],
     room_m: [f64; 3],
@@ -254,7 +289,7 @@ fn framed(
     };
     let nearest = Framing::Word(WordFraming { fill_frac: MOST_FILLED, ..word.clone() });
     let nearest = CameraOptions { framing: nearest, ..options.clone() }.camera(word_m, 0.0)?;
-    let (least_m, most_m) = (-nearest.position_m.y, most_m(room_m));
+    let (least_m, most_m) = (-nearest.position_m.y, max_camera_distance_m(room_m));
     let mut fill_frac = word.fill_frac;
     if least_m <= most_m {
         // The word fills the picture in inverse proportion to the distance.
@@ -274,42 +309,60 @@ fn framed(
 pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     if let Framing::Word(_) = scene.camera.framing {
         let word_m = scene.strokes()?.bounds_m();
-        scene.camera = framed(scene.camera.clone(), word_m, room_m)?.0;
+        scene.camera = center_in_front(scene.camera.clone(), word_m, room_m)?.0;
     }
     Ok(())
 }
 
-/// Fits a scene's canvas to the view of its camera inside a room, if the camera frames the word.
+/// Shrinks a scene's canvas to what its camera shows from inside a room, if the camera frames the
+/// word.
 pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     let (Framing::Word(_), Some([width_m, height_m])) =
         (&scene.camera.framing, scene.letters.canvas_m)
     else {
         return Ok(());
     };
-    // Each side is limited by its own side of the picture: the other one is made thin.
-    let flat_frac = shown_frac(scene, [width_m, 0.01 * width_m], room_m)?;
-    let thin_frac = shown_frac(scene, [0.01 * height_m, height_m], room_m)?;
-    scene.letters.canvas_m = Some([width_m * flat_frac, height_m * thin_frac]);
+    // Each side of the canvas is limited by the same side of the picture only, so the other side is
+    // made too short to matter.
+    let width_frac = shown_frac(scene, [width_m, 0.01 * width_m], room_m)?;
+    let height_frac = shown_frac(scene, [0.01 * height_m, height_m], room_m)?;
+    scene.letters.canvas_m = Some([width_m * width_frac, height_m * height_frac]);
     Ok(())
 }
 
-/// The fraction of a word's size that the scene's camera shows from within a room, 1 at most.
+/// Returns the fraction of a word's size that the scene's camera shows from within a room, at most
+/// 1.
 fn shown_frac(scene: &Scene, [width_m, height_m]: [f64; 2], room_m: [f64; 3]) -> Result<f64> {
     let low_m = scene.letters.baseline_m;
     let word_m = [-0.5 * width_m, low_m, 0.5 * width_m, low_m + height_m];
-    let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
+    let least_m = center_in_front(scene.camera.clone(), word_m, room_m)?.1;
     // A millionth less, so that rounding does not move the camera into the wall.
-    Ok((most_m(room_m) / least_m * (1.0 - 1e-6)).min(1.0))
+    Ok((max_camera_distance_m(room_m) / least_m * (1.0 - 1e-6)).min(1.0))
 }
 
 impl ShotPlan {
-    /// The plan as rows of a table, each a thing and its place.
+    /// Returns the plan as rows of a table, each with a thing and its position.
     pub fn rows(&self) -> Vec<[String; 2]> {
         let Self { room_m: [w, d, h], word_m: [left, bottom, right, top], .. } = self;
+        let room = format!("{w} x {d} x {h} m, its middle at x = y = 0, y away from the camera");
+        let rows = [
+            ("room", room),
+            ("word", format!("{:.2} x {:.2} m, at y = 0", right - left, top - bottom)),
+            ("take-off", positions(&self.take_off_m)),
+            ("stations", positions(&self.stations_m)),
+            ("audience", self.audience()),
+        ];
+        let rows = rows.into_iter().map(|(thing, position)| [thing.to_owned(), position]);
+        let cameras = self.cameras.iter().map(|camera| [camera.name.clone(), camera.sentence()]);
+        rows.chain(cameras).collect()
+    }
+
+    /// Returns in words where the audience stands.
+    fn audience(&self) -> String {
         let from_m = self.audience_from_m;
         let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
-        let audience = match self.audience_y_m {
-            // A tripod in front of the audience's line gets no neighbors.
+        match self.audience_y_m {
+            // Nobody stands beside a tripod that is nearer to the flight than the audience may be.
             Some(y_m) => {
                 let beside = match tripod_m {
                     Some([_, tripod_y_m, _]) if tripod_y_m > y_m => {
@@ -325,25 +378,15 @@ impl ShotPlan {
                 "outside the room, which is not deep enough: {from_m:.1} m from the flight, as far as \
                  a drone without commands may come"
             ),
-        };
-        let room = format!("{w} x {d} x {h} m, its middle at x = y = 0, y away from the camera");
-        let rows = [
-            ("room", room),
-            ("word", format!("{:.2} x {:.2} m, at y = 0", right - left, top - bottom)),
-            ("take-off", positions(&self.take_off_m)),
-            ("stations", positions(&self.stations_m)),
-            ("audience", audience),
-        ];
-        let rows = rows.into_iter().map(|(what, place)| [what.to_owned(), place]);
-        let cameras = self.cameras.iter().map(|camera| [camera.name.clone(), camera.sentence()]);
-        rows.chain(cameras).collect()
+        }
     }
 }
 
 impl CameraPlace {
-    /// Its place and its settings, or what would have a place.
+    /// Returns the tripod's position and the camera's settings. If the room is not deep enough,
+    /// the focal length and the letters that would fit.
     pub fn sentence(&self) -> String {
-        let Some(place) = self.tripod_m else {
+        let Some(position_m) = self.tripod_m else {
             let letters = self.largest_cap_height_m.map_or_else(String::new, |cap_m| {
                 format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
             });
@@ -355,21 +398,21 @@ impl CameraPlace {
                  (full-frame equivalent); {longest_mm:.0} mm would do{letters}"
             );
         };
-        let place = place.map(meters).join(", ");
-        let Some(metered) = self.metered else { return format!("tripod at ({place})") };
+        let position = position_m.map(meters).join(", ");
+        let Some(metered) = self.metered else { return format!("tripod at ({position})") };
         let help = metered.help().map_or_else(String::new, |help| format!("; {help}"));
         let (f_number, iso, shutter_s) = (metered.f_number, metered.iso, self.shutter_s.ceil());
-        format!("tripod at ({place}), f/{f_number}, ISO {iso}, shutter {shutter_s:.0} s{help}")
+        format!("tripod at ({position}), f/{f_number}, ISO {iso}, shutter {shutter_s:.0} s{help}")
     }
 }
 
-/// Positions in a sentence.
+/// Returns positions separated by commas, or `none`.
 fn positions<const N: usize>(positions_m: &[[f64; N]]) -> String {
     let texts = positions_m.iter().map(|m| format!("({})", m.map(meters).join(", ")));
     if positions_m.is_empty() { "none".to_owned() } else { texts.collect::<Vec<_>>().join(", ") }
 }
 
-/// Meters to centimeters, without a negative zero.
+/// Returns meters with two decimals, never `-0.00`.
 fn meters(value_m: f64) -> String {
     format!("{:.2}", (100.0 * value_m).round() / 100.0 + 0.0)
 }
@@ -389,7 +432,8 @@ mod tests {
         let lighting = shoot.clone().lighting(&|_, _| {}).unwrap();
         let end_s = lighting.camera.shutter_close_s;
         let paths = Paths::new(&shoot, &lighting.flights);
-        let placement = place(&shoot, &lighting.trace, end_s, &profile, &paths).unwrap().unwrap();
+        let placement =
+            plan_shot(&shoot, &lighting.trace, end_s, &profile, &paths).unwrap().unwrap();
         (shoot, lighting, placement)
     }
 

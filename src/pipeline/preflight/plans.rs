@@ -13,10 +13,10 @@ use noctograph_export::lights::{commands, switches};
 use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest};
 
-/// Distance of a setpoint from the design before it that counts as a jump.
+/// Distance from the design to the next setpoint that counts as a jump.
 const JUMP_M: f64 = 0.03;
 
-/// Checks the motion and the commands of a plan, of style `even` or another.
+/// Checks the motion and the commands of a plan. `is_even` is true for the style `even`.
 pub(super) fn check_plan(
     plan: &Plan,
     light: &LightOptions,
@@ -35,27 +35,31 @@ pub(super) fn check_plan(
     ]
 }
 
-/// Distance of a point from a volume, negative inside. The floor counts only from below.
-fn outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 {
+/// Returns the distance by which a point is outside a volume, negative inside. A point above the
+/// floor is not measured from the floor.
+fn distance_outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 {
     let [low_m, high_m] = volume_m.map(Vector3::from);
     let (below, above) = (low_m - position_m, position_m - high_m);
     let sides_m = below.xy().max().max(above.max());
     if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
 }
 
-/// Check that the plan stays inside the profile's volume.
+/// Distance outside the volume that rounding may cause.
+const ROUNDING_M: f64 = 1e-6;
+
+/// Checks that the plan stays inside the profile's volume.
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
-    let outside = plan.setpoints.iter();
-    let outside = outside.map(|s| (outside_m(s.position_m, profile.volume_m), s.time_s));
+    let setpoints = plan.setpoints.iter();
     // The point that is farthest outside, or nearest to a side from within.
-    let (outside_m, time_s) = largest(outside);
+    let (outside_m, time_s) =
+        largest(setpoints.map(|s| (distance_outside_m(s.position_m, profile.volume_m), s.time_s)));
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
     let actual = match outside_m > 0.0 {
         true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s)),
         false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
     };
-    let row = Diagnostic::check("volume", stop_if(outside_m > 1e-6), outside_m);
+    let row = Diagnostic::check("volume", stop_if(outside_m > ROUNDING_M), outside_m);
     row.timed(time_s).positioned(position_m).detailed(&*volume).say(
         actual,
         format!("inside {volume}"),
@@ -64,12 +68,12 @@ fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Pairs of consecutive setpoints.
+/// Returns the pairs of consecutive setpoints.
 fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
     plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
 }
 
-/// The step from the design of a setpoint to the next setpoint.
+/// Returns the step from the design, which a setpoint defines until the next one, to that one.
 fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
     to.position_m - from.design_m(to.time_s)
 }
@@ -77,108 +81,118 @@ fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
 /// A segment of the path in the air.
 struct Segment {
     time_s: f64,
-    lasts_s: f64,
-    /// Difference of the positions at its ends.
+    duration_s: f64,
+    /// Displacement by the positions at its ends.
     moved_m: Vector3<f64>,
-    /// The part of it that the velocities do not have.
-    apart_m: Vector3<f64>,
+    /// Displacement by the positions minus that by the velocities.
+    mismatch_m: Vector3<f64>,
     /// True if the next segment begins at its end.
     goes_on: bool,
 }
 
-/// Shortest time over which the motion of positions is measured, so that the rounding of a file
-/// does not count.
+/// Shortest time over which a speed is computed from positions, so that the rounding of a file has
+/// no effect.
 const SEGMENT_S: f64 = 0.1;
 
-/// The path in the air. A single jump, which has its own check, interrupts it. Several jumps in a
-/// row are motion.
+/// Returns the path in the air as segments of [`SEGMENT_S`] or more. A single jump, which has its
+/// own check, interrupts the path. Several jumps in a row are motion.
 fn segments(plan: &Plan) -> Vec<Segment> {
     let pairs: Vec<(&Setpoint, &Setpoint)> = pairs(plan).collect();
     let jumps: Vec<bool> = pairs.iter().map(|(a, b)| jump(a, b).norm() > JUMP_M).collect();
     let mut segments: Vec<Segment> = Vec::new();
     for (row, (from, to)) in pairs.iter().enumerate() {
-        let near = &jumps[row.saturating_sub(1)..(row + 2).min(jumps.len())];
-        let is_single_jump = jumps[row] && near.iter().filter(|jumps| **jumps).count() == 1;
+        let neighbors = &jumps[row.saturating_sub(1)..(row + 2).min(jumps.len())];
+        let is_single_jump = jumps[row] && neighbors.iter().filter(|jumps| **jumps).count() == 1;
         let last = segments.last_mut().filter(|segment| segment.goes_on);
         if is_single_jump || from.on_floor() || to.on_floor() {
             last.into_iter().for_each(|segment| segment.goes_on = false);
             continue;
         }
-        let (lasts_s, moved_m) = (to.time_s - from.time_s, to.position_m - from.position_m);
-        // Velocities hold until the next setpoint, or change evenly up to it.
-        let even_m = moved_m - 0.5 * lasts_s * (from.velocity_m_s + to.velocity_m_s);
+        let (duration_s, moved_m) = (to.time_s - from.time_s, to.position_m - from.position_m);
+        // Plans either hold a velocity until the next setpoint, or interpolate it. The better fit
+        // counts.
+        let interpolated_m = moved_m - 0.5 * duration_s * (from.velocity_m_s + to.velocity_m_s);
         let held_m = jump(from, to);
-        let apart_m = if even_m.norm() < held_m.norm() { even_m } else { held_m };
-        match last.filter(|segment| segment.lasts_s < SEGMENT_S) {
+        let mismatch_m =
+            if interpolated_m.norm() < held_m.norm() { interpolated_m } else { held_m };
+        match last.filter(|segment| segment.duration_s < SEGMENT_S) {
             Some(segment) => {
-                segment.lasts_s += lasts_s;
+                segment.duration_s += duration_s;
                 segment.moved_m += moved_m;
-                segment.apart_m += apart_m;
+                segment.mismatch_m += mismatch_m;
             }
             None => {
                 let time_s = from.time_s;
-                segments.push(Segment { time_s, lasts_s, moved_m, apart_m, goes_on: true });
+                segments.push(Segment { time_s, duration_s, moved_m, mismatch_m, goes_on: true });
             }
         }
     }
     segments
 }
 
-/// Fraction of the path by which velocities may disagree with positions: those of a plan with few
-/// setpoints miss its corners.
-const MOST_APART_FRAC: f64 = 0.25;
+/// Fraction of the path by which velocities may disagree with positions: the velocities of a plan
+/// with few setpoints miss its corners.
+const MAX_MISMATCH_FRAC: f64 = 0.25;
 
-/// Greatest speed of the positions on a path, and when.
+/// Returns the greatest speed of the positions on a path, and its time.
 fn fastest(segments: &[Segment]) -> (f64, f64) {
-    let complete = segments.iter().filter(|segment| segment.lasts_s >= SEGMENT_S);
-    largest(complete.map(|segment| (segment.moved_m.norm() / segment.lasts_s, segment.time_s)))
+    let complete = segments.iter().filter(|segment| segment.duration_s >= SEGMENT_S);
+    largest(complete.map(|segment| (segment.moved_m.norm() / segment.duration_s, segment.time_s)))
 }
 
-/// Greatest speed of a plan's positions.
+/// Returns the greatest speed of a plan's positions.
 pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
     fastest(&segments(plan)).0
 }
 
-/// Check of the plan's greatest speed, by its velocities and by its positions.
-fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
-    let given = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
-    let segments = segments(plan);
-    let moved = fastest(&segments);
-    let apart_m: f64 = segments.iter().map(|segment| segment.apart_m.norm()).sum();
+/// Returns the fraction of the path by which velocities disagree with positions.
+fn mismatch_frac(segments: &[Segment]) -> f64 {
+    let mismatch_m: f64 = segments.iter().map(|segment| segment.mismatch_m.norm()).sum();
     let lengths_m = segments.iter().map(|segment| {
-        let by_velocity_m = segment.moved_m - segment.apart_m;
+        let by_velocity_m = segment.moved_m - segment.mismatch_m;
         segment.moved_m.norm().max(by_velocity_m.norm())
     });
-    let apart_frac = apart_m / lengths_m.sum::<f64>().max(1e-9);
-    let ((value, time_s), most) = (largest([given, moved]), profile.speed_m_s);
-    // Velocities that are given but of another flight: then no speed is known.
-    if given.0 > 0.0 && (apart_frac > MOST_APART_FRAC || moved.0 > 1.1 * given.0 + 0.05) {
-        return Diagnostic::check("speed", Severity::Stop, value).within(most).timed(time_s).say(
+    // A path without motion has no mismatch, rather than 0 / 0.
+    mismatch_m / lengths_m.sum::<f64>().max(1e-9)
+}
+
+/// Checks the plan's greatest speed, by its velocities and by its positions.
+fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
+    let by_velocity = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
+    let segments = segments(plan);
+    let (by_position, mismatch_frac) = (fastest(&segments), mismatch_frac(&segments));
+    let (speed_m_s, time_s) = largest([by_velocity, by_position]);
+    let (velocity_m_s, moved_m_s, most_m_s) = (by_velocity.0, by_position.0, profile.speed_m_s);
+    // The velocities of another flight tell nothing about the speed of this one. 10 % and 0.05 m/s
+    // allow for rounded positions.
+    let is_faster = moved_m_s > 1.1 * velocity_m_s + 0.05;
+    if velocity_m_s > 0.0 && (mismatch_frac > MAX_MISMATCH_FRAC || is_faster) {
+        let row = Diagnostic::check("speed", Severity::Stop, speed_m_s).within(most_m_s);
+        return row.timed(time_s).say(
             format!(
-                "positions move at {:.2} m/s, velocities are {:.2} m/s, and differ by {:.0} % of the path",
-                moved.0,
-                given.0,
-                100.0 * apart_frac
+                "positions move at {moved_m_s:.2} m/s, velocities are {velocity_m_s:.2} m/s, and differ \
+                 by {:.0} % of the path",
+                100.0 * mismatch_frac
             ),
-            format!("velocities that agree with the positions, up to {most} m/s"),
+            format!("velocities that agree with the positions, up to {most_m_s} m/s"),
             "plan the flight again: times, positions and velocities are of different flights",
         );
     }
-    // The positions of a file are rounded, so they get more tolerance.
-    let is_fast = given.0 > 1.001 * most || moved.0 > 1.02 * most;
-    Diagnostic::check("speed", stop_if(is_fast), value).within(most).timed(time_s).say(
-        format!("{value:.2} m/s{}", at_time(time_s)),
-        format!("up to {most} m/s"),
+    // The positions in a file are rounded, so they get more tolerance.
+    let is_fast = velocity_m_s > 1.001 * most_m_s || moved_m_s > 1.02 * most_m_s;
+    Diagnostic::check("speed", stop_if(is_fast), speed_m_s).within(most_m_s).timed(time_s).say(
+        format!("{speed_m_s:.2} m/s{}", at_time(time_s)),
+        format!("up to {most_m_s} m/s"),
         "lower {plan.style.dark_speed_m_s} or {plan.stroke_speed_m_s}",
     )
 }
 
-/// Check that the plan leaves the floor and comes back to it.
+/// Checks that the plan leaves the floor and comes back to it.
 fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
     let lands = plan.setpoints.last().is_some_and(Setpoint::on_floor);
-    // A plan with another axis upward fails here.
+    // This also stops a plan of another program in which z does not point up.
     let actual = match (flies, lands) {
         (false, _) => "never leaves the floor".to_owned(),
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
@@ -191,40 +205,42 @@ fn landing(plan: &Plan) -> Diagnostic {
     )
 }
 
-/// Check of the plan's greatest acceleration.
+/// Checks the plan's greatest acceleration.
 fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
     // Without accelerations in the plan, the changes of velocity between setpoints count. The
     // controller smooths such steps, so they only warn. A planned acceleration is flown.
-    let planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
-    let pairs = pairs(plan).map(|(from, to)| {
-        let lasts_s = to.time_s - from.time_s;
-        let change = (to.velocity_m_s - from.velocity_m_s).norm() / lasts_s.max(1e-3);
-        (if planned { from.acceleration_m_s2.norm() } else { change }, to.time_s)
+    let is_planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
+    let by_setpoints = pairs(plan).map(|(from, to)| {
+        let duration_s = (to.time_s - from.time_s).max(1e-3);
+        let change_m_s2 = (to.velocity_m_s - from.velocity_m_s).norm() / duration_s;
+        (if is_planned { from.acceleration_m_s2.norm() } else { change_m_s2 }, to.time_s)
     });
-    // Positions show it where they turn from one segment to the next.
+    // Positions accelerate where the velocity changes from one segment to the next.
     let segments = segments(plan);
-    let turns = segments.windows(2).filter(|pair| planned && pair[0].goes_on);
-    let turns = turns.map(|pair| {
-        let [from, to] = [&pair[0], &pair[1]].map(|segment| segment.moved_m / segment.lasts_s);
-        ((to - from).norm() / (0.5 * (pair[0].lasts_s + pair[1].lasts_s)), pair[1].time_s)
+    let joined = segments.windows(2).filter(|pair| is_planned && pair[0].goes_on);
+    let by_positions = joined.map(|pair| {
+        let [from, to] = [&pair[0], &pair[1]].map(|segment| segment.moved_m / segment.duration_s);
+        let duration_s = 0.5 * (pair[0].duration_s + pair[1].duration_s);
+        ((to - from).norm() / duration_s, pair[1].time_s)
     });
-    let ((value, time_s), most) = (largest(pairs.chain(turns)), profile.acceleration_m_s2);
+    let (value, time_s) = largest(by_setpoints.chain(by_positions));
+    let most = profile.acceleration_m_s2;
     let (is_beyond, when) = (value > 1.05 * most, at_time(time_s));
-    let severity = if planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
+    let severity = if is_planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
     Diagnostic::check("acceleration", severity, value).within(most).timed(time_s).say(
-        match planned {
+        match is_planned {
             true => format!("{value:.2} m/s²{when}"),
             false => format!("setpoints change velocity by up to {value:.1} m/s²{when}"),
         },
         format!("up to {most} m/s²"),
-        match planned {
+        match is_planned {
             true => "lower {plan.style.acceleration_m_s2}",
             false => "plan with {plan.style=even}",
         },
     )
 }
 
-/// Check for jumps of the position between setpoints.
+/// Checks for jumps of the position between setpoints.
 fn jumps(plan: &Plan) -> Diagnostic {
     // A drone on the floor may be carried to another mark.
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
@@ -243,10 +259,10 @@ fn jumps(plan: &Plan) -> Diagnostic {
     )
 }
 
-/// Check of the time in the air.
+/// Checks the time in the air.
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    // An empty sum is -0.
+    // The sum of no numbers is -0.0, and adding 0.0 makes it 0.0.
     let air_s = in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0;
     let most_s = profile.flight_time_s;
     Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
@@ -259,7 +275,7 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Check that the firmware has a parameter for each lamp, so that an export can light it.
+/// Checks that the firmware has a parameter for each lamp, so that an export can light it.
 fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let wanted = "lamps with a firmware parameter";
     match commands(plan, light) {
@@ -279,7 +295,7 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     }
 }
 
-/// Check that no lamp behind a pin is dimmed, such as the headlights of the ring
+/// Checks that the plan does not dim a lamp that a pin switches, such as the headlights of the ring
 /// (`ring.headlightEnable` in `ledring12.c`).
 fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let switches = switches(plan, light);
@@ -287,7 +303,7 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
     let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
     let time_s = times_s.iter().copied().min_by(f64::total_cmp);
-    // Without such lamps there is no count.
+    // `None` if the plan uses no such lamp.
     let n = (!switches.is_empty()).then_some(times_s.len());
     Diagnostic::check("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64))
         .timed(time_s)
@@ -302,12 +318,12 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
         )
 }
 
-/// Check of the distance between drones. `None` for a single one.
+/// Checks the distance between drones. `None` for a single drone.
 pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
     }
-    // Drones above each other are judged by their downwash, so the horizontal distance counts here.
+    // `closest` ignores drones above each other, whose downwash has its own check.
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
@@ -323,7 +339,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     ))
 }
 
-/// Largest distance of a plan's light from the strokes of its letter, in cap heights.
+/// Largest distance from the strokes of a letter to a plan's light, in cap heights.
 const TOLERANCE_H: f64 = 0.1;
 
 /// Refuses a plan with light away from the strokes.
@@ -333,16 +349,16 @@ const TOLERANCE_H: f64 = 0.1;
 /// [`Error::Input`](noctograph_core::error::Error::Input) with the time of the first setpoint that
 /// is too far away.
 pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
-    let far_m = TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
+    let tolerance_m = TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
         let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
-        // In the plane of the word, to the nearest lit stroke of the letter.
+        // The distance to the nearest lit stroke of the letter, in the plane of the word.
         let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
         let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
         let lit = moves.filter(|step| step.lit);
         let distances_m = lit.map(|step| segment_distance([x, z], [step.from_m, step.to_m]));
-        if distances_m.fold(f64::INFINITY, f64::min) > far_m {
+        if distances_m.fold(f64::INFINITY, f64::min) > tolerance_m {
             let (number, word) = (letter + 1, &strokes.word);
             return Err(input_error!(
                 format!("plan, {:.1} s", setpoint.time_s),
@@ -371,7 +387,7 @@ mod tests {
         plan(&strokes(word), &PlanOptions::even_with(style)).unwrap()
     }
 
-    fn outside_m(plan: &Plan, profile: &Profile) -> (f64, [f64; 3]) {
+    fn distance_outside_m(plan: &Plan, profile: &Profile) -> (f64, [f64; 3]) {
         let row = volume(plan, profile);
         let Figure::Position(position_m) = row.figures["position_m"] else { panic!("{row:?}") };
         (row.number("value").unwrap(), position_m)
@@ -397,7 +413,7 @@ mod tests {
         let wide = LetterOptions { width_m: Some(2.0), ..LetterOptions::default() };
         let wide = plan(&write("NOOR", &wide).unwrap(), &PlanOptions::even()).unwrap();
         assert_eq!(volume(&wide, &Profile::indoor()).severity, Severity::Stop);
-        let (outside_m, [x, ..]) = outside_m(&wide, &Profile::indoor());
+        let (outside_m, [x, ..]) = distance_outside_m(&wide, &Profile::indoor());
         assert!((x.abs() - 2.5 - outside_m).abs() < 1e-9, "{outside_m} m at {x} m");
     }
 
@@ -465,12 +481,13 @@ mod tests {
     #[test]
     fn a_room_bounds_the_volume() {
         let plan = even("NOOR", EvenStyle::default());
-        let (inside_m, _) = outside_m(&plan, &Profile::indoor());
+        let (inside_m, _) = distance_outside_m(&plan, &Profile::indoor());
         assert!((inside_m + 1.5).abs() < 0.05, "1 m of 2.5 m high: {inside_m}");
-        let (small_m, [x, _, z]) = outside_m(&plan, &Profile::indoor().in_room([1.5, 1.5, 1.0]));
+        let (small_m, [x, _, z]) =
+            distance_outside_m(&plan, &Profile::indoor().in_room([1.5, 1.5, 1.0]));
         let by_m = (x.abs() - 0.55).max(z - 0.8);
         assert!(by_m > 0.0 && (by_m - small_m).abs() < 1e-9, "0.2 m from the walls: {small_m}");
-        let (hall_m, _) = outside_m(&plan, &Profile::indoor().in_room([50.0, 50.0, 50.0]));
+        let (hall_m, _) = distance_outside_m(&plan, &Profile::indoor().in_room([50.0, 50.0, 50.0]));
         assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
     }
 

@@ -1,4 +1,4 @@
-//! Profiles: limits of a kind of drone, indoors or outdoors.
+//! Profiles: limits for a kind of drone, indoors or outdoors.
 
 use serde::Serialize;
 
@@ -34,17 +34,17 @@ pub struct Profile {
     pub is_outdoors: bool,
 }
 
-/// Distance of the design from walls and ceiling of a room: the reference team's corridor, within
-/// which a flight stays.
+/// Distance from the design to the walls and the ceiling of a room: the reference team's corridor,
+/// within which a flight stays.
 pub(super) const ROOM_MARGIN_M: f64 = 0.2;
 
-/// Greatest distance of a base station from the middle of a wide room, to the side and in depth. It
-/// reaches 6 m, so it sees the far end of a word of 4 m.
+/// Greatest distance from the middle of a wide room to a base station, to the side and in depth. A
+/// station reaches 6 m, so it sees the far end of a word 4 m wide.
 const STATION_M: f64 = 2.5;
 
 impl Profile {
-    /// The profile within a room of a width, depth and height, the middle of its floor at the
-    /// origin.
+    /// Returns the profile with a room of width, depth and height `room_m`, whose volume keeps a
+    /// margin from walls and ceiling. The middle of the floor is the origin.
     #[must_use]
     pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
         let [width_m, depth_m, height_m] = room_m;
@@ -52,6 +52,7 @@ impl Profile {
         let [low, high] = &mut self.volume_m;
         for axis in 0..3 {
             high[axis] = high[axis].min(sides_m[axis]);
+            // The volume reaches down to the floor.
             if axis < 2 {
                 low[axis] = low[axis].max(-sides_m[axis]);
             }
@@ -73,8 +74,8 @@ impl Profile {
         }
     }
 
-    /// Two base stations in opposite corners of the volume's room, 0.1 m below its ceiling, that
-    /// look at the volume's middle. Bitcraze (tutorial "Getting started with the Lighthouse
+    /// Returns two base stations in opposite corners of the room, 0.1 m below its ceiling, directed
+    /// at the middle of the volume. Bitcraze (tutorial "Getting started with the Lighthouse
     /// system"): two serve about 4 m by 4 m, and hang at least 0.4 m above the flight.
     pub fn stations(&self) -> [Station; 2] {
         let [low, high] = self.volume_m;
@@ -87,7 +88,7 @@ impl Profile {
         })
     }
 
-    /// The volume in words.
+    /// Returns the volume in words.
     pub fn volume(&self) -> String {
         let [low, high] = self.volume_m;
         let [w, d, h] = [0, 1, 2].map(|axis| (1e3 * (high[axis] - low[axis])).round() / 1e3);
@@ -100,15 +101,15 @@ impl Profile {
         }
     }
 
-    /// All profiles.
+    /// Returns all profiles.
     pub fn all() -> [Self; 3] {
         [Self::indoor(), Self::careful(), Self::outdoor()]
     }
 
-    /// A Crazyflie indoors. 1 m/s an axis and 20° are the limits of the firmware's controller
-    /// (`platform_defaults_cf2.h`), 2 m/s² is from firmware issue 882 (whoenig). A 7-minute battery
-    /// lasts 4 minutes with decks (crazyswarm issue 148: 3 to 5). ±0.2 m is the reference team's
-    /// corridor. A Lighthouse covers 5 m by 5 m.
+    /// Returns the profile for a Crazyflie indoors. 1 m/s on each axis and 20° are the limits of
+    /// the firmware's controller (`platform_defaults_cf2.h`), 2 m/s² is from firmware issue 882.
+    /// A 7-minute battery lasts 4 minutes with decks (crazyswarm issue 148: 3 to 5). ±0.2 m is the
+    /// reference team's corridor. A Lighthouse covers 5 m by 5 m.
     pub fn indoor() -> Self {
         Self {
             name: "indoor",
@@ -127,13 +128,14 @@ impl Profile {
         }
     }
 
-    /// Indoors with visitors: 0.5 m/s (firmware issue 882).
+    /// Returns the profile for indoors with visitors: 0.5 m/s (firmware issue 882).
     pub fn careful() -> Self {
         Self { name: "careful", speed_m_s: 0.5, ..Self::indoor() }
     }
 
-    /// A larger drone outdoors: Skybrush's defaults for speed (2 m/s upward, taken for all axes)
-    /// and height (150 m). Acceleration and tilt are assumed to be half of a multirotor's reserve.
+    /// Returns the profile for a larger drone outdoors. Speed (2 m/s upward, here on all axes) and
+    /// height (150 m) are Skybrush's defaults. Acceleration and tilt are assumed to be half of a
+    /// multirotor's reserve.
     pub fn outdoor() -> Self {
         Self {
             name: "outdoor",

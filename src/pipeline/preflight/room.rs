@@ -1,50 +1,51 @@
-//! A room by its size: the largest word in it, and the positions of its stations.
+//! The size of a room as text, the largest word in it, and the positions of its stations.
 
 use super::Profile;
 use crate::scene::Scene;
 
-/// Least distance of the word from the sides of the volume that a drone may fly in, and from its
-/// top. A base station 0.1 m above the volume then sees the top of the word from 6 m, its reach.
+/// Least distance from the word to the sides of the volume that a drone may fly in.
 const FROM_SIDES_M: f64 = 0.3;
+/// Least distance from the word to the top of that volume. A base station 0.1 m above the volume
+/// then sees the top of the word from 6 m, its reach.
 const FROM_TOP_M: f64 = 0.5;
 
 /// Width that two base stations serve (Bitcraze, "Getting started with the Lighthouse system":
 /// about 4 m by 4 m).
 const SERVED_M: f64 = 4.0;
 
-/// Least and greatest room, m: a flight with its margins, and more than a sports hall (three
-/// playing fields are 27 m by 45 m, DIN 18032).
+/// Width, depth and height of the smallest and the largest room: a flight with its margins, and
+/// more than a sports hall (three playing fields are 27 m by 45 m, DIN 18032).
 const LEAST_ROOM_M: [f64; 3] = [1.5, 1.5, 1.0];
 const GREATEST_ROOM_M: [f64; 3] = [60.0, 60.0, 20.0];
 
-/// Units that sizes of rooms are typed in by mistake, per meter.
+/// Units in which a user may type the size of a room by mistake, and their number in a meter.
 const OTHER_UNITS: [(&str, f64); 4] =
     [("centimeters", 100.0), ("millimeters", 1000.0), ("inches", 39.37), ("feet", 1.0 / FOOT_M)];
 
-/// Units that may follow the numbers.
+/// Units that may follow the numbers, with their length in meters.
 const UNITS: [(&str, f64); 4] = [("cm", 0.01), ("mm", 0.001), ("ft", FOOT_M), ("m", 1.0)];
 
 const FOOT_M: f64 = 0.3048;
 
-/// Height of a ceiling from which numbers without a unit are questioned: rooms are 8 feet high, and
-/// few halls 8 m. A sports hall of 7 m passes, and the check `room` warns.
+/// Ceiling height from which numbers without a unit are refused: rooms are 8 feet high, and few
+/// halls 8 m. A sports hall 7 m high is accepted, and the check `room` warns.
 const FEET_FROM: f64 = 7.5;
 
-/// A room as text, to centimeters.
+/// Returns a room as text, rounded to centimeters: `4x3x2.5`.
 fn in_words(room_m: [f64; 3]) -> String {
     room_m.map(|m| ((100.0 * m).round() / 100.0).to_string()).join("x")
 }
 
-/// A room in feet as text in meters.
-pub(super) fn from_feet(room: [f64; 3]) -> String {
-    in_words(room.map(|feet| FOOT_M * feet))
+/// Returns a room that is given in feet as text in meters.
+pub(super) fn from_feet(room_ft: [f64; 3]) -> String {
+    in_words(room_ft.map(|feet| FOOT_M * feet))
 }
 
-/// Reads the size of a room: `4x3x2.5`, or with a unit, `13x20x8ft`.
+/// Reads the size of a room in meters: `4x3x2.5`, or with a unit, `13x20x8ft`.
 ///
 /// # Errors
 ///
-/// The sizes that are taken, and the unit that was probably meant.
+/// A message with the accepted sizes, and the unit that was probably meant.
 pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     let wanted = format!(
         "wanted WIDTHxDEPTHxHEIGHT in meters, from {} to {}, such as 4x3x2.5, or with its unit, such \
@@ -52,13 +53,13 @@ pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
         in_words(LEAST_ROOM_M),
         in_words(GREATEST_ROOM_M)
     );
-    let typed =
+    let with_unit =
         UNITS.into_iter().find_map(|(unit, m)| Some((text.trim_end().strip_suffix(unit)?, m)));
-    let (text, unit_m) = typed.map_or((text, None), |(text, unit_m)| (text, Some(unit_m)));
-    let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
+    let (numbers, unit_m) = with_unit.map_or((text, None), |(numbers, m)| (numbers, Some(m)));
+    let sides = numbers.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
     let sides: Option<Vec<f64>> = sides.collect();
     let Some(Ok(sides)) = sides.map(<[f64; 3]>::try_from) else { return Err(wanted) };
-    // A typed unit is believed. Converted sizes are rounded to millimeters.
+    // A size with a unit is not questioned. Converted sizes are rounded to millimeters.
     if let Some(unit_m) = unit_m {
         let room_m = match unit_m {
             1.0 => sides,
@@ -69,9 +70,10 @@ pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     if fits(sides) && sides[2] < FEET_FROM {
         return Ok(sides);
     }
-    // Too large for meters: the first unit in which it would be a room.
-    let mut meant = OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|m| m / per_m)));
-    Err(match meant.find(|(_, room_m)| fits(*room_m)) {
+    // Too large for meters, so the message asks about the first unit in which it would be a room.
+    let mut rooms =
+        OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|side| side / per_m)));
+    Err(match rooms.find(|(_, room_m)| fits(*room_m)) {
         Some((unit, room_m)) => {
             format!("is this in {unit}, a room of {} m? {wanted}", in_words(room_m))
         }
@@ -79,13 +81,16 @@ pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     })
 }
 
+/// Canvas that shrinks no word: it is larger than every room.
+const UNLIMITED_CANVAS_M: [f64; 2] = [1000.0; 2];
+
 /// True if a room is within the limits.
 fn fits(room_m: [f64; 3]) -> bool {
     (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&room_m[side]))
 }
 
-/// Keys and values for letters that fill a room. No room shrinks letters of a typed height: the
-/// check stops what is too large.
+/// Returns keys and values of a scene whose letters fill a room. Letters of a typed height are not
+/// shrunk. If they are too large for the room, the check stops the flight.
 #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
 pub fn letters_within(
     room_m: [f64; 3],
@@ -94,10 +99,10 @@ pub fn letters_within(
 ) -> Vec<(String, String)> {
     let [low, high] = Profile::indoor().in_room(room_m).volume_m;
     let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
-    // In a low room the word is nearer to the floor.
+    // The baseline is 0.5 m above the floor, lower in a low room.
     let baseline_m = (0.25 * room_m[2]).min(0.5);
     let high_m = high[2] - FROM_TOP_M - baseline_m;
-    let canvas_m = if is_height_typed { [1000.0; 2] } else { [wide_m, high_m] };
+    let canvas_m = if is_height_typed { UNLIMITED_CANVAS_M } else { [wide_m, high_m] };
     let mut keys = vec![
         ("letters.canvas_m", format!("{canvas_m:?}")),
         ("letters.baseline_m", baseline_m.to_string()),
@@ -110,7 +115,7 @@ pub fn letters_within(
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// Hangs the stations in the corners of a room, unless the scene gives their positions.
+/// Moves the stations into the corners of a room, unless the scene gives their positions.
 pub fn hang_stations(scene: &mut Scene, room_m: [f64; 3]) {
     let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
     let stations = &mut scene.sensors.lighthouse.stations;

@@ -14,10 +14,10 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::{Positioning, coverage};
 use noctograph_sim::vehicle::Gusts;
 
-/// Grid spacing of the check of the base stations' view.
+/// Grid spacing at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
 
-/// Checks that two base stations see the box of the whole flight.
+/// Checks that two base stations see all of the flight's bounding box.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     const WANTED: &str = "base stations, and a flight for them to see";
     if !is_by_lighthouse(scene) {
@@ -35,7 +35,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
         let why = "the plan never leaves the floor";
         return Ok(Diagnostic::unchecked("coverage", why, WANTED, "plan a flight"));
     }
-    // The box of a straight path, such as that of an I, is widened to one step of the grid.
+    // The box of a straight path, such as an I, is widened by one step of the grid.
     let [wide_m, high_m] = [right - left, top - bottom]
         .map(|side_m| if side_m < COVERAGE_STEP_M { 0.5 * COVERAGE_STEP_M } else { 0.0 });
     let bounds_m = [left - wide_m, bottom - high_m, right + wide_m, top + high_m];
@@ -46,11 +46,11 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
         true => String::new(),
         false => format!(", without station {}, which is silent", names.join(", ")),
     };
-    let seen = 100.0 * seen_frac;
+    let seen_percent = 100.0 * seen_frac;
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
-        format!("{seen:.1} % of the flight's box is seen by two base stations{without}"),
+        format!("{seen_percent:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
-        // Causes that can be removed go before a smaller word.
+        // Advice to remove a cause precedes that of a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
             (false, _) => "let every station send ({sensors.lighthouse.silent})",
             (true, false) => "let people stand out of the light ({sensors.lighthouse.people_m})",
@@ -62,13 +62,13 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     ))
 }
 
-/// Fraction of a box that two base stations see, of those that are not silent.
+/// Returns the fraction of a box that two base stations see, without the silent ones.
 fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
     let mut sensors = scene.sensors.clone();
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
     let heard = stations.filter(|(station, _)| !silent.contains(station));
     sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    // The others send all the time here: their short outages are bridged.
+    // The short outages of the other stations are bridged, so they count as always sending.
     sensors.lighthouse.silent.clear();
     match sensors.lighthouse.stations.is_empty() {
         true => Ok(0.0),
@@ -76,11 +76,11 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
     }
 }
 
-/// Longest total outage of a station in the air that the other station and the gyroscope bridge (an
-/// assumption).
+/// Longest total outage of a station during a flight that the other station and the gyroscope
+/// bridge (an assumption).
 const MAX_SILENT_S: f64 = 1.0;
 
-/// Stations, from 0, that are silent for too long while a plan is in the air.
+/// Returns the indices of the stations that are silent for too long while a plan is in the air.
 fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
     let mut in_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
     let start_s = in_air.clone().next().map_or(0.0, |setpoint| setpoint.time_s);
@@ -95,7 +95,7 @@ fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
     (0..silent_s.len()).filter(|station| silent_s[*station] > MAX_SILENT_S).collect()
 }
 
-/// Checks of the drone and its surroundings that did not pass.
+/// Checks the drone and its surroundings. Returns only the checks that did not pass.
 pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Diagnostic> {
     let rows = [
         estimator(scene),
@@ -108,7 +108,7 @@ pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Diagno
     rows.into_iter().filter(|row| row.severity != Severity::Fine).collect()
 }
 
-/// Check that the drone does not fly by its true state.
+/// Checks that the drone does not fly by its true state.
 fn estimator(scene: &Scene) -> Diagnostic {
     let cheats = scene.observer.kind == EstimatorKind::Truth;
     Diagnostic::check("estimator", stop_if(cheats), None).say(
@@ -118,6 +118,7 @@ fn estimator(scene: &Scene) -> Diagnostic {
     )
 }
 
+/// Checks that the drone is not heavier than the profile allows.
 fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let (mass_kg, most_kg) = (scene.vehicle.mass_kg, profile.mass_kg);
     Diagnostic::check("weight", stop_if(mass_kg > most_kg), mass_kg).within(most_kg).say(
@@ -127,18 +128,18 @@ fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// The steady wind with gusts of two standard deviations.
+/// Checks the steady wind with gusts of two standard deviations. A light drone has a lower limit.
 fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {
         Gusts::OrnsteinUhlenbeck(gusts) => 2.0 * Vector3::from(gusts.sigma_m_s).amax(),
         Gusts::None | Gusts::Dryden => 0.0,
     };
-    let (value, is_light) = (steady_m_s + gusts_m_s, scene.vehicle.mass_kg < LIGHT_KG);
-    let most = if is_light { profile.wind_m_s.min(LIGHT_WIND_M_S) } else { profile.wind_m_s };
-    Diagnostic::check("wind", stop_if(value > most), value).within(most).say(
-        format!("up to {value:.1} m/s of wind and gusts"),
-        format!("up to {most} m/s for a drone of {:.0} g", 1e3 * scene.vehicle.mass_kg),
+    let (wind_m_s, is_light) = (steady_m_s + gusts_m_s, scene.vehicle.mass_kg < LIGHT_KG);
+    let most_m_s = if is_light { profile.wind_m_s.min(LIGHT_WIND_M_S) } else { profile.wind_m_s };
+    Diagnostic::check("wind", stop_if(wind_m_s > most_m_s), wind_m_s).within(most_m_s).say(
+        format!("up to {wind_m_s:.1} m/s of wind and gusts"),
+        format!("up to {most_m_s} m/s for a drone of {:.0} g", 1e3 * scene.vehicle.mass_kg),
         "wait for calmer air ({air.wind_m_s}, {air.gusts})",
     )
 }
@@ -147,11 +148,11 @@ fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
 const LIGHT_KG: f64 = 0.1;
 const LIGHT_WIND_M_S: f64 = 4.0;
 
-/// Least distance of two base stations (an assumption). With 10 cm their beams are so parallel that
-/// the error in depth is 0.18 m of the corridor's 0.2 m.
+/// Least distance between two base stations (an assumption). At 10 cm their beams are so parallel
+/// that the depth error is 0.18 m, of the corridor's 0.2 m.
 const BASELINE_M: f64 = 1.0;
 
-/// Check of the distance between the two base stations that are farthest from each other.
+/// Checks the distance between the two base stations that are farthest from each other.
 fn baseline(scene: &Scene) -> Diagnostic {
     let stations = &scene.sensors.lighthouse.stations;
     let positions_m = stations.iter().map(|station| Vector3::from(station.position_m));
@@ -166,7 +167,7 @@ fn baseline(scene: &Scene) -> Diagnostic {
     )
 }
 
-/// Check for Lighthouse in sunlight.
+/// Checks that a drone does not fly by Lighthouse in sunlight.
 fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
     Diagnostic::check("sunlight", warn_if(is_blind), None).say(
@@ -176,6 +177,7 @@ fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
+/// True if the drone's positioning is a Lighthouse.
 fn is_by_lighthouse(scene: &Scene) -> bool {
     match scene.sensors.positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => true,
@@ -183,11 +185,11 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
     }
 }
 
-/// Height of a ceiling from which a room's numbers may be feet: few rooms are lower than 7 feet,
-/// and few halls are higher than 7 m.
+/// Ceiling height from which a room's numbers may be feet: few rooms are lower than 7 feet, and few
+/// halls are higher than 7 m.
 const FEET_FROM: f64 = 6.5;
 
-/// Check that the room was not measured in feet, by its ceiling.
+/// Checks by the ceiling height that the room was not measured in feet.
 fn ceiling(profile: &Profile) -> Diagnostic {
     let room_m = profile.room_m.unwrap_or_default();
     let height_m = room_m[2];

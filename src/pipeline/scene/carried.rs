@@ -1,8 +1,8 @@
-//! The scene that came with a file: in the head of an exported script's log, or in a scene file
-//! beside a plan or a flight. It brings the room, the camera and the drone of the flight.
+//! The scene that came with a file: in the header of an exported script's log, or in a scene file
+//! beside a plan or a flight. It defines the room, the camera and the drone of the flight.
 //!
 //! A scene file has the digests of the files that it was written with. Only this module compares
-//! them: a plan beside the scene of another one would be checked in another room.
+//! them: with the scene of another plan, a plan would be checked in another room.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -14,10 +14,10 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output, WholeFile};
 use noctograph_logs::scene_in;
 
-/// Ending of the scene file beside a plan or a flight, and name of the scene file of a folder.
+/// Extension of a scene file beside a plan or a flight, and name of the scene file in a folder.
 const SCENE: &str = "scene.toml";
 
-/// Largest plan or flight beside a scene, which is the limit of their reader.
+/// Limit for plans and flights beside a scene, equal to that of their reader.
 const FILE: Limit =
     Limit { bytes: 128 << 20, what: "a plan or a flight", hint: "cut it, or thin it out" };
 
@@ -26,41 +26,41 @@ const FILE: Limit =
 pub struct CarriedScene {
     /// TOML.
     pub toml: String,
-    /// Its file, in messages.
+    /// Name of its file in messages.
     pub file: String,
-    /// The folder from which it names files.
+    /// The folder to which the names of files in it are relative.
     pub folder: PathBuf,
-    /// True if it is in a log, which may come from anywhere.
+    /// True if it is in a log, which is not trusted.
     is_in_log: bool,
-    /// True if it is the scene of its file beyond doubt: in a log, or with the digest of the file.
-    /// Scenes of earlier versions and scenes written by hand have no digests.
+    /// True if it certainly is the scene of its file: in a log, or with the digest of the file.
+    /// Scenes written by earlier versions or by hand have no digests.
     pub is_bound: bool,
 }
 
 impl CarriedScene {
-    /// The scene of a log, a plan or a flight. `None` if none came with it.
+    /// Reads the scene of a log, a plan or a flight. `None` if none came with the file.
     ///
     /// # Errors
     ///
     /// [`Error::Io`] for a file that cannot be read, [`Error::Input`] for a scene that was written
     /// with other files.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        // A pipe can be read once.
+        // A pipe can be read only once, and its plan or flight is yet to be read.
         if !path.is_file() {
             return Ok(None);
         }
         if let Some(carried) = Self::in_log(path) {
             return Ok(Some(carried));
         }
-        // The scene of a folder is that of its numbered plans and flights.
+        // The scene of a folder belongs to the plans and flights with its numbered names.
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
         let is_numbered =
             number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit() || b == b'-'));
-        let of_folder = is_numbered.then(|| path.with_file_name(SCENE));
-        let mut files = std::iter::once(Self::place(path)).chain(of_folder);
+        let in_folder = is_numbered.then(|| path.with_file_name(SCENE));
+        let mut files = std::iter::once(Self::path_beside(path)).chain(in_folder);
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
-        let toml = text::of_file(&file)?;
+        let toml = text::read_file(&file)?;
         let (folder, file) = (folder_of(&file), file.display().to_string());
         let digests = text::digests(&toml, &file)?;
         let is_bound = !digests.is_empty();
@@ -71,7 +71,7 @@ impl CarriedScene {
         Ok(Some(carried))
     }
 
-    /// True if a plan or a flight is of the set that the scene beside it was written with.
+    /// True if a plan or a flight is one of the files that the scene beside it was written with.
     pub fn binds(path: &Path) -> bool {
         Self::read(path).is_ok_and(|carried| carried.is_some_and(|carried| carried.is_bound))
     }
@@ -82,14 +82,14 @@ impl CarriedScene {
         std::io::copy(&mut FILE.open(path)?, &mut digest)
             .map_err(|source| Error::read(path, source))?;
         let actual = digest.hex();
-        if digests.values().any(|known| *known == actual) {
+        if digests.values().any(|digest| *digest == actual) {
             return Ok(());
         }
-        // The file is named that the scene knows under this name, or all of them.
+        // The message has the digest of the file with this name, or the names of all files.
         let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
         let wanted = match digests.get(name(path)).or(digests.values().next()) {
-            Some(known) if digests.len() == 1 || digests.contains_key(name(path)) => {
-                format!("the one that {scene} was written with, of digest {known}")
+            Some(digest) if digests.len() == 1 || digests.contains_key(name(path)) => {
+                format!("the one that {scene} was written with, of digest {digest}")
             }
             _ => format!("one of those that {scene} was written with, {names}"),
         };
@@ -101,8 +101,8 @@ impl CarriedScene {
         Err(Error::input(path.display(), format!("a file of digest {actual}"), wanted, hint))
     }
 
-    /// Checks, after files were read, that the scene is still theirs. Another program may have
-    /// written both anew meanwhile.
+    /// Checks, after files were read, that this is still their scene. Another program may have
+    /// written the scene and the files again meanwhile.
     ///
     /// # Errors
     ///
@@ -129,14 +129,14 @@ impl CarriedScene {
         Err(Error::input(folder.display(), format!("no {name}"), wanted, hint))
     }
 
-    /// The scene in a log's head.
+    /// Returns the scene in the header of a log. `None` for other files.
     pub fn in_log(path: &Path) -> Option<Self> {
         let file = format!("{} (scene)", path.display());
         let (toml, folder) = (scene_in(path)?, folder_of(path));
         Some(Self { toml, file, folder, is_in_log: true, is_bound: true })
     }
 
-    /// The one scene that came with some of several files. Seeds may differ.
+    /// Returns the scene that came with the files. Some files may have none, and seeds may differ.
     ///
     /// # Errors
     ///
@@ -146,15 +146,16 @@ impl CarriedScene {
         for path in files {
             scenes.extend(Self::read(path)?);
         }
-        // One file without proof leaves doubt about all.
+        // All of the scenes must have digests.
         let is_bound = scenes.iter().all(|carried| carried.is_bound);
         let Some((first, others)) = scenes.split_first() else { return Ok(None) };
         for other in others {
             if other.toml == first.toml {
                 continue;
             }
-            let [scene, of_first] = [other, first].map(|carried| carried.scene(&[("seed", "0")]));
-            if scene.ok() != of_first.ok() {
+            let [scene, first_scene] =
+                [other, first].map(|carried| carried.scene(&[("seed", "0")]));
+            if scene.ok() != first_scene.ok() {
                 let hint = "name the scene, or the files one at a time";
                 let actual = format!("another scene than {}", first.file);
                 let place = Place::file(&other.file);
@@ -164,18 +165,18 @@ impl CarriedScene {
         Ok(Some(Self { is_bound, ..first.clone() }))
     }
 
-    /// Path of the scene file of a plan or a flight.
-    pub fn place(path: &Path) -> PathBuf {
+    /// Returns the path of the scene file beside a plan or a flight.
+    pub fn path_beside(path: &Path) -> PathBuf {
         path.with_extension(SCENE)
     }
 
-    /// The text of a scene file beside files with these names and digests.
+    /// Returns the text of a scene file with the names and digests of the files beside it.
     pub fn text(toml: &str, files: impl IntoIterator<Item = (String, String)>) -> String {
-        toml.to_owned() + &text::of_digests(files.into_iter().collect())
+        toml.to_owned() + &text::digest_table(files.into_iter().collect())
     }
 
-    /// Keeps a plan or a flight under its name, with its scene and the files that the scene names.
-    /// Returns their paths, that of the plan first.
+    /// Moves a plan or a flight that was written completely to its final name, with its scene and
+    /// the files that the scene names. Returns their paths, the plan first.
     ///
     /// # Errors
     ///
@@ -186,27 +187,28 @@ impl CarriedScene {
         let mut files = scene.write_copies(file.path())?;
         files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
         files.push(file);
-        // The plan comes last: a kill in between leaves a scene that refuses the old plan, and
-        // never a plan beside another scene.
+        // The plan comes last: if the program is killed before, the new scene refuses the old plan.
+        // A plan is never beside the scene of another one.
         let mut files = WholeFile::keep_all(files)?;
         files.reverse();
         Ok(files)
     }
 
-    /// The scene with settings laid over it, see [`Scene::parse_with`].
+    /// Returns the scene with settings over its keys, see [`Scene::parse_with`].
     pub fn scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         Scene::parse_in(&self.toml, &self.file, &self.folder, settings)
     }
 
-    /// The scene with settings laid over it. The scene of a log may name no files, since its author
-    /// would choose the files that are opened on this machine. Settings may.
+    /// Returns the scene with settings over its keys, and refuses the scene of a log if it names
+    /// files, since the author of the log would choose which files this machine opens. Settings may
+    /// name files.
     ///
     /// # Errors
     ///
     /// As [`Self::scene`], and [`Error::Input`] with the key of a file.
     pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let scene = self.scene(settings)?;
-        // Every key that names a file and was not set by the user.
+        // Keys that name a file and are not in the user's settings.
         let background = Some("photo.background").filter(|_| !scene.photo.background.is_empty());
         let keys = scene.letters.files().map(|(key, _)| key).chain(background);
         let refused: Vec<&str> =
@@ -223,6 +225,7 @@ impl CarriedScene {
     }
 }
 
+/// Returns the name of a file, empty if it has none in Unicode.
 fn name(path: &Path) -> &str {
     path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
 }

@@ -1,5 +1,5 @@
-//! Keys that imply others: if a scene sets one of them, others take matching values in place of the
-//! preset's, unless the scene sets them, too.
+//! Keys that imply others: if a scene sets one of them, other keys get matching values instead of
+//! the preset's, unless the scene sets them, too.
 
 use toml::{Table, Value};
 
@@ -9,7 +9,7 @@ use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_picture::light::{Deck, RING, RingColor, RingEffect};
 use noctograph_plan::PlanOptions;
 
-/// Keys that are set, and what follows, for the head of a printed scene.
+/// Keys that a scene sets, and what follows, for the header of a printed scene.
 pub(super) const RULES: [(&str, &str); 4] = [
     ("plan.style", "every other key of [plan] is that style's default"),
     ("light.deck = \"color-led\"", "plan.lights = [\"color-led\"]: it has no headlights beside it"),
@@ -17,7 +17,8 @@ pub(super) const RULES: [(&str, &str); 4] = [
     ("camera.f_number or camera.iso, without camera.metering", "camera.metering = \"off\""),
 ];
 
-/// Gives a preset what follows from the layers of keys over it, in the order of [`RULES`].
+/// Changes a preset's scene to what follows from the layers of keys over it, by [`RULES`] in their
+/// order.
 pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
     match last_name(layers, "plan.style") {
         Some("even") => scene.plan = PlanOptions::even(),
@@ -36,34 +37,36 @@ pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
         }
     }
     let [f_number, iso, metering] = ["camera.f_number", "camera.iso", "camera.metering"]
-        .map(|key| layers.iter().any(|layer| value(layer, key).is_some()));
+        .map(|key| layers.iter().any(|layer| value_at(layer, key).is_some()));
     if (f_number || iso) && !metering {
         scene.camera.metering = Metering::Off;
     }
 }
 
-/// True if the ring is the only light that is chosen, without an effect. The first layer is the
-/// file, whose effect does not count for a ring that is chosen after it.
+/// True if `plan.lights` is only the ring and no effect is set for it. Layer 0 is the file. Its
+/// effect is ignored if a layer above it sets `plan.lights`.
 fn chooses_ring(layers: &[Table]) -> bool {
-    let lights = layers.iter().enumerate().rev();
-    let mut lights = lights.filter_map(|(n, layer)| Some((n, value(layer, "plan.lights")?)));
-    let Some((chosen, lights)) = lights.next() else { return false };
+    let layers_down = layers.iter().enumerate().rev();
+    let mut choices =
+        layers_down.filter_map(|(n, layer)| Some((n, value_at(layer, "plan.lights")?)));
+    let Some((layer, lights)) = choices.next() else { return false };
     let names = lights.as_array().into_iter().flatten().map(Value::as_str);
     names.eq([Some(RING.name)])
-        && last_name(&layers[usize::from(chosen > 0)..], "light.ring").is_none()
+        && last_name(&layers[usize::from(layer > 0)..], "light.ring").is_none()
 }
 
-/// The value of a dotted key.
-pub(super) fn value<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
+/// Returns the value of a dotted key. `None` if the table lacks it.
+pub(super) fn value_at<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
     let mut keys = key.split('.');
     let first = layer.get(keys.next()?);
     keys.fold(first, |value, key| value?.get(key))
 }
 
-/// The name that the last of some layers gives a choice, as text or as the `kind` of its table.
+/// Returns the name of a choice, which is a text or the `kind` of a table, in the highest layer
+/// that has the key.
 pub(super) fn last_name<'a>(layers: &'a [Table], key: &str) -> Option<&'a str> {
     layers.iter().rev().find_map(|layer| {
-        let value = value(layer, key)?;
+        let value = value_at(layer, key)?;
         value.as_str().or_else(|| value.get("kind")?.as_str())
     })
 }

@@ -99,10 +99,10 @@ impl Scene {
         Self::read_with(path, &[])
     }
 
-    /// Reads a scene file, the scene in a photo (PNG), or that of a log, a plan or a flight
-    /// ([`CarriedScene`]), and lays single settings over it, as [`Self::parse_with`].
+    /// Reads a scene file, or the scene of a photo (PNG), a log, a plan or a flight
+    /// ([`CarriedScene`]), with single settings over its keys, as [`Self::parse_with`].
     fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
-        // The ending tells what brings the scene: a flight, a text or a photo.
+        // The extension decides how the scene is read.
         let file = path.display().to_string();
         if ["csv", "json"].contains(&&*ending(path)) {
             let Some(carried) = CarriedScene::read(path)? else {
@@ -113,7 +113,7 @@ impl Scene {
             return carried.scene(settings);
         }
         if ending(path) != "png" {
-            return Self::parse_in(&text::of_file(path)?, &file, &folder_of(path), settings);
+            return Self::parse_in(&text::read_file(path)?, &file, &folder_of(path), settings);
         }
         let Some(toml) = photo::read_with_notes(path)?.0.into_data().scene_toml else {
             let (actual, wanted) = ("a photo without a scene", "a photo of this program");
@@ -122,13 +122,13 @@ impl Scene {
         Self::parse_in(&toml, &format!("{file} (scene)"), &folder_of(path), settings)
     }
 
-    /// Reads the text of a scene with the name of its file, for messages.
+    /// Reads the text of a scene. `file` is its name in messages.
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         Self::parse_with(toml, file, &[])
     }
 
-    /// Reads the text of a scene and lays single settings over it: dotted keys with their values,
-    /// such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
+    /// Reads the text of a scene, with single settings over its keys: dotted keys with their
+    /// values, such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
     ///
     /// Precedence: settings, keys of the file, implied values (a table in the text of
     /// [`Self::to_toml`]), preset.
@@ -136,8 +136,8 @@ impl Scene {
         Self::parse_in(toml, file, Path::new(""), settings)
     }
 
-    /// Reads the text of a scene in a folder. Names of files in the text are relative to it, those
-    /// in settings to the present folder.
+    /// Reads the text of a scene in a folder, as [`Self::parse_with`]. Names of files in the text
+    /// are relative to that folder, names in settings to the current one.
     pub fn parse_in(
         toml: &str,
         file: &str,
@@ -145,13 +145,14 @@ impl Scene {
         settings: &[(&str, &str)],
     ) -> Result<Self> {
         // The layers, the lowest first: preset, implied values, file, single settings.
-        let mut set = Table::new();
+        let mut set_keys = Table::new();
         for (key, value) in settings {
-            text::overlay(&mut set, text::single(key, value)?, Self::SHAPE.settings());
+            let setting = text::single_setting(key, value)?;
+            text::overlay(&mut set_keys, setting, Self::SHAPE.settings());
         }
-        let mut named = text::read(toml, file)?;
-        travel::find_files(&mut named, folder);
-        let mut layers = vec![named, set];
+        let mut file_keys = text::read(toml, file)?;
+        travel::find_files(&mut file_keys, folder);
+        let mut layers = vec![file_keys, set_keys];
         let preset = match implied::last_name(&layers, "preset") {
             Some(name) => name.parse()?,
             None => Preset::default(),
@@ -159,12 +160,12 @@ impl Scene {
         let mut scene = Self::preset(preset);
         implied::apply(&mut scene, &mut layers);
         let mut values = scene.to_table();
-        let settings = Self::SHAPE.settings();
-        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, settings));
+        let declared = Self::SHAPE.settings();
+        layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, declared));
         Self::checked(values).map_err(|error| text::with_line(error, toml, file))
     }
 
-    /// The scene of a table, whose keys, names and ranges are checked.
+    /// Reads the scene from a table, and checks keys, names and ranges.
     fn checked(values: Table) -> Result<Self> {
         text::check_keys(&values)?;
         let scene = Self::from_table(values)?;
@@ -172,39 +173,39 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The whole scene as a TOML file: every key with its value and documentation.
+    /// Returns the whole scene as the text of a TOML file: every key with value and documentation.
     pub fn to_toml(&self) -> String {
         text::document(self)
     }
 
-    /// Its keys and values. This and [`Self::from_table`] are the only functions that write and
-    /// read all settings, since such code is large.
+    /// Returns all keys and values. Only this function and [`Self::from_table`] write and read all
+    /// settings, since such code is large when compiled.
     pub fn to_table(&self) -> Table {
         Table::try_from(self).expect("a scene is a TOML table")
     }
 
-    /// A scene of all keys with their values. Ranges are not checked.
+    /// Reads a scene from a table with all keys. Ranges are not checked.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the place of a value of the wrong type.
+    /// [`Error::Input`] with the key of a value of the wrong type.
     pub fn from_table(values: Table) -> Result<Self> {
-        text::scene_of(values)
+        text::to_scene(values)
     }
 
-    /// Its fonts by name or file, its drawing and its background.
+    /// Returns the settings that may name a file: the fonts, the drawing and the background.
     pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         let letters = &mut self.letters;
         let fonts = std::iter::once(&mut letters.font).chain(&mut letters.fallback);
         fonts.chain([&mut letters.drawing, &mut self.photo.background])
     }
 
-    /// Keys whose values differ from those of its preset: key, value, the preset's value.
+    /// Returns the keys whose values differ from the preset's: key, value, the preset's value.
     pub fn changes(&self) -> Vec<[String; 3]> {
         text::changes(self, self.preset.scene())
     }
 
-    /// The scene of a preset.
+    /// Returns the scene of a preset.
     pub fn preset(preset: Preset) -> Self {
         preset.scene().clone()
     }
@@ -221,8 +222,8 @@ impl Scene {
         self.letters.drawing_sha256.clear();
     }
 
-    /// Adapts the scene to an audience: a word is written in the order of reading, the camera has
-    /// no hot pixels, and the floor is even.
+    /// Adapts the scene to an audience: a word is written in reading order, the camera has no hot
+    /// pixels, and the floor is uniform.
     pub fn for_audience(&mut self) {
         // Hebrew, Arabic and their forms are read from the right.
         if let Style::Even(style) = &mut self.plan.style
@@ -238,12 +239,12 @@ impl Scene {
         self.expose.unevenness = 0.0;
     }
 
-    /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene
+    /// Makes the paths of the files absolute and sets the digest of the drawing, so that the scene
     /// is the same in every folder. [`Self::strokes`] reports a missing drawing.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] if the digest in the scene is of another drawing.
+    /// [`Error::Input`] if the scene has the digest of another drawing.
     pub fn settle_files(&mut self) -> Result<()> {
         for path in self.files_mut().filter(|name| travel::is_file(name)) {
             if let Ok(absolute) = std::path::absolute(&*path)
@@ -253,7 +254,7 @@ impl Scene {
             }
         }
         let drawing = Path::new(&self.letters.drawing);
-        // A pipe can be read once, when it is drawn.
+        // A pipe can be read only once, so it is not read before it is drawn.
         if drawing.is_file() {
             let bytes = letters::DRAWING_LIMIT.read(drawing)?;
             let actual = sha256(&bytes);
@@ -270,8 +271,8 @@ impl Scene {
         Ok(())
     }
 
-    /// The strokes of the drawing or else of the word. Those of a drawing are told apart by color
-    /// if a lamp with colors writes.
+    /// Returns the strokes of the drawing or else of the word. The strokes of a drawing are grouped
+    /// by color if a lamp with colors writes.
     ///
     /// # Errors
     ///
@@ -284,15 +285,15 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// Rate of the clock that paces the setpoints, in true seconds a second. By default a
-    /// trajectory on board has that of the drone's firmware.
+    /// Returns the rate of the clock that paces the setpoints, in true seconds a second. By default
+    /// it is the firmware's rate for a trajectory on board, and 1 otherwise.
     pub fn trajectory_clock(&self) -> f64 {
         let is_on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
         let usual = if is_on_board { self.vehicle.firmware.clock() } else { 1.0 };
         self.plan.trajectory_clock.unwrap_or(usual)
     }
 
-    /// The simulator's part of the scene.
+    /// Returns the simulator's part of the scene.
     pub fn sim(&self) -> SimOptions {
         SimOptions {
             rates: self.rates.clone(),

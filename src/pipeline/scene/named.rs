@@ -29,18 +29,19 @@ pub struct NamedScene {
 }
 
 impl NamedScene {
-    /// A scene with a name.
+    /// Gives a scene a name.
     pub fn new(name: &str, scene: Scene) -> Self {
         Self { name: name.to_owned(), scene }
     }
 }
 
 impl Scene {
-    /// Finds a scene and lays single settings over it, see [`Scene::parse_with`]: a shipped scene
-    /// (team, pid, geometric, tuned, two-drones-three-anchors and the same with -and-floor), a
-    /// preset, a scene file, or a folder with `scene.toml`.
+    /// Finds a scene by `name`, and reads it with single settings over its keys, see
+    /// [`Scene::parse_with`]. The name is that of a shipped scene (team, pid, geometric, tuned,
+    /// two-drones-three-anchors and the same with -and-floor), a preset, a scene file, or a folder
+    /// with `scene.toml`.
     ///
-    /// Names go before files: write `./tuned` for a folder of that name.
+    /// Names of scenes precede files: write `./tuned` for a folder of that name.
     ///
     /// # Errors
     ///
@@ -50,7 +51,7 @@ impl Scene {
             return Ok(NamedScene::new(name, Self::parse_with(&toml, name, settings)?));
         }
         let path = Path::new(name);
-        // A folder is called by its name, a file by its name without the ending.
+        // The scene gets the name of the folder, or of the file without the extension.
         if path.exists() {
             let (short, file) = match path.is_dir() {
                 true => (path.file_name(), path.join("scene.toml")),
@@ -70,7 +71,7 @@ impl Scene {
         Err(Error::input(name, "neither a file nor a known name", wanted, hint))
     }
 
-    /// The text of a scene that [`Scene::find`] finds.
+    /// Returns the text of the scene that [`Scene::find`] finds by `name`.
     ///
     /// # Errors
     ///
@@ -82,7 +83,8 @@ impl Scene {
     }
 }
 
-/// The text of a shipped scene, or of a preset. `None` for the name of a file.
+/// Returns the text of a shipped scene, or of a scene that only names a preset. `None` for the name
+/// of a file.
 fn text_of_name(name: &str) -> Option<String> {
     if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
         return Some((*toml).to_owned());

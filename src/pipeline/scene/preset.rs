@@ -27,7 +27,7 @@ settings! {
 }
 
 impl Preset {
-    /// The preset's file. `None` if every setting has its default.
+    /// Returns the text of the preset's file. `None` if every setting has its default.
     fn toml(self) -> Option<&'static str> {
         match self {
             Self::Cf21 => Some(include_str!("presets/cf21.toml")),
@@ -38,7 +38,7 @@ impl Preset {
         }
     }
 
-    /// The preset's scene, read once.
+    /// Returns the preset's scene, which is read only once.
     pub(super) fn scene(self) -> &'static Scene {
         static SCENES: [OnceLock<Scene>; Preset::ALL.len()] =
             [const { OnceLock::new() }; Preset::ALL.len()];

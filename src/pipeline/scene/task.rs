@@ -1,4 +1,4 @@
-//! Task: a scene with some keys that others may change, as the controller's in a course.
+//! Task: a scene with some keys that others may change, such as the controller's keys in a course.
 //!
 //! Product in: the text of a submission, a whole scene or a few keys. Product out: the task's scene
 //! with the allowed keys of the submission.
@@ -11,7 +11,7 @@ use noctograph_core::settings::{Described, paths, suggestion};
 
 /// Keys that a submission may change by default.
 const MAY: [&str; 3] = ["controller.*", "observer.luenberger.*", "observer.ekf.*"];
-/// Keys that name files: these are always the task's.
+/// Keys that name files. A submission never changes them.
 const FILES: [&str; 5] = [
     "letters.font",
     "letters.fallback",
@@ -19,8 +19,9 @@ const FILES: [&str; 5] = [
     "letters.drawing_sha256",
     "photo.background",
 ];
-/// Most differences that a message names with their values, and most characters of a value.
+/// Greatest number of differences that a message names with their values.
 const MAX_NAMED: usize = 3;
+/// Greatest number of characters of such a value.
 const MAX_CHARACTERS: usize = 40;
 
 /// A scene, and the keys that submissions may change.
@@ -31,8 +32,9 @@ pub struct SceneTask {
 }
 
 impl SceneTask {
-    /// A task whose submissions may change keys, such as `controller.lqr.q`, and tables, such as
-    /// `controller.*`. By default those are the controller and the weights of the observers.
+    /// Makes a task whose submissions may change the keys and tables in `may`, such as
+    /// `controller.lqr.q` and `controller.*`. If it is empty, they may change the controller and
+    /// the weights of the observers.
     ///
     /// # Errors
     ///
@@ -51,11 +53,12 @@ impl SceneTask {
         Ok(Self { scene, may })
     }
 
-    /// The task's scene with the keys of a submission (TOML), whose word and seed are not used.
+    /// Returns the task's scene with the keys of a submission (TOML), but with the task's word and
+    /// seed.
     ///
     /// # Errors
     ///
-    /// As [`Scene::read`], and [`Error::Infeasible`] with the keys that it may not change.
+    /// As [`Scene::read`], and [`Error::Infeasible`] with keys that a submission may not change.
     pub fn submission(&self, path: &Path) -> Result<Scene> {
         let (toml, file) = (LIMIT.read_text(path)?, path.display().to_string());
         if toml.trim().is_empty() {
@@ -65,7 +68,7 @@ impl SceneTask {
         text::overlay(&mut values, text::read(&toml, &file)?, Scene::SHAPE.settings());
         let mut scene =
             Scene::checked(values).map_err(|error| text::with_line(error, &toml, &file))?;
-        // What a submission never changes is the task's.
+        // Word and seed are the task's.
         let mut task = self.scene.clone();
         scene.seed = task.seed;
         scene.word.clone_from(&task.word);
@@ -92,13 +95,13 @@ impl SceneTask {
     }
 }
 
-/// True if a name is a key, or a table around it.
+/// True if a name is the key itself or, with `.*`, a table around the key.
 fn covers(named: &str, key: &str) -> bool {
     let table = named.strip_suffix(".*").unwrap_or(named);
     key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Keys that differ, as a sentence. The first of them have both values.
+/// Returns a sentence that names the keys that differ, the first [`MAX_NAMED`] with both values.
 fn sentence(changes: &[[String; 3]]) -> String {
     let mut parts = Vec::new();
     for [key, value, task] in changes.iter().take(MAX_NAMED) {

@@ -14,99 +14,99 @@ use noctograph_core::settings::{
     Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
 };
 
-/// Columns of the printed file.
+/// Greatest line width of the printed file.
 const WIDTH: usize = 80;
-/// The table of a scene file, not a setting, with the names of the files that it was written with
-/// and their SHA-256.
+/// Name of the table, which is not a setting, of the files that a scene file was written with and
+/// their SHA-256.
 const DIGESTS: &str = "sha256";
 /// Advice on a broken scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
 
-/// The whole scene as a commented TOML file.
+/// Returns the whole scene as the text of a commented TOML file.
 pub(super) fn document(scene: &Scene) -> String {
     let values = scene.to_table();
     let mut text = "# A noctograph scene: everything that the photo depends on. SI units,\n\
                     # angles in radians. Keys that are left out keep the value of the preset, but\n\
                     # for those that follow from a key that is set:\n"
         .to_owned();
-    // The scene file explains values that differ from the preset without being set.
+    // Explains values that differ from the preset's although the file does not set them.
     for (when, then) in implied::RULES {
         wrap(&mut text, "#   ", "#     ", &format!("{when}: {then}"));
     }
     text.push('\n');
-    group(&mut text, "", Scene::SHAPE.settings(), &values);
+    write_settings(&mut text, "", Scene::SHAPE.settings(), &values);
     if scene.light.fixtures.is_none() {
         text += &lamps_of_deck(scene);
     }
     text
 }
 
-/// True if a value is printed as a table, or as several.
+/// True if a value is printed as a table or as a list of tables.
 fn is_table(value: &Value) -> bool {
     value.is_table() || value.as_array().is_some_and(|rows| rows.iter().any(Value::is_table))
 }
 
-/// The settings of a table.
-fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
-    // TOML counts what follows the head of a table to that table, so tables come last.
+/// Appends the settings of a table, whose dotted key is `path`.
+fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
+    // In TOML all keys after the header of a table are keys of that table, so tables come last.
     let (tables, plain): (Vec<&Setting>, Vec<&Setting>) =
         settings.iter().partition(|setting| values.get(setting.key).is_some_and(is_table));
     for setting in plain {
-        comment(text, setting.doc, setting.range);
+        write_comment(text, setting.doc, setting.range);
         if let Shape::Names(variants) = setting.shape {
-            variants.iter().for_each(|variant| name(text, variant));
+            variants.iter().for_each(|variant| write_name(text, variant));
         }
         match values.get(setting.key) {
-            Some(value) => entry(text, setting.key, value),
+            Some(value) => write_entry(text, setting.key, value),
             None => *text += &format!("# {} =\n", setting.key),
         }
     }
     for setting in tables {
         let path = joined(path, setting.key);
         text.push('\n');
-        comment(text, setting.doc, None);
+        write_comment(text, setting.doc, None);
         let Some(values) = values[setting.key].as_table() else {
-            rows_of(text, &path, &values[setting.key]);
+            write_rows(text, &path, &values[setting.key]);
             continue;
         };
         *text += &format!("[{path}]\n");
         match setting.shape {
-            Shape::Group(settings) => group(text, &path, settings, values),
+            Shape::Group(settings) => write_settings(text, &path, settings, values),
             Shape::Tagged(variants) => {
-                variants.iter().for_each(|variant| name(text, variant));
+                variants.iter().for_each(|variant| write_name(text, variant));
                 let kind = values.get("kind").and_then(Value::as_str).unwrap_or_default();
                 *text += &format!("kind = \"{kind}\"\n");
-                group(text, &path, of_kind(variants, values), values);
+                write_settings(text, &path, of_kind(variants, values), values);
             }
             Shape::Plain | Shape::Names(_) => {
-                values.iter().for_each(|(key, value)| entry(text, key, value));
+                values.iter().for_each(|(key, value)| write_entry(text, key, value));
             }
         }
     }
 }
 
-/// The lamps of a scene that lists none, as a comment for a user who wants to change one.
+/// Returns the lamps of a scene that lists none, as comments to copy from.
 fn lamps_of_deck(scene: &Scene) -> String {
     let rows = Value::try_from(scene.light.fixtures()).expect("lamps are tables");
     let mut text = String::new();
-    rows_of(&mut text, "light.fixtures", &rows);
+    write_rows(&mut text, "light.fixtures", &rows);
     let lines = text.lines().map(|line| format!("# {line}").trim_end().to_owned() + "\n");
     "\n# The lamps of deck and board, as light.fixtures lists them.\n".to_owned()
         + &lines.collect::<String>()
 }
 
-/// A list of tables.
-fn rows_of(text: &mut String, path: &str, rows: &Value) {
+/// Appends a list of tables.
+fn write_rows(text: &mut String, path: &str, rows: &Value) {
     for (index, row) in rows.as_array().into_iter().flatten().enumerate() {
         let gap = if index > 0 { "\n" } else { "" };
         *text += &format!("{gap}[[{path}]]\n");
-        row.as_table().into_iter().flatten().for_each(|(key, value)| entry(text, key, value));
+        row.as_table().into_iter().flatten().for_each(|(key, value)| write_entry(text, key, value));
     }
 }
 
-/// One key with its value. A long list takes several lines.
-fn entry(text: &mut String, key: &str, value: &Value) {
-    // Numbers are wrapped as words, tables of a list have a line each.
+/// Appends a key with its value. A long list gets several lines.
+fn write_entry(text: &mut String, key: &str, value: &Value) {
+    // Numbers are wrapped like words. Other items have a line each.
     let line = format!("{key} = {value}\n");
     match value.as_array() {
         Some(items) if line.chars().count() > WIDTH + 1 => {
@@ -123,8 +123,8 @@ fn entry(text: &mut String, key: &str, value: &Value) {
     }
 }
 
-/// The first paragraph of a setting's documentation with its range.
-fn comment(text: &mut String, doc: &[&str], range: Option<[f64; 2]>) {
+/// Appends the first paragraph of a setting's documentation, with its range, as a comment.
+fn write_comment(text: &mut String, doc: &[&str], range: Option<[f64; 2]>) {
     let mut words = first_paragraph(doc);
     if let Some([min, max]) = range {
         words += &format!(" ({min} to {max})");
@@ -132,18 +132,19 @@ fn comment(text: &mut String, doc: &[&str], range: Option<[f64; 2]>) {
     wrap(text, "# ", "# ", &words);
 }
 
-/// One name of a choice, with its meaning.
-fn name(text: &mut String, variant: &Variant) {
+/// Appends a name of a choice, with its meaning, as a comment.
+fn write_name(text: &mut String, variant: &Variant) {
     let first = format!("#   {}: ", variant.name);
     wrap(text, &first, "#     ", &first_paragraph(variant.doc));
 }
 
+/// Returns the first paragraph of a documentation, without the marks of code and links.
 fn first_paragraph(doc: &[&str]) -> String {
     let lines = doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
     lines.collect::<Vec<_>>().join(" ").replace("[`", "").replace("`]", "").replace('`', "")
 }
 
-/// Words in lines of at most [`WIDTH`] columns, greedily.
+/// Appends words in lines of at most [`WIDTH`] columns. The lines begin with `first` and `next`.
 fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     let mut line = first.to_owned();
     for word in words.split_whitespace() {
@@ -162,7 +163,7 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     text.push('\n');
 }
 
-/// Reads the text of a scene file as a table of known keys, or the error with its line.
+/// Reads the text of a scene file as a table of known keys. Errors have the line.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
@@ -176,8 +177,8 @@ pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// The text of a scene file, which must not be empty.
-pub(super) fn of_file(path: &Path) -> Result<String> {
+/// Reads the text of a scene file, which must not be empty.
+pub(super) fn read_file(path: &Path) -> Result<String> {
     let text = LIMIT.read_text(path)?;
     if text.trim().is_empty() {
         let hint = "what printed it may have failed: print it again";
@@ -186,14 +187,14 @@ pub(super) fn of_file(path: &Path) -> Result<String> {
     Ok(text)
 }
 
-/// The digests of a scene file's text. A text that is not TOML has none, and is refused when the
-/// scene is read.
+/// Returns the digests in the text of a scene file. For a text that is not TOML they are empty. It
+/// is refused later, when the scene is read.
 pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>> {
     let mut table = toml.parse().unwrap_or_default();
     take_digests(&mut table).map_err(|error| with_line(error, toml, file))
 }
 
-/// Takes the digests out of a scene file's table, which then has only settings.
+/// Removes the digests from a scene file's table, which then has only settings, and returns them.
 fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     let Some(digests) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
     let digests = digests.try_into::<BTreeMap<String, String>>().ok();
@@ -207,8 +208,8 @@ fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     })
 }
 
-/// The table of digests, after a scene's settings.
-pub(super) fn of_digests(digests: BTreeMap<String, String>) -> String {
+/// Returns the text of the digests, which follows the settings of a scene.
+pub(super) fn digest_table(digests: BTreeMap<String, String>) -> String {
     let digests = Value::try_from(digests).expect("texts are a table");
     let table = Table::from_iter([(DIGESTS.to_owned(), digests)]);
     format!(
@@ -217,7 +218,7 @@ pub(super) fn of_digests(digests: BTreeMap<String, String>) -> String {
     )
 }
 
-/// Replaces the number of a firmware's patch (`2025.12.1`) by its release.
+/// Replaces a patch version of the firmware (`2025.12.1`) by the name of its release.
 fn name_release(table: &mut Table) {
     let vehicle = table.get_mut("vehicle").and_then(Value::as_table_mut);
     let firmware = vehicle.and_then(|vehicle| vehicle.get_mut("firmware"));
@@ -230,10 +231,11 @@ fn name_release(table: &mut Table) {
 
 /// Checks that all keys and names of a scene's table exist.
 pub(super) fn check_keys(table: &Table) -> Result<()> {
-    keys_of_group("", Scene::SHAPE.settings(), table)
+    check_settings("", Scene::SHAPE.settings(), table)
 }
 
-fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> {
+/// Checks that all keys and names of a table exist. `path` is the table's dotted key.
+fn check_settings(path: &str, settings: &[Setting], table: &Table) -> Result<()> {
     for (key, value) in table {
         let place = joined(path, key);
         let Some(setting) = settings.iter().find(|setting| setting.key == key) else {
@@ -242,12 +244,12 @@ fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> 
         // Values of another type are reported when the scene is read from the table.
         match (setting.shape, value) {
             (Shape::Group(settings), Value::Table(table)) => {
-                keys_of_group(&place, settings, table)?;
+                check_settings(&place, settings, table)?;
             }
             (Shape::Names(_), Value::String(name)) => check_name(&place, name, setting.shape)?,
             (Shape::Tagged(_), Value::String(name)) => check_name(&place, name, setting.shape)?,
             (Shape::Tagged(variants), Value::Table(table)) => {
-                keys_of_choice(&place, setting.shape, variants, table)?;
+                check_choice(&place, setting.shape, variants, table)?;
             }
             _ => {}
         }
@@ -255,8 +257,8 @@ fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> 
     Ok(())
 }
 
-/// Checks the keys of a choice: those of its kind, or of any kind if none is given.
-fn keys_of_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -> Result<()> {
+/// Checks that the keys of a choice belong to its kind, or to any kind if none is given.
+fn check_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -> Result<()> {
     let kind = table.get("kind").and_then(Value::as_str);
     if let Some(kind) = kind {
         check_name(&format!("{path}.kind"), kind, shape)?;
@@ -267,7 +269,7 @@ fn keys_of_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table)
         if owners.clone().any(|owner| kind.is_none_or(|kind| owner.name == kind)) {
             continue;
         }
-        // The key of another kind is named with that kind.
+        // The advice for a key of another kind names that kind.
         let place = format!("{path}.{key}");
         let (Some(owner), Some(kind)) = (owners.next(), kind) else {
             return Err(unknown_key(&place, key));
@@ -278,23 +280,25 @@ fn keys_of_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table)
     Ok(())
 }
 
+/// Checks that a choice has a name.
 fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
-    match noctograph_core::settings::names(shape).any(|known| known == name) {
+    match noctograph_core::settings::names(shape).any(|variant| variant == name) {
         true => Ok(()),
         false => Err(unknown_name(place, name, shape)),
     }
 }
 
-/// The error for an unknown key, with the key that was probably meant.
+/// Returns the error for an unknown key, with the key that was probably meant.
 fn unknown_key(place: &str, key: &str) -> Error {
     let paths = noctograph_core::settings::paths(Scene::SHAPE.settings());
-    let named: Vec<&String> =
+    let same_name: Vec<&String> =
         paths.iter().filter(|path| path.rsplit('.').next() == Some(key)).collect();
-    // First the one key of this name in the same table, then a similar one, then one in any table.
+    // First a single key of this name in the same table, then a similar one, then a single key of
+    // this name in any table.
     let table = place.split_inclusive('.').next().unwrap_or_default();
     let in_table: Vec<&String> =
-        named.iter().copied().filter(|path| path.starts_with(table)).collect();
-    let hint = match (&*in_table, similar(place, paths.iter().map(String::as_str)), &*named) {
+        same_name.iter().copied().filter(|path| path.starts_with(table)).collect();
+    let hint = match (&*in_table, similar(place, paths.iter().map(String::as_str)), &*same_name) {
         ([path], ..) | (_, None, [path]) => format!("the key is {path}"),
         (_, Some(path), _) => format!("did you mean {path}?"),
         _ => HINT.to_owned(),
@@ -302,13 +306,14 @@ fn unknown_key(place: &str, key: &str) -> Error {
     Error::input(place, format!("the unknown key {key}"), "a key of a scene", hint)
 }
 
-/// Merges a table of settings into another, recursively. A choice takes a bare name as its `kind`,
-/// and a new kind drops the settings below. A group with a `kind` among other keys keeps these.
+/// Merges the table `over` into the table `base`, recursively. A bare name as the value of a choice
+/// is its `kind`, and a new kind removes the choice's settings in `base`. In a group with a `kind`
+/// among other keys, a new kind removes nothing.
 pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
         let setting = settings.iter().find(|setting| setting.key == key);
         let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
-        // A bare name below becomes a table first, so that only tables are merged.
+        // A bare name in `base` becomes a table first, so that only tables are merged.
         if let (Shape::Tagged(_) | Shape::Group(_), Some(name @ Value::String(_))) =
             (shape, base.get_mut(&key))
         {
@@ -337,15 +342,15 @@ pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     }
 }
 
-/// A table with only a `kind`.
+/// Returns a table with only a `kind`.
 fn kind_table(kind: String) -> Table {
     [("kind".to_owned(), Value::String(kind))].into_iter().collect()
 }
 
-/// Merges the table of a choice. Another `kind` replaces the settings below.
+/// Merges the table of a choice into `base`, or replaces `base` if it has another `kind`.
 fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match (over.get("kind"), base.get("kind")) {
-        (Some(kind), Some(was)) if kind != was => *base = over,
+        (Some(kind), Some(base_kind)) if kind != base_kind => *base = over,
         _ => {
             let settings = of_kind(variants, base);
             overlay(base, over, settings);
@@ -353,13 +358,13 @@ fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     }
 }
 
-/// A table of one setting: a dotted key and its value as TOML, or as bare text.
-pub(super) fn single(key: &str, value: &str) -> Result<Table> {
+/// Returns the table of one setting: a dotted key, and its value as TOML or as bare text.
+pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     let parsed = format!("value = {value}").parse::<Table>().ok();
     let parsed = parsed.filter(|table| table.len() == 1).and_then(|mut t| t.remove("value"));
-    // A key of text takes digits as text: a word may be 7.
+    // Digits are text for a key whose value is text: a word may be 7.
     let defaults = Scene::preset(Preset::default()).to_table();
-    let is_text = implied::value(&defaults, key).is_some_and(Value::is_str);
+    let is_text = implied::value_at(&defaults, key).is_some_and(Value::is_str);
     let mut value = match parsed {
         Some(value) if value.is_str() || !is_text => value,
         _ => Value::String(value.to_owned()),
@@ -373,14 +378,14 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Keys whose values differ from another scene's, with both values, `-` for none.
+/// Returns the keys whose values differ from another scene's, with both values, `-` for none.
 pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     let mut changes = Vec::new();
     compare(&mut changes, "", &scene.to_table(), &other.to_table());
     changes
 }
 
-/// Collects the keys whose values differ between two tables.
+/// Collects the keys whose values differ between two tables, with both values.
 fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &Table) {
     // A choice of another kind has other keys, so those of both tables count.
     let keys: BTreeSet<&String> = values.keys().chain(others.keys()).collect();
@@ -400,7 +405,7 @@ fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &
     }
 }
 
-/// Puts file and line before an error's place, if the place begins with a key of the file.
+/// Adds the file to an error's place, and the line if the place begins with a key of the file.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     let line = match &error {
         Error::Input { place, .. } => line_of(toml, place),
@@ -409,11 +414,10 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     error.in_file(file, line)
 }
 
-/// The line of a key, or of the innermost table or list around it in the file.
+/// Returns the line of a key, or of the innermost table or list around it in the file.
 fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
-    // Follows the place from table to table as far as the file goes, since the other keys are those
-    // of the preset.
+    // Follows the place from table to table. Where the file lacks a key, the value is the preset's.
     let mut value = &Spanned::new(0..0, DeValue::Table(parsed.into_inner()));
     let mut line = None;
     for segment in &place.0 {
@@ -441,14 +445,15 @@ fn line_of(toml: &str, place: &Place) -> Option<u64> {
     line
 }
 
+/// Returns the line, from 1, of a byte of the text.
 fn line_at(text: &str, byte: usize) -> u64 {
     1 + text.bytes().take(byte).filter(|b| *b == b'\n').count() as u64
 }
 
-/// A table of settings as a scene, or the error for a value of the wrong type.
-pub(super) fn scene_of(values: Table) -> Result<Scene> {
-    // Following the path doubles the code that reads a scene. A page takes the key from the message
-    // instead, which ends with "in `key`".
+/// Reads a scene from a table of settings. A value of the wrong type is an error with its key.
+pub(super) fn to_scene(values: Table) -> Result<Scene> {
+    // `serde_path_to_error` doubles the compiled code that reads a scene. In a page, the key comes
+    // from the message instead, which ends with "in `key`".
     if cfg!(target_family = "wasm") {
         return values.try_into().map_err(|error: toml::de::Error| {
             let actual = error.to_string().trim().replace('\n', " ");
@@ -464,7 +469,7 @@ pub(super) fn scene_of(values: Table) -> Result<Scene> {
         });
         let place = Place(steps.collect());
         let actual = error.inner().message().replace('\n', "; ");
-        // serde's sentence is taken apart for a value of the wrong type, the usual mistake.
+        // For a value of the wrong type, the usual mistake, serde's message is reworded.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {
@@ -476,7 +481,7 @@ pub(super) fn scene_of(values: Table) -> Result<Scene> {
     })
 }
 
-/// The TOML reader's name of a type or value, in words of a scene's author.
+/// Returns a type or value as a user calls it, instead of as serde does.
 fn in_words(text: &str) -> String {
     const WORDS: [(&str, &str); 12] = [
         ("f64", "a number"),
@@ -492,8 +497,8 @@ fn in_words(text: &str) -> String {
         ("sequence", "a list"),
         ("map", "a table"),
     ];
-    let known = WORDS.iter().find(|(theirs, _)| text.starts_with(theirs));
-    known.map_or(text.to_owned(), |(theirs, ours)| text.replacen(theirs, ours, 1))
+    let word = WORDS.iter().find(|(serde, _)| text.starts_with(serde));
+    word.map_or(text.to_owned(), |(serde, plain)| text.replacen(serde, plain, 1))
 }
 
 #[cfg(test)]
@@ -532,7 +537,7 @@ mod tests {
         for line in comments {
             assert!(line.chars().count() <= WIDTH, "{line}");
         }
-        assert!(text.contains("# Speed along every leg; in style even, along lit strokes. (0.001 to 100)\nstroke_speed_m_s = 0.2\n"), "{text}");
+        assert!(text.contains("# Speed along every segment. In style even, along lit strokes. (0.001 to 100)\nstroke_speed_m_s = 0.2\n"), "{text}");
         assert!(text.contains("\n[plan.style]\n#   team: "), "{text}");
     }
 }

@@ -1,7 +1,7 @@
-//! A scene that can be moved: the files that it names are beside it.
+//! Makes a scene file that can be moved together with the files that it names.
 //!
 //! In memory a scene has paths of this machine. In a file it has names relative to the folder of
-//! the file, so that the folder can be moved and published without a path of this machine.
+//! the file, so that the folder can be moved, and published without a path of this machine.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,13 +10,13 @@ use toml::{Table, Value};
 
 use super::Scene;
 use noctograph_core::error::Result;
-use noctograph_core::files::{Limit, Output, WholeFile, file_name, name_from, path_from};
+use noctograph_core::files::{Limit, Output, WholeFile, file_name, path_from, relative_name};
 
-/// The largest of the files: a typeface, a drawing or a background.
+/// Limit for each of the files: a typeface, a drawing or a background.
 const LIMIT: Limit =
     Limit { bytes: 256 << 20, what: "a file of a scene", hint: "name a smaller file" };
 
-/// Beginnings of the names of other files beside a scene.
+/// Prefixes of the names of other output files beside a scene.
 const RESERVED: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "report.", "scene."];
 
 /// The text of a scene, and the files beside it.
@@ -24,12 +24,12 @@ const RESERVED: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "
 pub struct SceneFiles {
     /// TOML.
     pub toml: String,
-    /// Copies, with their names.
+    /// Names and contents of files that are copied beside the scene.
     pub copies: Vec<(String, Vec<u8>)>,
 }
 
 impl SceneFiles {
-    /// Writes the copies beside a file, still without their names.
+    /// Writes the copies beside a file under temporary names.
     pub fn write_copies(&self, path: &Path) -> Result<Vec<WholeFile>> {
         let copies = self.copies.iter().map(|(name, bytes)| {
             Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
@@ -39,42 +39,42 @@ impl SceneFiles {
 }
 
 impl Scene {
-    /// The scene with names of its files instead of their paths, for sharing. Each file has another
-    /// name, which no other output has.
+    /// Returns the scene with names instead of paths of files, for sharing. Different files get
+    /// different names, which no other output has.
     #[must_use]
     pub fn portable(&self) -> Self {
         let mut scene = self.clone();
-        let mut taken: Vec<(String, String)> = Vec::new();
+        let mut used: Vec<(String, String)> = Vec::new();
         for path in scene.files_mut().filter(|name| is_file(name)) {
             let plain = file_name(&*path);
             let numbered = (2..).map(|n| format!("{n}-{plain}"));
             let name = std::iter::once(plain.clone()).chain(numbered).find(|name| {
-                // One file may be named twice, for instance as the font and as a fallback.
+                // A file that is named twice, as font and fallback, keeps one name.
                 !RESERVED.iter().any(|reserved| name.to_lowercase().starts_with(reserved))
-                    && taken.iter().all(|(other, known)| other == path || known != name)
+                    && used.iter().all(|(other, used_name)| other == path || used_name != name)
             });
             let name = name.expect("a number is free");
-            taken.push((path.clone(), name.clone()));
+            used.push((path.clone(), name.clone()));
             *path = name;
         }
         scene
     }
 
-    /// The scene as a file in a folder. Files below the folder get relative names. Others are
-    /// copied beside the scene, under `prefix` and their portable name.
+    /// Returns the scene as the text of a file in a folder. Files below the folder get relative
+    /// names. Other files are copied beside the scene, named `prefix` and their portable name.
     pub fn in_folder(&self, folder: &Path, prefix: &str) -> Result<SceneFiles> {
         let (mut scene, mut portable) = (self.clone(), self.portable());
         let mut copies: Vec<(String, Vec<u8>)> = Vec::new();
         let names = scene.files_mut().zip(portable.files_mut()).filter(|(path, _)| is_file(path));
         for (path, name) in names {
-            let relative = Path::new(path).is_file().then(|| name_from(folder, path.as_ref()));
+            let relative = Path::new(path).is_file().then(|| relative_name(folder, path.as_ref()));
             *path = match relative {
-                // A pipe can be read once, when it is drawn, so it is not copied.
+                // A pipe can be read only once, and drawing did that already, so it is not copied.
                 None => name.clone(),
                 Some(Some(relative)) => relative,
                 Some(None) => {
                     let name = format!("{prefix}{name}");
-                    if copies.iter().all(|(known, _)| *known != name) {
+                    if copies.iter().all(|(copied, _)| *copied != name) {
                         copies.push((name.clone(), LIMIT.read(path.as_ref())?));
                     }
                     name
@@ -84,7 +84,8 @@ impl Scene {
         Ok(SceneFiles { toml: scene.to_toml(), copies })
     }
 
-    /// The scene as a file beside its plan or flight, or as a single file, see [`Self::in_folder`].
+    /// Returns the scene as the text of a file beside its plan or flight, or of a file by itself,
+    /// see [`Self::in_folder`].
     pub fn beside(&self, path: &Path) -> Result<SceneFiles> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let stem = stem.strip_suffix(".scene").unwrap_or(&stem);
@@ -92,18 +93,19 @@ impl Scene {
     }
 }
 
-/// The folder to which the names in a file are relative. A pipe has none.
+/// Returns the folder to which names in a file are relative. Empty for a pipe, which has none.
 pub fn folder_of(path: &Path) -> PathBuf {
     let is_stream = path.exists() && !path.is_file();
     path.parent().filter(|_| !is_stream).map(Path::to_owned).unwrap_or_default()
 }
 
-/// True if a font, a drawing or a background is a file. Fonts of the program have no ending.
+/// True if the name of a font, a drawing or a background is that of a file. The names of built-in
+/// fonts have no extension.
 pub(super) fn is_file(name: &str) -> bool {
     name.contains('.')
 }
 
-/// Replaces the names of files in a scene's table by paths in a folder.
+/// Replaces file names in a scene's table by paths in a folder.
 pub(super) fn find_files(values: &mut Table, folder: &Path) {
     for (table, keys) in
         [("letters", &["font", "fallback", "drawing"][..]), ("photo", &["background"])]
@@ -115,7 +117,7 @@ pub(super) fn find_files(values: &mut Table, folder: &Path) {
                 name => Vec::from_iter(name),
             };
             for value in names {
-                // A path that is not Unicode stays a name, which is right only in its folder.
+                // A path that is not Unicode stays a name, which can be read only in its folder.
                 if let Value::String(name) = value
                     && is_file(name)
                     && let Some(path) = path_from(folder, name).to_str()

@@ -1,5 +1,5 @@
-//! Keys without effect, with the reason: those of another choice, or of a part that is switched
-//! off.
+//! Finds keys without effect, with the reason: keys of another choice, or of a part that is
+//! switched off.
 
 use toml::{Table, Value};
 
@@ -13,8 +13,8 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::{Gusts, VehicleOptions};
 
-/// Keys or tables, the test that they have no effect in a scene, and the reason. A need of one
-/// other setting is in the declaration ([`Need`]). Here are conditions on several.
+/// Keys or tables, the test that they have no effect in a scene, and the reason. A condition on one
+/// other setting is in the declaration of the setting ([`Need`]). Others are in these rules.
 type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
@@ -105,6 +105,7 @@ const ALWAYS_USED: [&str; 4] = [
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 
+/// True if the letters are those of a typeface file.
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()
         && std::iter::once(&scene.letters.font)
@@ -121,26 +122,29 @@ fn is_bitmap(scene: &Scene) -> bool {
     kinds.contains(&&*ending(&scene.letters.drawing))
 }
 
+/// True if the simulator uses the speeds of the rotors.
 fn has_rotor_speeds(vehicle: &VehicleOptions) -> bool {
     vehicle.motor_rise_s + vehicle.motor_fall_s > 0.0
         || vehicle.rotor_drag_n_s2_m > 0.0
         || vehicle.rotor_inertia_kg_m2 > 0.0
 }
 
+/// True if the air exerts a force or a moment on the drone.
 fn feels_air(vehicle: &VehicleOptions) -> bool {
     vehicle.body_drag_n_s_m.iter().any(|drag| *drag > 0.0)
         || vehicle.rotor_drag_n_s2_m > 0.0
         || vehicle.airspeed_moment_n_s > 0.0
 }
 
-fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {
-    scene.light.fixtures().iter().any(is)
+/// True if a lamp of the scene passes a test.
+fn has_lamp(scene: &Scene, test: fn(&Fixture) -> bool) -> bool {
+    scene.light.fixtures().iter().any(test)
 }
 
-/// True if a channel of the plan can light in a color.
+/// True if a channel of the plan can emit colored light.
 fn writes_colors(scene: &Scene, channel: &str) -> bool {
     let light = &scene.light;
-    // The color LED is white by default. A lamp of the scene has the color of its dies.
+    // The color LED is white by default. A fixture that the scene lists has the color of its dies.
     let has_color = light.color_led_wrgb[1..] != [0; 3]
         || !light.letters_wrgb.is_empty()
         || !scene.letters.drawing.is_empty();
@@ -168,14 +172,14 @@ pub(super) fn writes_in_color(scene: &Scene) -> bool {
     has_color_led(scene) || ring_writes(scene)
 }
 
-/// The reason why a key has no effect in a scene. `None` if it has one.
+/// Returns the reason why a key has no effect in a scene. `None` if the key has an effect.
 pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     if ALWAYS_USED.contains(&key) {
         return None;
     }
     let values = Value::Table(scene.to_table());
     let mut reasons = Vec::new();
-    // From the outermost table to the key: the reason of the innermost goes before the others.
+    // From the outermost table to the key. The last reason found, of the innermost, is returned.
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
         path = joined(&path, part);
@@ -198,14 +202,14 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     reasons.pop()
 }
 
-/// The reason why a setting's need is not met. `None` if it is met.
+/// Returns the reason why a setting's need is not met. `None` if it is met.
 fn unmet(need: &Need, values: &Value) -> Option<String> {
     let Need { key, names, holds } = need;
     let value = values_at(values, key).into_iter().next();
     let actual = names_at(values, key);
-    let named = names.iter().find(|name| actual.iter().any(|actual| actual == *name));
-    // A need without names is that of any value but zero and the empty text.
-    let (is_there, what) = match (names.split_last(), named, value) {
+    let matching = names.iter().find(|name| actual.iter().any(|actual| actual == *name));
+    // Without names, any value but zero and the empty text matches.
+    let (matches, state) = match (names.split_last(), matching, value) {
         (None, _, Some(value)) if !is_off(value) => (true, "set".to_owned()),
         (None, _, Some(value)) if value.is_float() => (false, "0".to_owned()),
         (None, ..) => (false, "not set".to_owned()),
@@ -215,16 +219,17 @@ fn unmet(need: &Need, values: &Value) -> Option<String> {
             (false, format!("neither {} nor {last}", others.join(", ")))
         }
     };
-    (is_there != *holds).then(|| format!("{key} is {what}"))
+    (matches != *holds).then(|| format!("{key} is {state}"))
 }
 
+/// True for zero and the empty text.
 fn is_off(value: &Value) -> bool {
     value.as_float() == Some(0.0)
         || value.as_integer() == Some(0)
         || value.as_str().is_some_and(str::is_empty)
 }
 
-/// The values at a dotted key, in each table of a list.
+/// Returns the values at a dotted key. A list on the way contributes the value of each table in it.
 fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     key.split('.').fold(vec![values], |values, part| {
         let rows = values.into_iter().flat_map(|value| match value {
@@ -235,7 +240,8 @@ fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     })
 }
 
-/// The names at a dotted key: of a choice, of the kind of a table or of a list, and whole numbers.
+/// Returns the names at a dotted key: texts, the `kind` of tables, and whole numbers as text, also
+/// the items of a list.
 fn names_at(values: &Value, key: &str) -> Vec<String> {
     let items = values_at(values, key).into_iter().flat_map(|value| match value {
         Value::Array(items) => items.iter().collect(),
@@ -249,7 +255,7 @@ fn names_at(values: &Value, key: &str) -> Vec<String> {
 }
 
 impl Scene {
-    /// Keys that differ from the preset's and have no effect, each with the reason.
+    /// Returns the keys that differ from the preset's and have no effect, each with the reason.
     pub fn unused_keys(&self) -> Vec<(String, String)> {
         let plan = match &self.plan.style {
             Style::Even(_) => PlanOptions::even(),
@@ -263,8 +269,8 @@ impl Scene {
     }
 }
 
-/// Collects the keys whose values differ between two tables. Of different choices it has the key of
-/// the choice, without those of the kind.
+/// Collects the keys whose values differ between two tables. For choices of different kinds it adds
+/// only the key of the choice.
 fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);

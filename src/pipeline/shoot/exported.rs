@@ -1,6 +1,6 @@
-//! Exported flights: plans replaced by the trajectories that drones decode from the export.
+//! Exported flights: the plans are replaced by the trajectories that drones decode.
 
-use super::planned::{aim, in_colors};
+use super::planned::{aim, with_color_channels};
 use super::{Planned, Shoot, rehearse};
 use noctograph_core::error::Result;
 use noctograph_export::{Form, Length, flown};
@@ -8,9 +8,9 @@ use noctograph_picture::light::LightOptions;
 use noctograph_plan::{LightClock, Plan};
 
 impl Shoot {
-    /// Replaces the plans by the exported trajectories as the firmware decodes them, from the
-    /// take-off command on. Lights with the clock `light` are timed on these flights: a controller
-    /// that holds positions lags behind a trajectory, but not behind the setpoints of the design.
+    /// Returns the shoot with the exported trajectories, as the firmware decodes them from the
+    /// take-off command on, instead of the plans. With the clock `light`, lights are timed on
+    /// simulated flights of the trajectories, behind which a controller that holds positions lags.
     ///
     /// # Errors
     ///
@@ -27,9 +27,10 @@ impl Shoot {
         Ok(Self { plans, designs, ..self.clone() })
     }
 
-    /// The plans on the clock of the scene's firmware, which paces the lights of a script, too.
+    /// Returns the shoot with the plans on the clock of the scene's firmware, by which a script
+    /// also times the lights.
     #[must_use]
-    pub fn by_its_clock(mut self) -> Self {
+    pub fn by_firmware_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();
         for Planned { plan, ends } in &mut self.plans {
             *plan = Plan::made(std::mem::take(plan).into_data().paced(rate));
@@ -38,8 +39,8 @@ impl Shoot {
         self
     }
 
-    /// The plans of a show: the exported trajectories, with light from the beginning to the end of
-    /// the strokes. A viewer has no lamp and no controller to delay it.
+    /// Returns the plans of a show: the exported trajectories, with light from the beginning to the
+    /// end of the strokes, since a viewer simulates no lamp and no controller that delay it.
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
         let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;
@@ -47,7 +48,7 @@ impl Shoot {
         Ok(plans.into_iter().map(|plan| as_lit(plan, &lamps)).collect())
     }
 
-    /// The plans that are exported.
+    /// Returns the plans that are exported: the designs or, if there are none, the plans.
     pub fn designs(&self) -> std::borrow::Cow<'_, [Plan]> {
         match self.designs.is_empty() {
             true => self.plans.iter().map(|planned| planned.plan.clone()).collect(),
@@ -56,13 +57,13 @@ impl Shoot {
     }
 }
 
-/// A plan whose lamps follow the light of its design.
+/// Returns a plan whose lamps follow the light of its design.
 fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     let (lit, commanded) = (plan.lit(), plan.commanded());
     let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
     plan.edit(|plan| {
         for (channel, levels) in &mut plan.lights {
-            // A channel is a lamp, or a color of one.
+            // A channel is a lamp or a color of a lamp.
             match lamps.contains(channel) {
                 true => levels.clone_from(&lit),
                 false => extend_color(levels, &lit, &commanded),
@@ -70,27 +71,27 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
         }
         plan.lit.clear();
     });
-    in_colors(plan, light)
+    with_color_channels(plan, light)
 }
 
-/// Extends the levels of a color over the strokes of a plan: a row without a command gets the color
-/// of the nearest command in its stroke.
+/// Extends the levels of a color over the strokes of a plan: each row gets the level of the nearest
+/// row in its stroke with a command. Strokes without a command are not changed.
 fn extend_color(levels: &mut [f64], lit: &[f64], commanded: &[f64]) {
     let mut end = 0;
     for stroke in lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
         let rows = end..end + stroke.len();
         end = rows.end;
-        let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
+        let sources: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
         for row in rows {
-            let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
-            levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
+            let nearest = sources.iter().min_by_key(|source| source.abs_diff(row));
+            levels[row] = nearest.map_or(levels[row], |source| levels[*source]);
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::planned::ends;
+    use super::super::planned::stroke_end_errors;
     use super::*;
     use crate::scene::{Preset, Scene};
     use noctograph_plan::StrokeEnd;
@@ -109,7 +110,7 @@ mod tests {
             let designs = shoot.designs();
             let flown = flown(release, &designs, form, within_m, Length::OnBoard).unwrap();
             let flight = rehearse(&shoot.scene, &flown[0]).unwrap();
-            let as_designed = ends(&shoot.scene, &flown[0], &flight).unwrap();
+            let as_designed = stroke_end_errors(&shoot.scene, &flown[0], &flight).unwrap();
             let (timed_m, as_designed_m) = (worst_m(timed), worst_m(&as_designed));
             // Remaining error: PID cuts corners by 16 mm on average.
             assert!(timed_m <= 0.02, "{form:?}: {timed_m} m, {as_designed_m} m before");

@@ -25,12 +25,12 @@ settings! {
 }
 
 impl Format {
-    /// The format that a file's name asks for: OpenEXR for `*.exr`, PNG for `*.png` and names
-    /// without an ending.
+    /// Returns the format for a file name: OpenEXR for `*.exr`, PNG for `*.png` and names without
+    /// an extension.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for another ending.
+    /// [`Error::Input`] for another extension.
     pub fn from_path(path: &Path) -> Result<Self> {
         let extension = ending(path);
         match &*extension {
@@ -44,7 +44,7 @@ impl Format {
         }
     }
 
-    /// Checks that a picture can be encoded in memory.
+    /// Checks that a picture of this width and height can be encoded in memory.
     pub(super) fn check(self, [width, height]: [u32; 2]) -> Result<()> {
         let pixels = u64::from(width) * u64::from(height);
         if self == Self::Png || pixels <= MAX_READ_OUT {
@@ -62,10 +62,11 @@ impl Format {
     }
 }
 
-/// Most pixels of a picture that is read out from the film and encoded in memory: 0.9 GB.
+/// Largest picture, in pixels, that is read out from the film and encoded in memory: 0.9 GB.
 const MAX_READ_OUT: u64 = 24_000_000;
 
-/// Encodes a photo. PNG of 8 bits has its pixels, the other formats are read out from the film.
+/// Encodes a photo as a file. An 8-bit PNG has the pixels of the photo. The other formats are read
+/// out from the film.
 pub(super) fn encode(
     format: Format,
     scene: &Scene,
@@ -94,16 +95,16 @@ pub(super) fn encode(
     Ok(readout.encode_png16(scene.photo.tone, (camera, dots_per_inch), &notes, Some(&toml)))
 }
 
-/// What a photo shows, beside its scene.
+/// Metadata about what a photo shows, beside its scene.
 pub(super) struct Shown {
     pub(super) flight_sha256: Option<String>,
     /// Digest of strokes from a user's file.
     pub(super) strokes_sha256: Option<String>,
-    /// Gaps of logs that it leaves dark.
+    /// Log gaps that are dark in the photo.
     pub(super) log_gaps: Vec<LogGap>,
 }
 
-/// Texts of a photo's file, each with its keyword.
+/// Returns the texts in a photo's file, each with its keyword.
 fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(
@@ -111,7 +112,7 @@ fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)
          {shutter_close_s} s of the flight",
         focal_length_m * 1000.0
     );
-    // No time and no machine: the same scene makes the same file.
+    // Without time and machine, so that the same scene makes the same file.
     let mut notes = vec![
         ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
         ("noctograph.camera", camera),

@@ -1,4 +1,4 @@
-//! Letters and lights of a real flight's log, inferred from the flown word and the setpoints.
+//! Infers letters and lights of a real flight's log from the flown word and the setpoints.
 
 use std::path::Path;
 
@@ -11,8 +11,9 @@ use noctograph_logs::ImportOptions;
 use noctograph_plan::infer_lights;
 
 impl Shoot {
-    /// Photographs a flight, a log or a light trace. A log without lights gets those of the scene's
-    /// word, or light from take-off to landing. Warnings are those of the log.
+    /// Prepares the photograph of a flight, a log or a light trace, and returns the log's warnings
+    /// with it. A log without lights gets those of the scene's word, or light from take-off to
+    /// landing.
     ///
     /// # Errors
     ///
@@ -27,12 +28,12 @@ impl Shoot {
                 warnings.push(Diagnostic::warning("log", message));
             }
             if flight.lights.is_empty() {
-                // Without a word it is what was asked for.
+                // Without a word in the scene, this is what the user asked for.
                 if scene.has_strokes() {
                     let message = "lit all along: no setpoints tell where the lights were on";
                     warnings.push(Diagnostic::warning("log", message));
                 }
-                light_all_along(flight, &scene);
+                light_while_airborne(flight, &scene);
             }
         }
         Ok(Warned { product: Self::with_recordings(scene, vec![recording])?, warnings })
@@ -40,8 +41,8 @@ impl Shoot {
 }
 
 /// Gives a flight without lights the letters of the scene's word, if it has one, and their lights.
-/// If the setpoints are not on the scene's letters, and these are those of a preset, the letters of
-/// the other presets are tried. The scene gets those that fit, and their preset is returned.
+/// If the setpoints are not on the scene's letters, and these are a preset's, the letters of the
+/// other presets are tried. The scene gets the letters that fit, whose preset is returned.
 pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
     // Lights are inferred from setpoints.
     let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);
@@ -63,11 +64,11 @@ pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Op
     Err(error)
 }
 
-/// Gives a flight without letters the light of its lamps from take-off to landing.
-pub fn light_all_along(flight: &mut Flight, scene: &Scene) {
-    let air = airborne(flight).unwrap_or_default();
+/// Switches the writing lamps of a flight without letters on from take-off to landing.
+pub fn light_while_airborne(flight: &mut Flight, scene: &Scene) {
+    let in_air = airborne(flight).unwrap_or_default();
     let levels: Vec<f64> =
-        (0..flight.samples.len()).map(|i| f64::from(u8::from(air.contains(&i)))).collect();
+        (0..flight.samples.len()).map(|i| f64::from(u8::from(in_air.contains(&i)))).collect();
     for channel in &scene.plan.lights {
         flight.edit(|flight| flight.lights.insert(channel.clone(), levels.clone()));
     }

@@ -10,7 +10,7 @@ use noctograph_core::flight::Flight;
 use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kind};
 use noctograph_sim::sensors::HeightSensor;
 
-/// Keys without effect on the products of this chain, and their effect elsewhere.
+/// Keys without effect on the products of these stages, and what they have an effect on.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("letters.fallback", "words with letters that the font lacks"),
@@ -33,7 +33,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("camera.shutter_close_s", "nothing, where it is the end of the flight"),
 ];
 
-/// A scene and its products, each made when it is first needed, or its error.
+/// A scene and its products or their errors, each made when it is first needed.
 struct Case {
     scene: Scene,
     shoot: OnceCell<Result<Shoot, String>>,
@@ -64,19 +64,20 @@ impl Case {
         self.shot.get_or_init(|| self.shoot()?.take(&|_, _| {}).map_err(|e| e.to_string()))
     }
 
-    /// True if any product differs, the cheapest first, or if only one of both scenes fails.
+    /// True if any product differs, or if only one of the two scenes fails. The cheapest products
+    /// are compared first.
     fn differs(&self, other: &Self) -> bool {
         self.scene.score != other.scene.score
-            || unlike(&self.shoot(), &other.shoot(), |a, b| a.plans != b.plans)
-            || unlike(self.flights(), other.flights(), |a, b| a != b)
-            || unlike(self.shot(), other.shot(), |a, b| {
+            || is_changed(&self.shoot(), &other.shoot(), |a, b| a.plans != b.plans)
+            || is_changed(self.flights(), other.flights(), |a, b| a != b)
+            || is_changed(self.shot(), other.shot(), |a, b| {
                 a.photo.rgb8 != b.photo.rgb8 || a.camera != b.camera
             })
     }
 }
 
 /// True if two products differ, or if only one of them could be made.
-fn unlike<T>(
+fn is_changed<T>(
     a: &Result<T, String>,
     b: &Result<T, String>,
     differ: impl Fn(&T, &T) -> bool,
@@ -87,7 +88,7 @@ fn unlike<T>(
     }
 }
 
-/// Other values of a key, as TOML, the likeliest to have an effect first.
+/// Returns other values of a key, as TOML. The value most likely to have an effect is first.
 fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
     let number = |v: f64| {
         let [min, max] = setting.range.unwrap_or([v - v.abs() - 1.0, v + v.abs() + 1.0]);
@@ -175,7 +176,8 @@ fn walk(
     }
 }
 
-/// Keys of a scene without effect, refusal or reason, and keys with a reason that have an effect.
+/// Returns a message for each key that has no effect, is not refused and has no reason, and for
+/// each key that has an effect in spite of a reason.
 fn faults(settings: &[(&str, &str)]) -> Vec<String> {
     let small = [("camera.width_px", "320"), ("camera.height_px", "180"), ("word", "EO")];
     let settings: Vec<(&str, &str)> = small.iter().chain(settings).copied().collect();
@@ -189,7 +191,7 @@ fn faults(settings: &[(&str, &str)]) -> Vec<String> {
             return;
         }
         let others = others(key, setting, value);
-        // A scene that is refused before it is flown is the cheapest answer.
+        // Scenes that are refused, or whose key has a reason, need no flight.
         let (mut unused, mut refused, mut silent) = (0, 0, 0);
         for other in &others {
             match Case::new(&text, &[(key, other)]) {

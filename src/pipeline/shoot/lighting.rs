@@ -22,7 +22,7 @@ const MIN_DISTANCE_M: f64 = 0.1;
 pub struct Lighting {
     /// Flights that carried the lamps. Recorded light has none.
     pub flights: Vec<Flight>,
-    /// Lamps of all drones. Those of several have the drone's number, from 1, before their name.
+    /// Lamps of all drones. If there are several drones, each lamp has the number of its drone.
     pub trace: LightTrace,
     /// Names of the lamps that follow the plans.
     pub writing: Vec<String>,
@@ -30,20 +30,21 @@ pub struct Lighting {
     pub camera: Camera,
     /// The meter's settings, if the scene is metered.
     pub metered: Option<Metered>,
-    /// Problems of the picture, those that make the word unreadable first.
+    /// Problems of the picture. Problems that make the word unreadable are first.
     pub problems: Vec<Diagnostic>,
 }
 
 impl Lighting {
-    /// Aperture and sensitivity recommended by the light meter, or set by it in a metered scene.
-    /// `None` for darkness.
+    /// Returns the aperture and sensitivity that the light meter recommends or, in a metered scene,
+    /// has set. `None` if it is dark.
     pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
         self.metered.or_else(|| recommended(&self.trace, &self.camera, &scene.camera, &scene.photo))
     }
 }
 
-/// Lamps of a scene. If it has no colors for its letters, they get those of its drawing.
-pub(super) fn in_ink(
+/// Returns the lamps of a scene. If the scene defines no colors of letters, the lamps write in the
+/// colors of the drawing.
+pub(super) fn in_drawing_colors(
     lamps: &LightOptions,
     scene: &Scene,
     strokes: Option<&Strokes>,
@@ -56,7 +57,7 @@ pub(super) fn in_ink(
     }
     let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
     let colors = strokes.colors.iter().map(|rgb| match *rgb {
-        // Black would be dark: strokes drawn in black get the lamp's default color.
+        // A black lamp would be dark, so black strokes get the lamp's default color.
         [0, 0, 0] => lamps.color_led_wrgb,
         rgb if by_ring => {
             let [r, g, b] = ring_rgb(rgb);
@@ -69,16 +70,17 @@ pub(super) fn in_ink(
 }
 
 impl Shoot {
-    /// The scene's lamps, in the colors of its drawing unless it has colors for its letters.
+    /// Returns the scene's lamps. They write in the colors of the drawing, unless the scene defines
+    /// colors of letters.
     pub fn lamps(&self) -> LightOptions {
-        in_ink(&self.scene.light, &self.scene, self.strokes.as_ref())
+        in_drawing_colors(&self.scene.light, &self.scene, self.strokes.as_ref())
     }
 
-    /// Flies, or takes the recordings, and lights the lamps.
+    /// Simulates the flights, or uses the recordings, and computes the light of the lamps.
     ///
     /// # Errors
     ///
-    /// Those of [`Shoot::fly`], [`light`] and the camera.
+    /// As [`Shoot::fly`], [`light`] and [`noctograph_core::camera::CameraOptions::camera`].
     pub fn lighting(mut self, watch: &Watch<'_>) -> Result<Lighting> {
         match std::mem::take(&mut self.recordings) {
             recordings if recordings.is_empty() => self.light(self.record(watch)?),
@@ -86,7 +88,7 @@ impl Shoot {
         }
     }
 
-    /// Lights the lamps of recordings, one for each drone.
+    /// Computes the light of recordings, one for each drone, and the camera for it.
     pub(super) fn light(&self, recordings: Vec<Recording>) -> Result<Lighting> {
         let n_drones = recordings.len();
         let (mut flights, mut trace) = (Vec::new(), LightTrace::default());
@@ -117,13 +119,13 @@ impl Shoot {
             }
         }
         problems.extend(self.problems_of_strokes());
-        // 2. The camera frames the writing, which the flights may have to tell, and is metered.
+        // 2. The camera frames the writing, and the light meter sets it.
         let bounds_m = self.bounds_m(&flights, &trace)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&trace, &mut camera, options, photo);
-        check_place(&trace, bounds_m, &camera, &options.framing)?;
-        // 3. With both, what is seen of the light. Obstacles go before the other problems.
+        check_camera_position(&trace, bounds_m, &camera, &options.framing)?;
+        // 3. Problems of the light in the camera's view. Obstacles precede the other problems.
         let is_framed = matches!(options.framing, Framing::Word(_));
         problems.extend(problems::outside(&trace, bounds_m, &camera, is_framed));
         let lamps = problems::writing(&flights, &trace, &self.scene.light);
@@ -131,27 +133,28 @@ impl Shoot {
         writing.dedup();
         let glyph = self.strokes.as_ref().and_then(|strokes| strokes.glyphs.first());
         let cap_height_m = glyph.map_or(0.0, |glyph| glyph.cell.cap_height_m);
-        problems.splice(..0, problems::before(&flights, &lamps, &camera, cap_height_m));
+        problems.splice(..0, problems::before_photo(&flights, &lamps, &camera, cap_height_m));
         Ok(Lighting { flights, trace, writing, camera, metered, problems })
     }
 
-    /// Warnings of a simulated flight, gaps of a log, and channels without a lamp.
+    /// Returns the warnings of a simulated flight, the gaps of a log, and channels without a lamp.
     fn problems_of_flight(&self, flight: &Flight, number: Option<DroneIndex>) -> Vec<Diagnostic> {
         let is_simulated = !self.plans.is_empty();
         let warnings = flight.warnings.iter().filter(|_| is_simulated);
         let warnings = warnings.map(|warning| warning.clone().of_drone(number));
         let lampless = problems::lampless(flight, &self.scene.light);
-        warnings.chain(problems::of_log(flight)).chain(lampless).collect()
+        warnings.chain(problems::log_gaps(flight)).chain(lampless).collect()
     }
 
-    /// Lights the lamps of one drone, counted from 0.
+    /// Computes the light of one drone, counted from 0.
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
-        let lamps = in_ink(lamps, &self.scene, self.strokes.as_ref());
+        let lamps = in_drawing_colors(lamps, &self.scene, self.strokes.as_ref());
         light(flight, &lamps, self.scene.seed, drone as u64)
     }
 
-    /// Strokes that the center lines of a typeface lack, and parts that a drawing lacks.
+    /// Returns warnings of strokes that the center lines of a typeface lack, and of parts that are
+    /// missing from a drawing.
     fn problems_of_strokes(&self) -> Vec<Diagnostic> {
         let Some(strokes) = &self.strokes else { return Vec::new() };
         let lost: String = strokes.lost.keys().collect();
@@ -160,9 +163,9 @@ impl Shoot {
         font.map(|font| problems::lost_strokes(font, &lost)).into_iter().chain(parts).collect()
     }
 
-    /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes, else
-    /// of the letters in the flights' design, else of the light. Zeros for a fixed camera without
-    /// strokes and letters.
+    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word: of the
+    /// strokes, else of the letters in the flights, else of the light. Zeros for a fixed camera
+    /// without strokes and letters.
     fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
@@ -173,37 +176,38 @@ impl Shoot {
             let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
             written_m.extend(written.map(|s| if has_design { s.design_m } else { s.position_m }));
         }
-        let of_letters_m = bounds(written_m.iter().map(|m| [m.x, m.z]));
-        if has_extent(of_letters_m) {
-            return Ok(of_letters_m);
+        let letters_m = bounds(written_m.iter().map(|m| [m.x, m.z]));
+        if has_extent(letters_m) {
+            return Ok(letters_m);
         }
         if let Framing::Fixed(_) = self.scene.camera.framing {
             return Ok([0.0; 4]);
         }
         let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
         let lit = samples.filter(|sample| sample.level > 0.0);
-        let of_light_m = bounds(lit.map(|sample| [sample.position_m.x, sample.position_m.z]));
-        match has_extent(of_light_m) {
-            true => Ok(of_light_m),
-            // Reports that the scene names no word.
+        let light_m = bounds(lit.map(|sample| [sample.position_m.x, sample.position_m.z]));
+        match has_extent(light_m) {
+            true => Ok(light_m),
+            // The error that the scene names no word.
             false => Ok(self.scene.strokes()?.bounds_m()),
         }
     }
 }
 
+/// True if a box is wider or higher than 0.
 fn has_extent([left, bottom, right, top]: [f64; 4]) -> bool {
     left < right || bottom < top
 }
 
-/// Refuses a camera among the lamps, and one behind the word, which reads mirrored from there.
-fn check_place(
+/// Refuses a camera too near to a lit lamp, and a camera behind the word, which is mirrored there.
+fn check_camera_position(
     trace: &LightTrace,
     [left, _, right, _]: [f64; 4],
     camera: &Camera,
     framing: &Framing,
 ) -> Result<()> {
     // The keys that move the camera, by the kind of its framing.
-    let (place, hint) = match framing {
+    let (key, hint) = match framing {
         Framing::Fixed(_) => (
             "camera.framing.position_m",
             "set camera.framing.position_m meters in front of the word, or camera.framing = \"word\"",
@@ -217,7 +221,7 @@ fn check_place(
     let [x, y, z] = camera.position_m.into();
     if left < right && y > 0.0 {
         let actual = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
-        return Err(Error::input(place, actual, "y below 0, in front of it", hint));
+        return Err(Error::input(key, actual, "y below 0, in front of it", hint));
     }
     for lamp in &trace.lamps {
         for sample in lamp.samples.iter().filter(|sample| sample.level > 0.0) {

@@ -1,8 +1,8 @@
 //! The light meter sets aperture and sensitivity.
 //!
 //! A slower lamp makes a brighter trail, and a longer exposure makes a brighter room. Aperture and
-//! sensitivity change both alike, so the trail of a long flight is exposed less to keep the room
-//! dark.
+//! sensitivity change both by the same factor, so the trail of a long flight is exposed less to
+//! keep the room dark.
 
 use serde::Serialize;
 
@@ -12,23 +12,23 @@ use noctograph_picture::expose::meter::{color_stops, meter};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::photo::PhotoOptions;
 
-/// Aperture numbers as they are engraved, a third of a stop apart. Below f/2.8 few lenses are
-/// sharp, above f/22 diffraction blurs.
+/// Nominal aperture numbers, a third of a stop apart. Few lenses are sharp below f/2.8, and
+/// diffraction blurs the picture above f/22.
 const F_NUMBERS: [f64; 19] = [
     2.8, 3.2, 3.5, 4.0, 4.5, 5.0, 5.6, 6.3, 7.1, 8.0, 9.0, 10.0, 11.0, 13.0, 14.0, 16.0, 18.0,
     20.0, 22.0,
 ];
 
-/// Sensitivities, a third of a stop apart: from 100 on, or those of a telephone's camera.
+/// Nominal ISO sensitivities, a third of a stop apart. Those below 100 are for phone cameras.
 const ISOS: [f64; 19] = [
     50.0, 64.0, 80.0, 100.0, 125.0, 160.0, 200.0, 250.0, 320.0, 400.0, 500.0, 640.0, 800.0, 1000.0,
     1250.0, 1600.0, 2000.0, 2500.0, 3200.0,
 ];
 
-/// Width of the picture that is metered: larger pixels blur a trail.
+/// Width of the picture that is metered. The pixels of a smaller picture would blur a trail.
 const WIDTH_PX: u32 = 1920;
 /// Stops by which a trail may be darker than wanted without a warning.
-const UNSAID_STOPS: f64 = 1.0;
+const TOLERATED_STOPS: f64 = 1.0;
 
 /// The light meter's recommendation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -37,21 +37,22 @@ pub struct Metered {
     pub f_number: f64,
     /// Sensitivity.
     pub iso: f64,
-    /// Middle of the brightest trail, in stops over saturation.
+    /// Median exposure of the brightest trail, in stops over saturation.
     pub trail_stops: f64,
-    /// The room, in stops over saturation. `None` if it is dark.
+    /// Exposure of the room, in stops over saturation. `None` if it is dark.
     pub room_stops: Option<f64>,
     /// True if the trail is darker than wanted by more than a stop, to keep the room dark.
     pub gave_way: bool,
-    /// Whole stops of a neutral filter that would make the exposure right, if the smallest aperture
-    /// and the least sensitivity do not.
+    /// Whole stops of a neutral filter that the exposure needs besides the smallest aperture and
+    /// the least sensitivity.
     pub filter_stops: u32,
-    /// Longest exposure of a camera that is open for longer, so that it has to add up several.
+    /// Longest single exposure of the camera, if the shutter is open for longer, so that the camera
+    /// must add up several exposures.
     pub longest_s: Option<f64>,
 }
 
 impl Metered {
-    /// Help that a camera needs besides its settings, such as a filter, if any.
+    /// Returns what a camera needs besides its settings, such as a filter. `None` if nothing.
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
             format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
@@ -66,7 +67,8 @@ impl Metered {
     }
 }
 
-/// Meters the light, and sets the camera. `None` if the scene has no metering, and for darkness.
+/// Meters the light, and sets the camera's aperture and sensitivity. `None` if the scene has no
+/// metering or it is dark.
 pub(super) fn metered(
     trace: &LightTrace,
     camera: &mut Camera,
@@ -82,15 +84,16 @@ pub(super) fn metered(
     Some(metered)
 }
 
-/// Meters the light by the scene's aims, or by default ones without metering. `None` for darkness.
+/// Meters the light by the targets of the scene's metering, or by the default ones if it has none.
+/// `None` if it is dark.
 pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,
     options: &CameraOptions,
     photo: &PhotoOptions,
 ) -> Option<Metered> {
-    let aims = match &options.metering {
-        Metering::Trail(aims) => aims.clone(),
+    let targets = match &options.metering {
+        Metering::Trail(targets) => targets.clone(),
         Metering::Off => TrailMetering::default(),
     };
     let mut samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
@@ -102,26 +105,13 @@ pub fn recommended(
     let brightest = readings.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))?;
     let trail_stops = brightest.median_stops;
     let room_stops = photo.ambient_stops(&camera);
-    // A clipped channel turns a color toward white: the strongest one counts. White may be clipped.
-    let (aim_stops, metered_stops) = match color_stops(trace, &camera, &brightest.name) {
-        [None, _] => (aims.trail_stops, trail_stops),
-        [Some(color), Some(white)] if aims.trail_stops - white < aims.color_stops - color => {
-            (aims.trail_stops, white)
-        }
-        [Some(color), _] => (aims.color_stops, color),
-    };
-    // The trail is exposed less to keep the room dark, but not below the least light of a trail.
-    let wanted_stops = aim_stops - metered_stops;
-    let least_stops = aims.least_stops.min(aim_stops) - metered_stops;
-    let most_stops = room_stops.map_or(f64::INFINITY, |room_stops| aims.room_stops - room_stops);
-    let stops = wanted_stops.min(most_stops).max(least_stops);
-    let gave_way = stops < wanted_stops - UNSAID_STOPS;
-
+    let channel_stops = color_stops(trace, &camera, &brightest.name);
+    let (stops, gave_way) = correction_stops(&targets, channel_stops, trail_stops, room_stops);
     let (f_number, iso) = settings(options, &camera, stops);
-    // The settings are steps within limits. A filter takes off what they expose too much.
+    // Settings have steps and limits. A filter removes what they expose too much.
     let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
-    let beyond_stops = opened_stops + libm::log2(iso / camera.iso) - stops;
-    let set_stops = stops + beyond_stops;
+    let excess_stops = opened_stops + libm::log2(iso / camera.iso) - stops;
+    let set_stops = stops + excess_stops;
     let open_s = camera.shutter_close_s - camera.shutter_open_s;
     let fixed = options.body.fixed_lens();
     Some(Metered {
@@ -129,14 +119,40 @@ pub fn recommended(
         iso,
         trail_stops: trail_stops + set_stops,
         room_stops: room_stops.map(|room_stops| room_stops + set_stops),
-        gave_way: gave_way && beyond_stops < 0.5,
+        gave_way: gave_way && excess_stops < 0.5,
         #[expect(clippy::cast_possible_truncation, reason = "a few stops")]
-        filter_stops: beyond_stops.max(0.0).round() as u32,
+        filter_stops: excess_stops.max(0.0).round() as u32,
         longest_s: fixed.map(|lens| lens.longest_s).filter(|longest_s| *longest_s < open_s),
     })
 }
 
-/// The camera that meters, with the same pixels and settings for a picture of any size.
+/// Returns the stops by which the exposure must change to reach the targets, and true if the trail
+/// is darker than wanted, to keep the room dark. `channel_stops` are those of the strongest channel
+/// of colored light, and of white light.
+fn correction_stops(
+    targets: &TrailMetering,
+    channel_stops: [Option<f64>; 2],
+    trail_stops: f64,
+    room_stops: Option<f64>,
+) -> (f64, bool) {
+    // A clipped channel turns a color toward white, so the strongest counts. White may clip.
+    let (target_stops, metered_stops) = match channel_stops {
+        [None, _] => (targets.trail_stops, trail_stops),
+        [Some(color), Some(white)] if targets.trail_stops - white < targets.color_stops - color => {
+            (targets.trail_stops, white)
+        }
+        [Some(color), _] => (targets.color_stops, color),
+    };
+    // The trail is exposed less to keep the room dark, but not below the least light of a trail.
+    let wanted_stops = target_stops - metered_stops;
+    let least_stops = targets.least_stops.min(target_stops) - metered_stops;
+    let most_stops = room_stops.map_or(f64::INFINITY, |room_stops| targets.room_stops - room_stops);
+    let stops = wanted_stops.min(most_stops).max(least_stops);
+    (stops, stops < wanted_stops - TOLERATED_STOPS)
+}
+
+/// Returns the camera with which light is metered, with the same width, aperture and sensitivity
+/// for every picture.
 fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
     let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
@@ -146,26 +162,26 @@ fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
     Camera { f_number, iso, vignetting, width_px, height_px, ..camera.clone() }
 }
 
-/// Aperture and sensitivity that expose by some stops more than a camera. The aperture is set
-/// first, then the sensitivity by what the aperture cannot do.
+/// Returns the aperture number and the sensitivity that expose by `stops` more than `camera`, as
+/// nearly as possible. The sensitivity compensates what the aperture cannot.
 fn settings(options: &CameraOptions, camera: &Camera, stops: f64) -> (f64, f64) {
-    // A telephone has one aperture, so only the sensitivity is left.
-    let least = options.lens.figures().min_f_number;
+    // A phone has a fixed aperture, so only the sensitivity can be set.
+    let min_f_number = options.lens.figures().min_f_number;
     let fixed = options.body.fixed_lens();
     let f_number = match &fixed {
         Some(lens) => lens.f_number,
         None => {
             let wanted = camera.f_number * libm::exp2(-0.5 * stops);
-            nearest(F_NUMBERS.into_iter().filter(|f| *f >= least), wanted)
+            nearest(F_NUMBERS.into_iter().filter(|f| *f >= min_f_number), wanted)
         }
     };
     let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
-    let [least, most] = fixed.map_or([100.0, 3200.0], |lens| lens.iso);
-    let isos = ISOS.into_iter().filter(|iso| (least..=most).contains(iso));
+    let [min_iso, max_iso] = fixed.map_or([100.0, 3200.0], |lens| lens.iso);
+    let isos = ISOS.into_iter().filter(|iso| (min_iso..=max_iso).contains(iso));
     (f_number, nearest(isos, camera.iso * libm::exp2(stops - opened_stops)))
 }
 
-/// The number nearest in stops.
+/// Returns the number with the ratio to `wanted` that is nearest to 1.
 fn nearest(numbers: impl Iterator<Item = f64>, wanted: f64) -> f64 {
     let distances = numbers.map(|number| (libm::log2(number / wanted).abs(), number));
     distances.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(wanted, |(_, number)| number)

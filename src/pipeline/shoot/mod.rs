@@ -12,8 +12,8 @@
 //! Independent work runs in parallel: the graphics device starts and the reader is prepared during
 //! the flight, and the photo is encoded while it is read.
 //!
-//! Drones that hear each other (estimator `cooperative`) or fly into each other's downwash are one
-//! simulation. Others are simulated one by one. Not modeled: collisions.
+//! Drones that range to each other (estimator `cooperative`) or fly into each other's downwash are
+//! one simulation. Others are simulated one by one. Collisions are not modeled.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -52,38 +52,38 @@ mod shot;
 mod written;
 
 pub use file::Format;
-pub use infer_lights::{infer_lights_if_dark, light_all_along};
+pub use infer_lights::{infer_lights_if_dark, light_while_airborne};
 pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 use planned::plan;
-pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
+pub use planned::{DesignCheck, Planned, aim, rehearse, stroke_end_errors};
 pub use problems::{CHECK_LIGHT, is_dark, writing};
 pub use response::step_responses;
 pub use shot::{Shot, WriteFile, flight_sha256, known};
 
-/// Longest time of all plans together: a fleet of sixteen for 22 minutes. All pairs of plans are
+/// Longest total duration of all plans: a fleet of sixteen for 22 minutes. All pairs of plans are
 /// compared, and an hour of flight takes seconds.
-const MAX_TOGETHER_S: f64 = 21_600.0;
-/// Most samples of recordings together, 250 bytes each: over two hours at 100 Hz.
+const MAX_TOTAL_S: f64 = 21_600.0;
+/// Greatest total number of samples in recordings, 250 bytes each: over two hours at 100 Hz.
 const MAX_SAMPLES: usize = 800_000;
 
-/// A scene that was checked, made ready to be flown and photographed.
+/// A checked scene with its strokes and plans, ready to be flown and photographed.
 #[derive(Clone, Debug, Default)]
 pub struct Shoot {
-    /// Word, lamps, camera, seed, and the drone that planner and controllers believe.
+    /// Word, lamps, camera, seed, and the drone that planner and controllers assume.
     pub scene: Scene,
     /// Strokes of the word or drawing. `None` for recordings without one.
     pub strokes: Option<Strokes>,
     /// Plans that are sent, one for each drone.
     pub plans: Vec<Planned>,
-    /// True if they were planned from the scene, so that a change of it plans anew.
+    /// True if they were planned from the scene, and are planned again if the scene changes.
     pub is_planned: bool,
-    /// Designs of plans that are flights of exported trajectories ([`Self::as_exported`]). Empty if
-    /// the plans are the designs.
+    /// Designs behind plans that are exported trajectories ([`Self::as_exported`]). Empty if the
+    /// plans are the designs.
     pub designs: Vec<Plan>,
-    /// Replace the flights of the plans, one for each drone. Empty if the plans are flown.
+    /// Recordings instead of simulated flights, one for each drone. Empty if the plans are flown.
     pub recordings: Vec<Recording>,
-    /// True drones, if they differ from the scene's, in the order of the plans.
+    /// The drones that actually fly, in the order of the plans. Empty if they are the scene's.
     pub actual: Vec<Actual>,
     /// Seed of the room's errors (survey, stations), by default the scene's.
     pub room_seed: Option<u64>,
@@ -91,7 +91,7 @@ pub struct Shoot {
     pub judging: Judging,
     /// Format of the encoded photo. `None` if it is not encoded.
     pub format: Option<Format>,
-    /// True if the shot has its film. Otherwise its memory is freed before the photo is read.
+    /// True if the shot keeps its film. Otherwise its memory is freed before the photo is read.
     pub keeps_film: bool,
     /// Reader of the strokes, by default one that is prepared during the flight.
     pub reader: Option<Arc<Reader>>,
@@ -99,7 +99,7 @@ pub struct Shoot {
     pub backend: BackendChoice,
     /// Number of processor cores that expose the film, by default the backend's.
     pub cores: Option<NonZero<usize>>,
-    /// Ends [`Self::take`] between two stages.
+    /// Stops [`Self::take`] between two stages.
     pub stop: Stop,
 }
 
@@ -113,7 +113,7 @@ impl Stop {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Checks that the work goes on.
+    /// Checks that the work was not stopped.
     ///
     /// # Errors
     ///
@@ -132,7 +132,7 @@ pub struct Actual {
     pub light: LightOptions,
 }
 
-/// The flight of one drone from a file, or only its light.
+/// The flight or the light of one drone, read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Recording {
     /// A flight, simulated or real, with the scene's lamps.
@@ -142,7 +142,7 @@ pub enum Recording {
 }
 
 impl Recording {
-    /// Reads a flight, a log or a light trace, with its warnings.
+    /// Reads a flight, a log or a light trace, and returns it with the warnings of the reader.
     ///
     /// # Errors
     ///
@@ -161,9 +161,9 @@ impl Recording {
     }
 }
 
-/// Moves flights in time, all by the same, so that the first one begins at 0. A light trace has the
-/// clock of the exposure, so flights beside it are not moved.
-fn from_zero(recordings: &mut [Recording]) {
+/// Shifts the times of all flights by the same amount, so that the first flight begins at 0. If one
+/// recording is a light trace, which has the clock of the exposure, nothing is shifted.
+fn start_at_zero(recordings: &mut [Recording]) {
     let flights = recordings.iter_mut().map(|recording| match recording {
         Recording::Flight(flight) => Some(flight),
         Recording::Light(_) => None,
@@ -172,7 +172,7 @@ fn from_zero(recordings: &mut [Recording]) {
     let firsts = flights.iter().filter_map(|flight| flight.samples.first());
     let first_s = firsts.map(|sample| sample.time_s).reduce(f64::min).unwrap_or(0.0);
     for flight in flights.iter_mut().filter(|_| first_s != 0.0) {
-        // Gaps are spans of the same clock. The grid keeps differences of times exact.
+        // Gaps have the same clock. Times on the grid have exact differences.
         flight.edit(|flight| {
             let times_s = flight.samples.iter_mut().map(|sample| &mut sample.time_s);
             let ends_s = flight.gaps.as_flattened_mut().iter_mut();
@@ -184,12 +184,12 @@ fn from_zero(recordings: &mut [Recording]) {
 /// How a photo is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Judging {
-    /// Verdict with causes and advice.
+    /// It is read, and the verdict has causes and advice.
     #[default]
     Explained,
-    /// Only the verdict.
+    /// It is read, and the verdict has neither causes nor advice.
     Scored,
-    /// Not at all.
+    /// It is not read.
     Skipped,
 }
 
@@ -216,11 +216,11 @@ impl Shoot {
         Self::of_strokes(scene, strokes, &|_| Ok(()))
     }
 
-    /// Plans the scene's strokes, which were drawn already, if the designs pass a check.
+    /// Plans the scene's strokes, which were drawn already. The designs must pass `check`.
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`], [`fly`] and [`step_responses`], and those of the check.
+    /// As [`Scene::check`], [`fly`], [`step_responses`] and `check`.
     pub fn of_strokes(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
         scene.check()?;
         let plans = plan(&scene, &strokes, check)?;
@@ -228,35 +228,37 @@ impl Shoot {
         Ok(Self { scene, strokes, plans, is_planned: true, keeps_film: true, ..Self::default() })
     }
 
-    /// Flies plans, one for each drone. Without a word in the scene the photo is not read.
+    /// Prepares the flights of plans, one for each drone. If the scene names no word, the photo is
+    /// not read.
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`] and [`Scene::strokes`], and [`Error::Input`] for plans that last too
-    /// long together.
+    /// As [`Scene::check`] and [`Scene::strokes`], and [`Error::Input`] for plans whose total
+    /// duration is too long.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
         scene.check()?;
-        let together_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();
-        if together_s > MAX_TOGETHER_S {
-            let actual = format!("{} that last {together_s:.0} s together", plans.len());
-            let wanted = format!("at most {MAX_TOGETHER_S} s");
+        let total_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();
+        if total_s > MAX_TOTAL_S {
+            let actual = format!("{} that last {total_s:.0} s together", plans.len());
+            let wanted = format!("at most {MAX_TOTAL_S} s");
             return Err(Error::input("plans", actual, wanted, "name fewer plans at a time"));
         }
         let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
-        let (scene, strokes) = written::as_written(scene, strokes, &plans)?;
+        let (scene, strokes) = written::fit_to_plans(scene, strokes, &plans)?;
         let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
         Ok(Self { scene, strokes, plans, keeps_film: true, ..Self::default() })
     }
 
-    /// Photographs recorded flights or light, one for each drone, on one clock. The exposure begins
-    /// with the first of them. Without a word in the scene the photo is not read.
+    /// Prepares the photograph of recorded flights or light, one for each drone, all on the same
+    /// clock. The exposure begins with the first recording. If the scene names no word, the photo
+    /// is not read.
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
-        from_zero(&mut recordings);
+        start_at_zero(&mut recordings);
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
     }
 
-    /// Checks that recordings have no more samples than one picture may be made of.
+    /// Checks that recordings do not have more samples than a picture may be made of.
     ///
     /// # Errors
     ///
@@ -264,7 +266,7 @@ impl Shoot {
     pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
         let counts = recordings.iter().map(|recording| match recording {
             Recording::Flight(flight) => flight.samples.len(),
-            // A fourth of a flight's sample in memory.
+            // A sample of light has a fourth of the size of a flight's sample.
             Recording::Light(trace) => {
                 trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
             }
@@ -277,43 +279,44 @@ impl Shoot {
         Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
     }
 
-    /// Flies every plan.
+    /// Simulates the flight of every plan.
     ///
     /// # Errors
     ///
-    /// As [`noctograph_sim::fly`], of the first drone that fails.
+    /// As [`noctograph_sim::fly`], for the first drone whose flight fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
-        if self.in_step() {
+        if self.is_one_simulation() {
             let believed = self.scene.sim();
             let plans = self.plans.iter().enumerate();
             let fleet = plans.map(|(drone, planned)| (&planned.plan, self.drone(drone, &believed)));
             return fly_fleet(&fleet.collect::<Vec<_>>(), &mut |done| watch(Stage::Flying, done));
         }
-        let done = Mutex::new(vec![0.0; n]);
+        let done_fracs = Mutex::new(vec![0.0; n]);
         let flights = (0..n).into_par_iter().map(|drone| {
-            self.fly_drone(drone, &mut |fraction| {
-                let Ok(mut done) = done.lock() else { return };
-                done[drone] = fraction;
-                let mean = done.iter().sum::<f64>() / n as f64;
-                drop(done);
-                watch(Stage::Flying, mean);
+            self.fly_drone(drone, &mut |done_frac| {
+                let Ok(mut done_fracs) = done_fracs.lock() else { return };
+                done_fracs[drone] = done_frac;
+                let mean_frac = done_fracs.iter().sum::<f64>() / n as f64;
+                drop(done_fracs);
+                watch(Stage::Flying, mean_frac);
             })
         });
-        // Results are collected in order, so that the same drone's error is reported every time.
+        // All flights are collected first, so that the same drone's error is reported every time.
         let flights: Vec<Result<Flight>> = flights.collect();
         flights.into_iter().collect()
     }
 
-    /// True if the drones hear each other, or fly through each other's downwash.
-    pub(crate) fn in_step(&self) -> bool {
+    /// True if all drones are simulated together: they range to each other, or fly through each
+    /// other's downwash.
+    pub(crate) fn is_one_simulation(&self) -> bool {
         self.plans.len() > 1
             && (self.scene.observer.kind == EstimatorKind::Cooperative
                 || !self.downwash_pairs().is_empty())
     }
 
-    /// Pairs of drones, counted from 0, of which the second one is planned into the downwash of the
-    /// first, and their closest approach.
+    /// Returns pairs of drones, counted from 0, whose second drone is planned into the downwash of
+    /// the first, each with their closest approach. Empty without a downwash model.
     pub(crate) fn downwash_pairs(&self) -> Vec<([usize; 2], Approach)> {
         if self.scene.air.downwash == Downwash::None {
             return Vec::new();
@@ -327,7 +330,8 @@ impl Shoot {
         pairs.collect()
     }
 
-    /// A drone of the fleet, with the one that its controller believes to fly.
+    /// Returns the simulated drone with an index. `believed` is the drone that its controller
+    /// assumes.
     fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
         let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
         let seed = self.scene.seed;
@@ -335,7 +339,7 @@ impl Shoot {
         Drone { believed, actual, seed, room_seed, index: drone as u64 }
     }
 
-    /// Flies the plan of one drone, counted from 0, without the other drones.
+    /// Simulates the flight of one drone, counted from 0, without the other drones.
     ///
     /// # Panics
     ///
@@ -345,7 +349,7 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// The flight of the first plan with a user's controller or estimator.
+    /// Begins a flight of the first plan that a user's controller or estimator steers step by step.
     ///
     /// # Panics
     ///
@@ -355,14 +359,14 @@ impl Shoot {
         Session::new(self.plans[0].plan.clone(), &self.drone(0, &believed), begin)
     }
 
-    /// Flies, exposes, develops and reads.
+    /// Simulates the flights, exposes and develops the film, and reads the photo.
     ///
     /// # Errors
     ///
-    /// Those of the stages, and [`Error::Stopped`]. [`Error::Input`] for a camera behind the word,
-    /// which reads mirrored from there, and for one among the lamps.
+    /// The errors of the stages, and [`Error::Stopped`]. [`Error::Input`] for a camera behind the
+    /// word, which is mirrored there. [`Error::Infeasible`] for a camera too near to a lamp.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
-        // The slow preparations first, beside the flight: the graphics device and the reader.
+        // The graphics device and the reader, which take long, get ready during the flight.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
@@ -384,11 +388,13 @@ impl Shoot {
         Ok(shot)
     }
 
+    /// Simulates the flights as recordings.
     fn record(&self, watch: &Watch<'_>) -> Result<Vec<Recording>> {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// A reader of the strokes, if the photo is read and shows a word that can be judged.
+    /// Returns a reader of the strokes. `None` if the photo is not read, or shows no word that can
+    /// be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

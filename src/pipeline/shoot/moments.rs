@@ -1,8 +1,8 @@
 //! The photograph as it develops: the film after each fraction of the exposure.
 //!
-//! Light adds up, so the film of a moment is that of the moment before plus the light in between.
-//! It is developed like the complete film, without the noise of the sensor, with the room's light
-//! of the time so far.
+//! Light adds up, so the film at each moment is the film at the moment before plus the light in
+//! between. It is developed like the complete film, but without the noise of the sensor, and with
+//! the room's light up to that moment.
 
 use super::Shot;
 use crate::scene::Scene;
@@ -13,12 +13,12 @@ use noctograph_picture::light::{Lamp, LightTrace, LightTraceData};
 use noctograph_picture::photo::{Noise, Photo, PhotoOptions, develop, reflectance};
 
 impl Shot {
-    /// Develops the film at `n` moments, the last one at the end of the exposure, at a width in
-    /// pixels. `each` receives the time of flight and the photo, in order.
+    /// Develops the film, `width_px` wide, at `n` equally spaced moments, of which the last is the
+    /// end of the exposure. `each` receives the time of flight and the photo, in order.
     ///
     /// # Errors
     ///
-    /// As [`noctograph_picture::expose::expose`] and [`develop`], and those of `each`.
+    /// As [`noctograph_picture::expose::expose`], [`develop`] and `each`.
     pub fn moments(
         &self,
         width_px: u32,
@@ -28,7 +28,8 @@ impl Shot {
         let camera = self.camera.at_width(width_px);
         let Scene { expose, photo, seed, .. } = &self.shoot.scene;
         let options = PhotoOptions { noise: Noise::Off, ..photo.clone() };
-        // Twice as coarse as the complete film, so that the rounding of its parts cannot overflow.
+        // Counts of half the size of the complete film's, so that the rounding of the parts cannot
+        // overflow them.
         let room = reflectance(&camera, &options)?;
         let complete = project(&self.trace, &camera, expose)?.reflected_by(room.clone());
         let scale_log2 = complete.scale_log2() + 1;
@@ -38,16 +39,17 @@ impl Shot {
         let Camera { shutter_open_s, shutter_close_s: end_s, .. } = camera;
         let mut time_s = shutter_open_s;
         for moment in 1..=n {
-            let lasts_s = (end_s - shutter_open_s) * f64::from(moment) / f64::from(n);
-            let shutter_close_s = shutter_open_s + lasts_s;
-            // The light since the last moment is added, and the room's light counts from the start.
+            let duration_s = (end_s - shutter_open_s) * f64::from(moment) / f64::from(n);
+            let shutter_close_s = shutter_open_s + duration_s;
+            // Adds the lamps' light since the moment before. Developing adds the room's light from
+            // the start of the exposure.
             let until = Camera { shutter_close_s, ..camera.clone() };
             let since = Camera { shutter_open_s: time_s, ..until.clone() };
-            let lit = part(&self.trace, time_s, shutter_close_s);
-            let latent = project(&lit, &since, expose)?.reflected_by(room.clone());
-            let more = latent.at_scale(scale_log2)?.develop_on_all();
+            let trace = samples_between(&self.trace, time_s, shutter_close_s);
+            let latent = project(&trace, &since, expose)?.reflected_by(room.clone());
+            let added = latent.at_scale(scale_log2)?.develop_on_all();
             film.edit(|film| {
-                for (sum, count) in film.counts.iter_mut().zip(&more.counts) {
+                for (sum, count) in film.counts.iter_mut().zip(&added.counts) {
                     *sum = sum.saturating_add(*count);
                 }
             });
@@ -58,8 +60,8 @@ impl Shot {
     }
 }
 
-/// The samples of a span of time, with one before and one after it.
-fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
+/// Returns the samples of lamps from `from_s` to `to_s`, with one before and one after.
+fn samples_between(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
     let lamps = trace.lamps.iter().map(|lamp| {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);
         let last = lamp.samples.partition_point(|sample| sample.time_s <= to_s);

@@ -1,12 +1,12 @@
 //! The plans of a scene, for its drone, controller and lamps.
 //!
-//! [`noctograph_plan`] knows neither simulator nor lamps. Here it gets the step responses of the
-//! loop, the simulated flight of a plan, and the delays of the lamps.
+//! [`noctograph_plan`] does not depend on the simulator and the lamps. This module gives it the
+//! step responses of the loop, the simulated flight of a plan, and the delays of the lamps.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::lighting::in_ink;
+use super::lighting::in_drawing_colors;
 use super::step_responses;
 use crate::scene::Scene;
 use noctograph_core::error::{Error, Result};
@@ -21,7 +21,7 @@ use noctograph_plan::{
 };
 use noctograph_sim::{Drone, fly};
 
-/// Passes or refuses designs, before a flight is rehearsed.
+/// Accepts or refuses designs, before flights of them are simulated.
 pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
 
 /// The plan of one drone.
@@ -40,39 +40,41 @@ pub(super) fn plan(
     strokes: &Strokes,
     check: &DesignCheck<'_>,
 ) -> Result<Vec<Planned>> {
-    let lamps = in_ink(&scene.light, scene, Some(strokes));
-    // 1. Designs, and beside them the step responses of the closed loop.
+    let lamps = in_drawing_colors(&scene.light, scene, Some(strokes));
+    // 1. Designs and, in parallel, the step responses of the closed loop.
     let trajectory_clock = Some(scene.trajectory_clock());
     let options = PlanOptions { trajectory_clock, ..scene.plan.clone() };
-    let inverted = scene.plan.reference == ReferenceKind::Inverse;
-    let (plans, responses) = rayon::join(
+    let is_inverse = scene.plan.reference == ReferenceKind::Inverse;
+    let (designs, responses) = rayon::join(
         || fleet(strokes, &options),
-        || inverted.then(|| step_responses(&scene.sim())).transpose(),
+        || is_inverse.then(|| step_responses(&scene.sim())).transpose(),
     );
-    let plans = plans?;
-    check(&plans)?;
+    let designs = designs?;
+    check(&designs)?;
     let responses = responses?;
-    let planned = plans.into_par_iter().map(|design| {
-        // 2. The reference that the drone is sent.
+    let planned = designs.into_par_iter().map(|design| {
+        // 2. The reference that is sent to the drone.
         let plan = match &responses {
             None => design,
-            Some(responses) => led(scene, design, responses)?,
+            Some(responses) => leading_reference(scene, design, responses)?,
         };
         // 3. The light commands, which depend on the flight of that reference.
         match scene.plan.light_clock {
-            LightClock::Setpoint => Ok(Planned { plan: in_colors(plan, &lamps), ends: Vec::new() }),
+            LightClock::Setpoint => {
+                Ok(Planned { plan: with_color_channels(plan, &lamps), ends: Vec::new() })
+            }
             LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
         }
     });
-    // The first drone's error is reported every time.
+    // All plans are collected first, so that the same drone's error is reported every time.
     let planned: Vec<Result<Planned>> = planned.collect();
     planned.into_iter().collect()
 }
 
-/// The reference that leads the drone along a design: the design filtered by the inverse of the
-/// closed loop. Take-off, integrators and saturation are nonlinear, so a simulated rehearsal
-/// corrects it by the tracking error that remains.
-fn led(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
+/// Returns the reference that makes the drone follow a design: the design filtered by the inverse
+/// of the closed loop. Take-off, integrators and saturation are nonlinear, so the reference is
+/// corrected by the tracking error that remains in a simulated flight.
+fn leading_reference(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
     check_cost(&design, responses)?;
     let inverse = inverse(&design, responses);
     let reference = match scene.controller.kind.follows_reference() {
@@ -80,7 +82,7 @@ fn led(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Pla
         false => feedforward(&design, &inverse),
     };
     let mut flight = rehearse(scene, &reference)?;
-    // The rehearsal lacks the mean error of real flights, which is to be corrected as well.
+    // The mean error of real flights, which the simulation lacks, is corrected, too.
     let mean_error_m = Vector3::from(scene.plan.mean_error_m);
     if mean_error_m != Vector3::zeros() {
         flight.edit(|flight| flight.samples.iter_mut().for_each(|s| s.position_m += mean_error_m));
@@ -88,35 +90,35 @@ fn led(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Pla
     Ok(corrected(&reference, &flight, &inverse))
 }
 
-/// Adds the channels of the colors of a lamp that writes letters in different colors.
-pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
+/// Adds the color channels of lamps that write letters in different colors.
+pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan {
     if light.letters_wrgb.is_empty() {
         return plan;
     }
-    // Commands lead the light, so a row has the color of the letter that it will light.
+    // Commands precede the light, so a row has the color of the letter that its command lights.
     let letters = noctograph_plan::light_letters(&plan);
     let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
     for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
         if !plan.lights.contains_key(lamp) {
             continue;
         }
-        for (k, channel) in channels.iter().enumerate() {
-            let rows = letters.iter().zip(&lit).map(|(letter, lit)| match lit {
+        for (color, channel) in channels.iter().enumerate() {
+            let levels = letters.iter().zip(&lit).map(|(letter, lit)| match lit {
                 false => 0.0,
-                true if lamp == RING.name => f64::from(light.ring_rgb_of(*letter)[k]) / 255.0,
-                true => f64::from(light.wrgb_of(*letter)[k]) / 255.0,
+                true if lamp == RING.name => f64::from(light.ring_rgb_of(*letter)[color]) / 255.0,
+                true => f64::from(light.wrgb_of(*letter)[color]) / 255.0,
             });
-            let levels = rows.collect();
+            let levels = levels.collect();
             plan.edit(|plan| plan.lights.insert((*channel).to_owned(), levels));
         }
     }
     plan
 }
 
-/// Most multiplications of the inverse of a loop, which take some seconds.
+/// Greatest number of multiplications for the inverse of a loop, which take some seconds.
 const MAX_INVERSE: f64 = 4e9;
 
-/// Refuses a plan with too many setpoints within the loop's response, whose inverse takes minutes.
+/// Refuses a plan if computing the inverse of the loop for its setpoints takes minutes.
 fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     let n = plan.setpoints.len();
     let interval_s = plan.duration_s() / n.max(1) as f64;
@@ -134,10 +136,10 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     ))
 }
 
-/// Flies a plan undisturbed, with the drone's own filter if the stations see the whole flight.
-/// Otherwise the estimate of the filter depends on chance, and the true state is used.
+/// Simulates an undisturbed flight of a plan, with the drone's own filter if the stations see the
+/// whole flight. Otherwise its estimate would depend on chance, so the true state is used.
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
-    // The same seed for all rehearsals: it picks the sweeps that the Lighthouse deck drops.
+    // The seed, which selects the sweeps that the Lighthouse deck drops, is always the same.
     let seed = 0;
     if let Some(options) = scene.sim().rehearsal_by_filter()
         && let Ok(flight) = fly(plan, &Drone::new(&options, seed), &mut |_| {})
@@ -156,15 +158,15 @@ pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) ->
         false => Between::Held,
     };
     let (plan, ends) = time_lights(plan, flight, &lamp_timing(lamps), between)?;
-    Ok(Planned { plan: in_colors(plan, lamps), ends })
+    Ok(Planned { plan: with_color_channels(plan, lamps), ends })
 }
 
-/// Errors of the light at the strokes' ends in a flight of a plan.
-pub fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
+/// Returns the errors of the light at the ends of strokes in a flight of a plan.
+pub fn stroke_end_errors(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
     stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }
 
-/// The mean delay between a command and its light.
+/// Returns the mean delay from a light command to the light.
 fn lamp_timing(options: &LightOptions) -> LampTiming {
     LampTiming {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
@@ -305,7 +307,7 @@ mod tests {
                 let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
                 flight.samples[row].position_m
             };
-            let ends = ends(&shoot.scene, &shoot.plans[0].plan, &flight).unwrap();
+            let ends = stroke_end_errors(&shoot.scene, &shoot.plans[0].plan, &flight).unwrap();
             fn is_loop(pair: &&[StrokeEnd]) -> bool {
                 let lasts_s = pair[1].time_s - pair[0].time_s;
                 lasts_s > 2.0 && (pair[0].at_m - pair[1].at_m).norm() < 0.03
@@ -353,7 +355,7 @@ mod tests {
     fn the_teams_own_lights_leave_streaks_of_a_decimeter() {
         let team = scene(PlanOptions::default(), ControllerKind::Lqr);
         let plan = plan(&team, &noor()).unwrap().swap_remove(0).plan;
-        let ends = ends(&team, &plan, &rehearse(&team, &plan).unwrap()).unwrap();
+        let ends = stroke_end_errors(&team, &plan, &rehearse(&team, &plan).unwrap()).unwrap();
         assert_eq!(ends.len(), 8, "four letters of one stroke each");
         let first_m = ends[0].streak_m;
         assert!((0.2..0.25).contains(&first_m), "the lit tail of the first letter: {first_m} m");

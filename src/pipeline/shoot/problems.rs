@@ -1,4 +1,4 @@
-//! Problems of a picture: obstacles, which hide any word, and warnings.
+//! Finds problems of a picture: obstacles, which hide any word, and warnings.
 //!
 //! Obstacles come first: a shutter that misses the word, lamps that are dark or face away, a black
 //! or a white picture. Then come warnings of the flights, gaps of logs, strokes that a font lacks,
@@ -29,17 +29,18 @@ pub const UNDEREXPOSED: &str = "underexposed";
 /// A stage before the photo fails.
 pub const NO_PICTURE: &str = "no-picture";
 
+/// Returns the diagnostic of an obstacle.
 fn obstacle(code: &'static str, message: String, help: &'static str) -> Diagnostic {
     Diagnostic::new(code, Severity::Stop, message).helped(help)
 }
 
-/// A stage before the photo failed.
+/// Returns the obstacle that a stage before the photo failed.
 pub fn no_picture(error: &Error) -> Diagnostic {
     let help = "see `preview`; {camera.framing=word} frames the word";
     obstacle(NO_PICTURE, error.to_string(), help)
 }
 
-/// The center lines of a typeface lack a stroke of some letters.
+/// Returns the warning that the center lines of a typeface lack a stroke of `letters`.
 pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
     let message =
         format!("the center lines of {font} lack a stroke of {letters}: they may misread");
@@ -55,27 +56,29 @@ pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}
 /// Largest fraction of a lamp's light that may face away from the camera: the end of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
-/// Longest continuous path, in cap heights, along which it may face away. The check `lit transit`
-/// lets strokes be as much too short, and those of the ring are, low in high letters.
+/// Longest continuous path, in cap heights, along which a lamp may face away. The check
+/// `lit transit` allows strokes that are too short by as much. Those of the ring, low in high
+/// letters, are.
 const LONGEST_AWAY_H: f64 = 0.1;
 
 /// Least intensity toward the camera that counts as light, as a fraction of that on the axis.
 const TOWARD_FRAC: f64 = 0.02;
 
-/// Least difference of levels between the brightest pixels and the median.
+/// Least difference in level between the brightest pixels and the median.
 const CONTRAST: usize = 10;
 
-/// Fraction of the pixels that counts as the brightest, as few as those of a thin trail.
+/// Fraction of the pixels that counts as the brightest, small enough for a thin trail.
 const BRIGHTEST_FRAC: f64 = 0.000_2;
 
-/// Level of a white pixel, and the fraction of white pixels that hides every trail.
+/// Least level of a white pixel.
 const WHITE_LEVEL: u8 = 245;
+/// Fraction of white pixels above which no trail is visible.
 const MOST_WHITE_FRAC: f64 = 0.5;
 
-/// Most gaps of a log that a message lists.
+/// Greatest number of log gaps that a message lists.
 const MAX_SPANS: usize = 5;
 
-/// Tolerance of the shutter at the ends of a word.
+/// Time by which the shutter may cut off the beginning and the end of a word.
 const SLACK_S: f64 = 0.1;
 
 /// True if a sample of a lamp is lit while a camera's shutter is open.
@@ -83,7 +86,8 @@ pub(crate) fn is_exposed(sample: &LightSample, camera: &Camera) -> bool {
     sample.level > 0.0 && (camera.shutter_open_s..=camera.shutter_close_s).contains(&sample.time_s)
 }
 
-/// The lamps that write: those with a channel of the flights, or all lamps without channels.
+/// Returns the lamps that write: those that a channel of the flights drives or, if the flights have
+/// no channels, all lamps.
 pub fn writing<'a>(
     flights: &[Flight],
     trace: &'a LightTrace,
@@ -92,7 +96,7 @@ pub fn writing<'a>(
     if flights.iter().all(|flight| flight.lights.is_empty()) {
         return trace.lamps.iter().collect();
     }
-    // Names of fixtures with a channel, to which lamps are compared.
+    // Keeps the fixtures that a channel drives. Lamps have the names of their fixtures.
     let mut fixtures = options.fixtures();
     fixtures.retain(|fixture| {
         let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
@@ -102,13 +106,13 @@ pub fn writing<'a>(
     lamps.filter(|lamp| fixtures.iter().any(|f| f.name == lamp.emitter.name)).collect()
 }
 
-/// True if a channel of a flight is that of a lamp, or of one of its colors.
+/// True if a channel of a flight drives a lamp or one of its colors.
 fn drives(channel: &str, lamp: &str) -> bool {
     channel.strip_prefix(lamp).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Obstacles that flights, lamps and camera show before a photo is taken.
-pub(super) fn before(
+/// Returns obstacles that can be found without a photo, in flights, lamps and camera.
+pub(super) fn before_photo(
     flights: &[Flight],
     lamps: &[&Lamp],
     camera: &Camera,
@@ -138,9 +142,10 @@ pub(super) fn before(
     problems
 }
 
-/// Lamps that are never lit while the shutter is open, or that face away from the camera.
+/// Returns the obstacle of lamps that are never lit while the shutter is open, or that face away
+/// from the camera. `None` if one of the lamps can be seen.
 fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<Diagnostic> {
-    // The lamp that faces away the least counts: one that is seen is enough.
+    // One visible lamp is enough, so the lamp that faces away the least counts.
     let away = lamps.iter().filter_map(|lamp| facing_away(lamp, camera));
     let Some((away_frac, longest_m)) = away.min_by(|a, b| a.0.total_cmp(&b.0)) else {
         let message = "no lamp that writes is lit while the shutter is open".to_owned();
@@ -157,11 +162,11 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<
     Some(obstacle(FACES_AWAY, message, help).with("away_frac", away_frac))
 }
 
-/// The fraction of a lamp's light that faces away from a camera, and the length of the longest
-/// continuous path of it. `None` for a lamp that is not lit.
+/// Returns the fraction of a lamp's light that faces away from a camera, and the length of the
+/// longest continuous path along which it does. `None` for a lamp that is not lit.
 fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
     let (mut n_lit, mut n_away, mut path_m, mut longest_m) = (0_u32, 0_u32, 0.0, 0.0_f64);
-    let mut before_m: Option<Vector3<f64>> = None;
+    let mut previous_m: Option<Vector3<f64>> = None;
     for sample in &lamp.samples {
         let is_lit = is_exposed(sample, camera);
         let toward: Vector3<f64> = camera.position_m - sample.position_m;
@@ -169,35 +174,36 @@ fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
         let is_away = is_lit && lamp.emitter.share(cos) < TOWARD_FRAC;
         n_lit += u32::from(is_lit);
         n_away += u32::from(is_away);
-        // A sample toward the camera interrupts the path.
-        let step_m = before_m.map_or(0.0, |from_m| (sample.position_m - from_m).norm());
+        // A sample that faces the camera interrupts the path.
+        let step_m = previous_m.map_or(0.0, |from_m| (sample.position_m - from_m).norm());
         path_m = if is_away { path_m + step_m } else { 0.0 };
-        before_m = is_away.then_some(sample.position_m);
+        previous_m = is_away.then_some(sample.position_m);
         longest_m = longest_m.max(path_m);
     }
     (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
 }
 
-/// True if no trail stands out in a photo, in whose noise a reader may find letters.
+/// True if no trail stands out in a photo. A reader might then find letters in the noise.
 pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
-    of_photo(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
+    exposure_obstacle(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
 }
 
-/// A photo without a visible trail: all black or all white.
-pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
+/// Returns the obstacle of a photo without a visible trail: it is overexposed or underexposed.
+/// `None` if a trail can be seen.
+pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
     let pixels = photo.rgb8.as_chunks::<3>().0;
     let mut counts = [0_usize; 256];
     for &[r, g, b] in pixels {
         counts[usize::from(r.max(g).max(b))] += 1;
     }
-    // The fraction of pixels at each level or above: the histogram, summed up from white.
-    let (mut brighter_frac, mut n_brighter) = ([0.0; 256], 0);
+    // The fraction of pixels at or above each level: the cumulative histogram from white.
+    let (mut at_least_frac, mut n_at_least) = ([0.0; 256], 0);
     for level in (0..256).rev() {
-        n_brighter += counts[level];
-        brighter_frac[level] = n_brighter as f64 / pixels.len().max(1) as f64;
+        n_at_least += counts[level];
+        at_least_frac[level] = n_at_least as f64 / pixels.len().max(1) as f64;
     }
     let settings = format!("f/{}, ISO {}", camera.f_number, camera.iso);
-    let white_frac = brighter_frac[usize::from(WHITE_LEVEL)];
+    let white_frac = at_least_frac[usize::from(WHITE_LEVEL)];
     if white_frac > MOST_WHITE_FRAC {
         let percent = 100.0 * white_frac;
         let message =
@@ -206,9 +212,9 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
                     ({photo.ambient_cd_m2})";
         return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
-    // A trail is at least this much brighter than half of the picture.
+    // The levels that the brightest pixels and half of all pixels reach.
     let [brightest, median] = [BRIGHTEST_FRAC, 0.5]
-        .map(|frac| (0..256).rev().find(|level| brighter_frac[*level] >= frac).unwrap_or(0));
+        .map(|frac| (0..256).rev().find(|level| at_least_frac[*level] >= frac).unwrap_or(0));
     let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";
     (brightest < (median + CONTRAST).min(255)).then(|| {
         let message = format!("nothing is exposed: no trail stands out at {settings}");
@@ -216,41 +222,43 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
     })
 }
 
-/// Lit channels of a flight without a lamp in the scene, if other channels have one.
+/// Returns a warning of lit channels of a flight that have no lamp in the scene. `None` if all of
+/// them have one, or none has.
 pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnostic> {
     let fixtures = lamps.fixtures();
     let lit = flight.lights.iter().filter(|(_, levels)| levels.iter().any(|level| *level > 0.0));
-    let (known, unknown): (Vec<&str>, Vec<&str>) =
+    let (with_lamp, without): (Vec<&str>, Vec<&str>) =
         lit.map(|(channel, _)| channel.as_str()).partition(|channel| {
             let mut lamps = fixtures.iter().filter_map(|fixture| fixture.drive.channel());
             lamps.any(|lamp| drives(channel, lamp))
         });
-    (!known.is_empty() && !unknown.is_empty()).then(|| {
-        let names = unknown.join(", ");
+    (!with_lamp.is_empty() && !without.is_empty()).then(|| {
+        let names = without.join(", ");
         let message = format!("the scene has no lamp for the light of {names}: it is left out");
         Diagnostic::warning("lamp-missing", message)
     })
 }
 
-/// The gaps in a real flight's log: those that a smooth path bridges, and those that break trails.
-pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
+/// Returns a warning of log gaps that a smooth path bridges, and one of gaps that break trails.
+pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
     let smooth = format!("bridged by a smooth path, uncertain by up to {:.0} mm", 1e3 * most_m);
     let broken = "too long to bridge; trails break there, though the lamps may have shone";
     let kinds = [(bridged, smooth), (open, broken.to_owned())].into_iter();
-    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, what)| {
-        let first = gaps.iter().take(MAX_SPANS).map(|gap| gap.span_s);
-        let first = first.map(|[from, to]| format!("{from:.2}–{to:.2} s"));
-        let spans = first.collect::<Vec<_>>().join(", ");
+    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, effect)| {
+        let spans = gaps.iter().take(MAX_SPANS).map(|gap| gap.span_s);
+        let spans = spans.map(|[from, to]| format!("{from:.2}–{to:.2} s"));
+        let spans = spans.collect::<Vec<_>>().join(", ");
         let (n, more) = (gaps.len(), if gaps.len() > MAX_SPANS { ", …" } else { "" });
-        Diagnostic::warning("log-gaps", format!("gaps of the log: {n} {what} ({spans}{more})"))
+        Diagnostic::warning("log-gaps", format!("gaps of the log: {n} {effect} ({spans}{more})"))
             .with("n", n)
             .helped("log fewer variables, or on the \u{b5}SD card")
     })
 }
 
-/// Parts of the word and of the light that are outside the picture.
+/// Returns warnings of a word and of light that are partly outside the picture. `is_framed` is true
+/// for a camera that frames the word.
 pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],
@@ -261,7 +269,7 @@ pub(super) fn outside(
     let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
     let light = samples.filter(|s| is_exposed(s, camera)).map(|sample| sample.position_m);
-    // A framed word is in the picture: light outside it is probably at the wrong place.
+    // A framed word is in the picture, so light outside is probably in a wrong position.
     let margin = "{camera.framing.fill_frac} sets the margin";
     let place = "{camera.framing.fill_frac} sets the margin around the word; is the flight in \
                  meters, with z up, and at the word's place?";

@@ -1,7 +1,7 @@
-//! Predictions for a plan: the step response of the closed loop, and the undisturbed drone.
+//! Measures the step response of the closed loop.
 //!
-//! The response is the difference of two simulated flights, with and without a small step of the
-//! setpoint. Offsets and noise common to both cancel, and the linear response of controller,
+//! The response is the difference between two simulated flights, with and without a small step of
+//! the setpoint. Offsets and noise common to both cancel, and the linear response of controller,
 //! observer, rotors and sampling remains.
 
 use nalgebra::Vector3;
@@ -13,36 +13,37 @@ use noctograph_plan::response::StepResponse;
 use noctograph_plan::{Plan, Setpoint};
 use noctograph_sim::{Drone, SimOptions, fly};
 
-/// Small enough for the drone to stay linear (1.5° of tilt with the reference gains), large enough
-/// for a flight's grid of a micrometer.
+/// Size of the step: small enough for the drone to stay linear (1.5° of tilt with the reference
+/// gains), large enough for the grid of a flight's positions, a micrometer.
 const STEP_M: f64 = 0.05;
-/// The drone comes to rest before the step, and after it. Loops settle in two to four seconds.
+/// Time for the drone to come to rest before the step. Loops settle in two to four seconds.
 const BEFORE_S: f64 = 4.0;
+/// Duration of the response.
 const AFTER_S: f64 = 6.0;
-/// High enough to be out of the floor's reach.
+/// Height at which the floor has no effect on the drone.
 const HEIGHT_M: f64 = 1.5;
-/// Largest remaining error of a loop that follows positions, as a fraction of the step.
-const LEFT_FRAC: f64 = 0.05;
+/// Largest error after the response, as a fraction of the step.
+const MAX_ERROR_FRAC: f64 = 0.05;
 
-/// Responses of the drone's position to a step of the setpoint, along world x, y and z.
+/// Returns the responses of the drone's position to a step of the setpoint along world x, y and z.
 ///
 /// # Errors
 ///
-/// Those of [`fly`], and [`Error::Infeasible`] for a loop that has not come to the setpoint after
-/// six seconds.
+/// As [`fly`], and [`Error::Infeasible`] for a loop that has not reached the setpoint after six
+/// seconds.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
     let (still, stepped) = rayon::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));
     let (still, stepped) = (still?, stepped?);
-    // Their difference from the step on, as a fraction of the step: the response.
+    // The response, as a fraction of the step.
     let pairs = still.samples.iter().zip(&stepped.samples);
-    let moved: Vec<Vector3<f64>> = pairs
-        .filter(|(sample, _)| sample.time_s >= BEFORE_S)
-        .map(|(a, b)| (b.position_m - a.position_m) / STEP_M)
+    let response: Vec<Vector3<f64>> = pairs
+        .filter(|(still, _)| still.time_s >= BEFORE_S)
+        .map(|(still, stepped)| (stepped.position_m - still.position_m) / STEP_M)
         .collect();
-    // A loop that does not come to the setpoint has no inverse.
-    let end = moved.last().copied().unwrap_or_default();
-    if let Some(axis) = (0..3).find(|axis| (end[*axis] - 1.0).abs() > LEFT_FRAC) {
+    // A loop that does not reach the setpoint has no inverse.
+    let end = response.last().copied().unwrap_or_default();
+    if let Some(axis) = (0..3).find(|axis| (end[*axis] - 1.0).abs() > MAX_ERROR_FRAC) {
         let after = format!("{AFTER_S} s after a step of the setpoint along axis {axis}");
         return Err(Error::infeasible(
             format!("{after} the drone has gone {:.0} % of it", 100.0 * end[axis]),
@@ -51,12 +52,12 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     }
     let interval_s = 1.0 / f64::from(options.rates.log_hz);
     Ok([0, 1, 2].map(|axis| {
-        let values = moved.iter().map(|moved| moved[axis]).collect();
+        let values = response.iter().map(|position| position[axis]).collect();
         StepResponse { interval_s, values }
     }))
 }
 
-/// The flight of a drone that hovers, and is sent a step along all axes at once.
+/// Simulates the flight of a drone that hovers and gets a step along all axes at the same time.
 fn fly_step(options: &SimOptions, step_m: f64) -> Result<Flight> {
     let times_and_steps = [(0.0, 0.0), (BEFORE_S, step_m), (BEFORE_S + AFTER_S, step_m)];
     let setpoints = times_and_steps.map(|(time_s, step_m)| Setpoint {

@@ -46,35 +46,35 @@ pub struct Shot {
     pub verdict: Option<Verdict>,
     /// The reader's marks in the picture, if faults were searched ([`Judging::Explained`]).
     pub marks: Option<Marks>,
-    /// Problems of flights and picture, those that make any word unreadable first.
+    /// Problems of flights and picture. Problems that make any word unreadable are first.
     pub problems: Vec<Diagnostic>,
     digests: OnceLock<Vec<String>>,
     tracking: OnceLock<Vec<Option<Tracking>>>,
 }
 
 impl Shot {
-    /// SHA-256 of each flight.
+    /// Returns the SHA-256 of each flight.
     pub fn digests(&self) -> &[String] {
         self.digests.get_or_init(|| digests(&self.flights))
     }
 
-    /// Tracking errors of each flight. `None` for a flight without a design.
+    /// Returns the tracking errors of each flight. `None` for a flight without a design.
     pub fn tracking(&self) -> &[Option<Tracking>] {
         self.tracking.get_or_init(|| tracking(&self.flights))
     }
 
-    /// SHA-256 of the flights, separated by spaces, if there are any.
+    /// Returns the SHA-256 of the flights, separated by spaces. `None` without flights.
     pub fn flight_sha256(&self) -> Option<String> {
         joined(self.digests())
     }
 
-    /// Gives `put` the photo (PNG), and a flight and a plan of each drone, numbered if there are
-    /// several. `put` writes a file and returns its SHA-256. Returns the digests of flights and
-    /// plans by name, for their scene.
+    /// Calls `put` with the name and the content of each file: the photo (PNG), and the flight and
+    /// the plan of each drone, numbered if there are several. `put` writes a file and returns its
+    /// SHA-256. Returns names and digests of flights and plans, for the scene beside them.
     ///
     /// # Errors
     ///
-    /// Those of `put`.
+    /// As `put`.
     pub fn each_file(
         &self,
         mut put: impl FnMut(&str, &WriteFile<'_>) -> Result<String>,
@@ -82,7 +82,7 @@ impl Shot {
         if let Some(png) = &self.file {
             put("photo.png", &|out| out.write_all(png))?;
         }
-        // The digests bind the scene to these files. The photo has its scene inside.
+        // The scene beside the files names these digests. The photo contains its scene.
         let mut digests = Vec::new();
         for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
             let number = match self.shoot.plans.len() {
@@ -102,19 +102,22 @@ impl Shot {
 /// Writes the content of a file.
 pub type WriteFile<'a> = dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a;
 
-/// SHA-256 of flights, separated by spaces, if there are any.
+/// Returns the SHA-256 of flights, separated by spaces. `None` without flights.
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
     joined(&digests(flights))
 }
 
+/// Returns the SHA-256 of each flight.
 fn digests(flights: &[Flight]) -> Vec<String> {
     flights.iter().map(|flight| flight.sha256()).collect()
 }
 
+/// Returns the tracking errors of each flight. `None` for a flight without a design.
 fn tracking(flights: &[Flight]) -> Vec<Option<Tracking>> {
     flights.iter().map(|flight| track(flight, Part::from_flight(flight)).ok()).collect()
 }
 
+/// Returns digests separated by spaces. `None` if there are none.
 fn joined(digests: &[String]) -> Option<String> {
     (!digests.is_empty()).then(|| digests.join(" "))
 }
@@ -140,19 +143,19 @@ impl Shoot {
         self.stop.check()?;
         photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
         // 2. Read, encode and look for problems in parallel.
-        let (known, tracked) = (OnceLock::new(), OnceLock::new());
+        let (digests, tracking) = (OnceLock::new(), OnceLock::new());
         let (read, (file, exposed)) = rayon::join(
-            || self.read(reader, &photo, &camera, &flights, &tracked),
+            || self.read(reader, &photo, &camera, &flights, &tracking),
             || {
                 rayon::join(
-                    || self.encoded(&photo, film.as_ref(), &camera, &flights, &known),
-                    || problems::of_photo(&photo, &camera),
+                    || self.encoded(&photo, film.as_ref(), &camera, &flights, &digests),
+                    || problems::exposure_obstacle(&photo, &camera),
                 )
             },
         );
         let ((mut verdict, marks), file) = (read?, file?);
-        // 3. An obstacle goes before the verdict on letters.
-        weigh(exposed, &mut problems, verdict.as_mut());
+        // 3. Obstacles change the verdict on the letters.
+        add_exposure_problem(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
             film: film.filter(|_| self.keeps_film),
             shoot: self,
@@ -167,12 +170,12 @@ impl Shoot {
             verdict,
             marks,
             problems,
-            digests: known,
-            tracking: tracked,
+            digests,
+            tracking,
         })
     }
 
-    /// Exposes the film on some cores, or on the backend.
+    /// Exposes the film on [`Self::cores`] or, if that is `None`, on the backend.
     fn exposure(
         &self,
         trace: &LightTrace,
@@ -190,27 +193,30 @@ impl Shoot {
         }
     }
 
-    /// The photo's file in the format that is asked for.
+    /// Encodes the photo in [`Self::format`]. `None` if that is `None`. Computes the digests of the
+    /// flights if `known_digests` is empty.
     fn encoded(
         &self,
         photo: &Photo,
         film: Option<&Film>,
         camera: &Camera,
         flights: &[Flight],
-        known: &OnceLock<Vec<String>>,
+        known_digests: &OnceLock<Vec<String>>,
     ) -> Result<Option<Vec<u8>>> {
         let Some(format) = self.format else { return Ok(None) };
-        // Strokes from a user's file are not in the scene, so their digest is noted.
+        // The scene does not contain strokes from a user's file, so the photo has their digest.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         let shown = Shown {
-            flight_sha256: joined(known.get_or_init(|| digests(flights))),
+            flight_sha256: joined(known_digests.get_or_init(|| digests(flights))),
             strokes_sha256: strokes.map(|strokes| strokes.sha256()),
             log_gaps: flights.iter().flat_map(log_gaps).collect(),
         };
         encode(format, &self.scene, photo, film, camera, shown).map(Some)
     }
 
+    /// Reads the photo. Returns the verdict if there is a reader, and its marks if faults are
+    /// searched. Computes the tracking errors if `tracked` is empty.
     fn read(
         &self,
         reader: Option<&Reader>,
@@ -231,35 +237,37 @@ impl Shoot {
     }
 }
 
-/// Adds an obstacle of the exposure to the problems, and adapts the verdict to all obstacles.
-fn weigh(
+/// Adds an obstacle of the exposure to the problems, and changes the verdict to account for all
+/// obstacles.
+fn add_exposure_problem(
     exposed: Option<Diagnostic>,
     problems: &mut Vec<Diagnostic>,
     mut verdict: Option<&mut Verdict>,
 ) {
     if let Some(exposed) = exposed {
-        // The reader raises faint light to full light, and may find letters in noise.
+        // The reader brightens faint light to full light, and may then find letters in noise.
         let is_dark = exposed.code == UNDEREXPOSED;
         if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
             verdict.refuse(Reason::NoLight);
         }
-        // An obstacle that was found before is the cause of a missing trail.
+        // An obstacle that was found earlier is the cause of a missing trail, so it stays first.
         let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
         problems.insert(usize::from(is_hidden), exposed);
     }
     let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
     if let Some(verdict) = verdict.filter(|verdict| !verdict.legible && is_hidden) {
-        // No change of letters helps.
+        // Advice on letters does not help against an obstacle.
         verdict.advice.clear();
     }
 }
 
-/// Facts from flights that explain their photo: speed along the strokes, the distance from the path
-/// and the lag (means over the drones), and the gaps of their logs.
+/// Returns facts from flights that help to explain their photo: speed along the strokes, distance
+/// from the path and lag (means over the drones), and the gaps of logs.
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     known_of(flights, &tracking(flights), plan)
 }
 
+/// Returns the facts as [`known`] does, from tracking errors that were computed already.
 fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions) -> Known {
     let tracked: Vec<&Tracking> = tracked.iter().flatten().collect();
     Known {
@@ -270,23 +278,25 @@ fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions
     }
 }
 
+/// Returns the mean of the values. `None` without values.
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
     let n = values.len();
     (n > 0).then(|| values.sum::<f64>() / n as f64)
 }
 
-/// Most gaps of a log that a photo names. The reference flight has three.
+/// Greatest number of log gaps in a photo's file. The reference flight has three.
 const MAX_LOG_GAPS: usize = 1000;
 
-/// The gaps of a real flight's log that its photo leaves dark.
+/// Returns the gaps of a real flight's log that are dark in its photo.
 fn log_gaps(flight: &Flight) -> Vec<LogGap> {
     let mut gaps = Vec::new();
     for (Gap { span_s, .. }, way_m) in dark(flight) {
-        let ends = span_s.map(|time_s| {
+        // The positions at the beginning and the end of the gap.
+        let ends_m = span_s.map(|time_s| {
             let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
             flight.samples.get(row).map(|sample| [sample.position_m.x, sample.position_m.z])
         });
-        if let [Some(from_m), Some(to_m)] = ends {
+        if let [Some(from_m), Some(to_m)] = ends_m {
             gaps.push(LogGap { span_s, ends_m: [from_m, to_m], way_m });
         }
     }

@@ -1,7 +1,7 @@
-//! The size of letters that plans write.
+//! Fits a scene's letters to plans.
 //!
-//! In: a scene, its strokes, and plans. Out: the scene and its strokes in the size and place of the
-//! plans, for camera and checks.
+//! In: a scene, its strokes, and plans. Out: the scene and its strokes with the size and the
+//! baseline of the plans, for camera and checks.
 
 use crate::scene::Scene;
 use noctograph_core::error::Result;
@@ -9,14 +9,14 @@ use noctograph_core::geometry::bounds;
 use noctograph_letters::{LetterOptions, Strokes};
 use noctograph_plan::Plan;
 
-/// Least change of size to rescale the scene's word to the plans, and the tolerance between width
-/// and height.
+/// Least change of size, as a fraction, for which the scene's word is rescaled to the plans.
 const OTHER_SIZE: f64 = 0.02;
+/// Largest error of the shorter side of the same word, as a fraction of the longer side.
 const SAME_SHAPE: f64 = 0.05;
 
-/// A scene with its letters in the size and place of plans of the same word, which may have been
-/// fitted to a room.
-pub(super) fn as_written(
+/// Returns the scene and its strokes with the size and the baseline of plans of the same word,
+/// which may have been fitted to a room. Plans of another word change nothing.
+pub(super) fn fit_to_plans(
     mut scene: Scene,
     strokes: Option<Strokes>,
     plans: &[Plan],
@@ -24,26 +24,27 @@ pub(super) fn as_written(
     let Some(word_m) = strokes.as_ref().map(|strokes| strokes.bounds_m()) else {
         return Ok((scene, strokes));
     };
-    // The box of the light of all plans.
+    // The bounding box of the light in all plans.
     let mut lit_m = Vec::new();
     for plan in plans {
         let lit = plan.setpoints.windows(2).zip(plan.lit()).filter(|(_, level)| *level > 0.0);
         lit_m.extend(lit.flat_map(|(pair, _)| [pair[0].position_m, pair[1].position_m]));
     }
     let plan_m = bounds(lit_m.into_iter().map(|point_m| [point_m.x, point_m.z]));
-    // The longer side has the scale. The other one tells plans of another word.
-    let [[width_m, height_m], [wide_m, high_m]] =
+    // The longer side gives the scale. The other side must agree, or it is another word.
+    let [[width_m, height_m], [plan_width_m, plan_height_m]] =
         [word_m, plan_m].map(|[left, bottom, right, top]| [right - left, top - bottom]);
     let (size_m, scale) = match width_m > height_m {
-        true => (width_m, wide_m / width_m),
-        false => (height_m, high_m / height_m),
+        true => (width_m, plan_width_m / width_m),
+        false => (height_m, plan_height_m / height_m),
     };
-    let apart_m = (wide_m - scale * width_m).abs().max((high_m - scale * height_m).abs());
-    let is_other = (scale - 1.0).abs() > OTHER_SIZE && apart_m < SAME_SHAPE * scale * size_m;
-    if !is_other {
+    let error_m =
+        (plan_width_m - scale * width_m).abs().max((plan_height_m - scale * height_m).abs());
+    let is_rescaled = (scale - 1.0).abs() > OTHER_SIZE && error_m < SAME_SHAPE * scale * size_m;
+    if !is_rescaled {
         return Ok((scene, strokes));
     }
-    // All lengths of the letters are scaled, and then the baseline moved to that of the plans.
+    // Scales all lengths of the letters, and then moves the baseline to that of the plans.
     let LetterOptions { cap_height_m, width_m, gap_m, spacing_m, line_gap_m, canvas_m, .. } =
         &mut scene.letters;
     let by_default = [width_m, gap_m, line_gap_m].into_iter().flatten();

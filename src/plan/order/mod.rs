@@ -26,7 +26,7 @@ mod search;
 /// Most strokes whose order is the optimum.
 const EXACT_STROKES: usize = 10;
 /// Greatest number of ways of all strokes for which exact transits are planned.
-const MEASURED_WAYS: usize = 24;
+const MAX_PLANNED_WAYS: usize = 24;
 /// Most strokes of a drawing: its order is sought among all pairs.
 const MAX_STROKES: usize = 10_000;
 
@@ -34,13 +34,13 @@ const MAX_STROKES: usize = 10_000;
 /// that an order from one end to the other, with one step a letter, is the cheapest.
 const LETTER_S: f64 = 1000.0;
 /// How much longer the order of reading may take, as a fraction of the shortest flight.
-const LONGER: f64 = 0.1;
-/// Number of transits sampled to estimate the time of many strokes, and the guaranteed fraction of
-/// the estimate.
-const MEASURED_TRANSITS: usize = 500;
-const GUARANTEED: f64 = 0.85;
-/// Advice for drawings that take too long.
-pub(super) const SHORTER: &str = "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw \
+const READING_EXCESS: f64 = 0.1;
+/// Number of transits sampled to estimate the time of many strokes, and the fraction of the
+/// estimate that the strokes take at least.
+const SAMPLED_TRANSITS: usize = 500;
+const CERTAIN_FRACTION: f64 = 0.85;
+/// Hint for drawings that take too long.
+pub(super) const TOO_LONG_HINT: &str = "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw \
                                   fewer strokes, or smaller";
 
 /// A stroke and the way it is drawn.
@@ -63,33 +63,36 @@ pub(super) fn in_order(
     Ok(flown)
 }
 
-/// Refuses many strokes that take far too long, judged by a sample of their transits: to plan each
-/// one is most of the work of a plan.
+/// Fails for many strokes that take far too long, estimated from a sample of their transits:
+/// planning all of them is most of the work of a plan.
 fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Result<()> {
-    let n = flown.len();
-    if n < 2 * MEASURED_TRANSITS {
+    let n_strokes = flown.len();
+    if n_strokes < 2 * SAMPLED_TRANSITS {
         return Ok(());
     }
     // The time of all transits, from an even sample of them.
-    let stride = n.div_ceil(MEASURED_TRANSITS);
+    let stride = n_strokes.div_ceil(SAMPLED_TRANSITS);
     let ways = ways_of(flown, speed_m_s);
-    let tour = Tour { ways: &ways, style, measured: true, letters: &[] };
-    let transits = (1..n).step_by(stride);
+    let tour = Tour { ways: &ways, style, is_planned: true, letters: &[] };
+    let transits = (1..n_strokes).step_by(stride);
     let transit_s = transits.map(|to| tour.between_s(Some((to - 1, 0)), Some((to, 0))));
     let dark_s = stride as f64 * transit_s.filter(|dark_s| dark_s.is_finite()).sum::<f64>();
     let flight_s = all_lit_s(flown, speed_m_s) + dark_s;
-    if GUARANTEED * flight_s <= MAX_DURATION_S {
+    if CERTAIN_FRACTION * flight_s <= MAX_DURATION_S {
         return Ok(());
     }
-    let problem =
-        format!("{n} strokes take some {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s");
-    Err(Error::infeasible(problem, SHORTER).coded(FLIGHT_LONG))
+    let problem = format!(
+        "{n_strokes} strokes take some {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s"
+    );
+    Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
 }
 
+/// The ways to draw each stroke.
 fn ways_of(strokes: &[PenStroke], speed_m_s: f64) -> Vec<Vec<Way>> {
     strokes.iter().map(|stroke| stroke.ways(speed_m_s)).collect()
 }
 
+/// Time for which all strokes are lit.
 fn all_lit_s(strokes: &[PenStroke], speed_m_s: f64) -> f64 {
     strokes.iter().map(|stroke| stroke.lit_s(speed_m_s)).sum()
 }
@@ -99,7 +102,8 @@ pub(super) fn is_kept(strokes: &Strokes, style: &EvenStyle) -> bool {
     style.order == Order::Drawn || strokes.order == StrokeOrder::Kept
 }
 
-/// The strokes as they were drawn.
+/// The strokes in the order of the drawing. Fails without any, for too many, and for light beyond
+/// the longest flight.
 pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStroke>> {
     let drawn = pen_strokes(strokes);
     if drawn.is_empty() {
@@ -107,16 +111,17 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
     // Both limits are checked before an order is sought, whose time grows with the square.
-    let (n, lit_s) = (drawn.len(), all_lit_s(&drawn, speed_m_s));
-    let (problem, hint) = if n > MAX_STROKES {
+    let (n_strokes, lit_s) = (drawn.len(), all_lit_s(&drawn, speed_m_s));
+    let (problem, hint) = if n_strokes > MAX_STROKES {
         (
-            format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"),
+            format!("{n_strokes} strokes, more than {MAX_STROKES}, are too many for a flight"),
             "draw fewer strokes, or lower letters.detail",
         )
     } else if lit_s > MAX_DURATION_S {
         (
             format!(
-                "{n} strokes are lit for {lit_s:.0} s in all, the longest flight is {MAX_DURATION_S} s"
+                "{n_strokes} strokes are lit for {lit_s:.0} s in all, the longest flight is \
+                 {MAX_DURATION_S} s"
             ),
             "raise plan.stroke_speed_m_s, or draw less, or smaller",
         )
@@ -131,34 +136,37 @@ pub(super) fn shortest(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -
     along(drawn, shortest_tour(&ways_of(drawn, speed_m_s), style, &[]))
 }
 
+/// The visited strokes in the order and direction of a tour.
 fn along(drawn: &[PenStroke], visits: Vec<Visit>) -> Vec<PenStroke> {
     visits.into_iter().map(|(stroke, way)| drawn[stroke].along(way)).collect()
 }
 
-/// Strokes letter by letter from the first, if that takes little longer than the least time.
+/// The strokes letter by letter from the first, or in the shortest order if that saves more than
+/// [`READING_EXCESS`] of its time.
 fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
     let ways = ways_of(drawn, speed_m_s);
     let letters: Vec<usize> = drawn.iter().map(|stroke| stroke.letter).collect();
-    let tour = Tour { ways: &ways, style, measured: false, letters: &[] };
+    let tour = Tour { ways: &ways, style, is_planned: false, letters: &[] };
     let shortest = shortest_tour(&ways, style, &[]);
     let mut read = shortest_tour(&ways, style, &letters);
-    // From the last letter to the first costs as much.
+    // Its cost is the same from the last letter to the first.
     if letters[read[0].0] > letters[read[read.len() - 1].0] {
         read.reverse();
         read = tour.best_ways(&read);
     }
     let lit_s = all_lit_s(drawn, speed_m_s);
     let least_s = lit_s + tour.total_s(&shortest);
-    let is_little = lit_s + tour.total_s(&read) <= (1.0 + LONGER) * least_s;
-    along(drawn, if is_little { read } else { shortest })
+    let is_fast = lit_s + tour.total_s(&read) <= (1.0 + READING_EXCESS) * least_s;
+    along(drawn, if is_fast { read } else { shortest })
 }
 
+/// The tour with the least time in the dark, exact for few strokes, letter by letter if given.
 fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Visit> {
     if ways.len() <= EXACT_STROKES {
-        let measured = ways.iter().map(Vec::len).sum::<usize>() <= MEASURED_WAYS;
-        return Tour { ways, style, measured, letters }.exact();
+        let is_planned = ways.iter().map(Vec::len).sum::<usize>() <= MAX_PLANNED_WAYS;
+        return Tour { ways, style, is_planned, letters }.exact();
     }
-    let tour = Tour { ways, style, measured: false, letters };
+    let tour = Tour { ways, style, is_planned: false, letters };
     let mut visits = tour.nearest();
     tour.improve(&mut visits);
     tour.best_ways(&visits)
@@ -169,47 +177,53 @@ struct Tour<'a> {
     ways: &'a [Vec<Way>],
     style: &'a EvenStyle,
     /// True if transits are planned, not estimated.
-    measured: bool,
+    is_planned: bool,
     /// The letter of each stroke if each letter is to be written before the next, or none.
     letters: &'a [usize],
 }
 
 impl Tour<'_> {
+    /// How the stroke of a visit is entered and left.
     fn way(&self, visit: Visit) -> &Way {
         &self.ways[visit.0][visit.1]
     }
 
-    /// Time of the transit between two strokes, or from or to the floor, with the cost of a step to
-    /// another letter.
+    /// Time of the transit between two strokes or the floor, with the cost of another letter.
     fn between_s(&self, from: Option<Visit>, to: Option<Visit>) -> f64 {
         let still = Vector2::zeros();
         match (from.map(|from| self.way(from)), to.map(|to| self.way(to))) {
             (Some(a), Some(b)) => {
-                // The same both ways: written from the last letter to the first it costs as much.
+                // The cost of a step to another letter is the same in both directions.
                 let letter = |visit: Option<Visit>| self.letters.get(visit?.0).copied();
-                let apart = letter(from).zip(letter(to)).map_or(0, |(a, b)| a.abs_diff(b));
+                let n_letters_apart =
+                    letter(from).zip(letter(to)).map_or(0, |(a, b)| a.abs_diff(b));
                 let transit_s = self.transit_s(b.start_m - a.end_m, a.end_m_s, b.start_m_s);
-                LETTER_S * apart as f64 + transit_s
+                LETTER_S * n_letters_apart as f64 + transit_s
             }
+            // Take-off and landing are vertical.
             (None, Some(b)) => self.transit_s(Vector2::new(0.0, b.start_m.y), still, b.start_m_s),
             (Some(a), None) => self.transit_s(Vector2::new(0.0, -a.end_m.y), a.end_m_s, still),
             (None, None) => 0.0,
         }
     }
 
+    /// Duration of a transit over a displacement from one velocity to another, planned or
+    /// estimated. Infinite if none was found.
     fn transit_s(&self, path_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
-        if self.measured {
+        if self.is_planned {
             let moving =
                 |position_m, velocity_m_s| State { position_m, velocity_m_s, ..State::default() };
             let (from, to) = (moving(Vector2::zeros(), from), moving(path_m, to));
             let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
+        // Each axis gets an equal part of the acceleration.
         let limit = self.style.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
         let axis = |i: usize| axis_s(path_m[i], from[i], to[i], self.style.dark_speed_m_s, limit);
         axis(0).max(axis(1))
     }
 
+    /// Time in the dark of a tour from the floor to the floor.
     fn total_s(&self, visits: &[Visit]) -> f64 {
         let inner = visits.windows(2).map(|pair| self.between_s(Some(pair[0]), Some(pair[1])));
         inner.sum::<f64>()
@@ -217,40 +231,13 @@ impl Tour<'_> {
             + self.between_s(visits.last().copied(), None)
     }
 
-    /// Held–Karp: the best order of each set of strokes that ends with each way.
+    /// The optimal tour (Held and Karp 1962).
     fn exact(&self) -> Vec<Visit> {
         let visits: Vec<Visit> = (0..self.ways.len())
             .flat_map(|stroke| (0..self.ways[stroke].len()).map(move |way| (stroke, way)))
             .collect();
         let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
-        // Every transit once. Between two ways of one stroke nobody flies.
-        let between_s = |a: &Visit, b: &Visit| match a.0 == b.0 {
-            true => f64::INFINITY,
-            false => self.between_s(Some(*a), Some(*b)),
-        };
-        let between: Vec<Vec<f64>> =
-            visits.par_iter().map(|a| visits.iter().map(|b| between_s(a, b)).collect()).collect();
-        // For each set of strokes (a bit each) and last visit: the least time, the visit before.
-        let mut best = vec![(f64::INFINITY, usize::MAX); (full + 1) * n];
-        for (last, visit) in visits.iter().enumerate() {
-            best[(1 << visit.0) * n + last] = (self.between_s(None, Some(*visit)), usize::MAX);
-        }
-        // Sets in rising order: each one comes after those it is made of.
-        for set in 1..=full {
-            for last in 0..n {
-                let (so_far_s, _) = best[set * n + last];
-                if so_far_s.is_infinite() {
-                    continue;
-                }
-                for (next, visit) in visits.iter().enumerate().filter(|v| set & (1 << v.1.0) == 0) {
-                    let with = so_far_s + between[last][next];
-                    let entry = &mut best[(set | (1 << visit.0)) * n + next];
-                    if with < entry.0 {
-                        *entry = (with, last);
-                    }
-                }
-            }
-        }
+        let best = self.best_ends(&visits);
         // The best last visit, landing included.
         let total_s =
             |last: usize| best[full * n + last].0 + self.between_s(Some(visits[last]), None);
@@ -268,7 +255,42 @@ impl Tour<'_> {
         order
     }
 
-    /// The best directions for an order: a shortest path through layers of ways (Viterbi 1967).
+    /// For each set of strokes (a bit each) and visit that ends it, in a row of all visits for each
+    /// set: the least time so far, and the index of the visit before (`usize::MAX`: none).
+    fn best_ends(&self, visits: &[Visit]) -> Vec<(f64, usize)> {
+        let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
+        // Every transit once. There is none between two ways of one stroke.
+        let between_s = |a: &Visit, b: &Visit| match a.0 == b.0 {
+            true => f64::INFINITY,
+            false => self.between_s(Some(*a), Some(*b)),
+        };
+        let between: Vec<Vec<f64>> =
+            visits.par_iter().map(|a| visits.iter().map(|b| between_s(a, b)).collect()).collect();
+        let mut best = vec![(f64::INFINITY, usize::MAX); (full + 1) * n];
+        for (last, visit) in visits.iter().enumerate() {
+            best[(1 << visit.0) * n + last] = (self.between_s(None, Some(*visit)), usize::MAX);
+        }
+        // Sets in rising order: each one comes after its subsets.
+        for set in 1..=full {
+            for last in 0..n {
+                let (so_far_s, _) = best[set * n + last];
+                if so_far_s.is_infinite() {
+                    continue;
+                }
+                for (next, visit) in visits.iter().enumerate().filter(|v| set & (1 << v.1.0) == 0) {
+                    let time_s = so_far_s + between[last][next];
+                    let entry = &mut best[(set | (1 << visit.0)) * n + next];
+                    if time_s < entry.0 {
+                        *entry = (time_s, last);
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// The strokes of a tour in the same order, in the best directions: a shortest path through
+    /// layers of ways (Viterbi 1967).
     fn best_ways(&self, visits: &[Visit]) -> Vec<Visit> {
         // For each stroke and way: the least time so far, and the way of the stroke before.
         let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(visits.len());
@@ -302,8 +324,7 @@ impl Tour<'_> {
     }
 }
 
-/// Least time over a distance on one axis, from one speed to another, with bounded speed and
-/// acceleration.
+/// Least time over a distance on an axis from one velocity to another, within limits.
 fn axis_s(path_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
     // Turned so that the acceleration comes before the braking.
     let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;
@@ -367,7 +388,7 @@ mod tests {
                 let style = EvenStyle { order, ..EvenStyle::default() };
                 let flown = in_order(&strokes, 0.2, &style).unwrap();
                 let ways: Vec<_> = flown.iter().map(|stroke| stroke.ways(0.2)).collect();
-                let tour = Tour { ways: &ways, style: &style, measured: true, letters: &[] };
+                let tour = Tour { ways: &ways, style: &style, is_planned: true, letters: &[] };
                 let visits: Vec<Visit> = (0..ways.len()).map(|stroke| (stroke, 0)).collect();
                 let lit_s = all_lit_s(&flown, 0.2);
                 let letters: Vec<usize> = flown.iter().map(|stroke| stroke.letter).collect();
@@ -385,7 +406,7 @@ mod tests {
         let style = EvenStyle::default();
         for seed in 0..5 {
             let ways = drawing(5, seed);
-            let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
+            let tour = Tour { ways: &ways, style: &style, is_planned: false, letters: &[] };
             let mut best = f64::INFINITY;
             brute(&tour, &mut Vec::new(), &mut best);
             let actual = tour.total_s(&tour.exact());
@@ -398,7 +419,7 @@ mod tests {
         let style = EvenStyle::default();
         for seed in 0..8 {
             let ways = drawing(9, seed);
-            let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
+            let tour = Tour { ways: &ways, style: &style, is_planned: false, letters: &[] };
             let best = tour.total_s(&tour.exact());
             let mut visits = tour.nearest();
             tour.improve(&mut visits);
@@ -444,7 +465,7 @@ mod tests {
             .map(|point| PenStroke::even(0, vec![point, point + Vector2::new(0.5, 0.0)]).ways(0.2));
         // Dashes on a square grid are near in many equal ways.
         for ways in [drawing(300, 1), drawing(61, 2), square(12, 0.05), row.collect()] {
-            let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
+            let tour = Tour { ways: &ways, style: &style, is_planned: false, letters: &[] };
             assert_eq!(tour.nearest(), nearest_of_each(&tour));
         }
     }
@@ -453,7 +474,7 @@ mod tests {
     fn two_thousand_strokes_take_less_than_half_the_time_of_their_drawn_order() {
         let style = EvenStyle::default();
         let ways = drawing(2000, 7);
-        let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
+        let tour = Tour { ways: &ways, style: &style, is_planned: false, letters: &[] };
         let drawn: Vec<Visit> = (0..2000).map(|stroke| (stroke, 0)).collect();
         let actual = shortest_tour(&ways, &style, &[]);
         let (found_s, drawn_s) = (tour.total_s(&actual), tour.total_s(&drawn));

@@ -1,4 +1,4 @@
-//! Local search over orders: 2-opt (Croes 1958) and Or-opt (Or 1976) with turned strokes, among
+//! Local search over orders: 2-opt (Croes 1958) and Or-opt (Or 1976) with reversed strokes, among
 //! near neighbors, from the order that always takes the nearest stroke next.
 
 use std::ops::Range;
@@ -11,23 +11,25 @@ use super::{Tour, Visit};
 const NEIGHBORS: usize = 8;
 /// Most rounds of improvement. No drawing has reached it.
 const MAX_ROUNDS: usize = 30;
+/// Least time that a change has to save, more than rounding.
+const LEAST_SAVED_S: f64 = 1e-9;
 /// Longest run of strokes that Or-opt moves.
 const MAX_RUN: usize = 3;
 
 impl Tour<'_> {
-    /// From the floor always to the stroke that is nearest in time. Of equally near ones it is the
-    /// first of the remaining list, which begins in the order of the drawing.
+    /// The tour that begins on the floor and always continues with the stroke that is nearest in
+    /// time. Of equally near ones it takes the first of the remaining list.
     pub(super) fn nearest(&self) -> Vec<Visit> {
-        // A stroke is entered and left no faster than the drone flies, lit or dark.
+        // A stroke is entered and remaining no faster than the drone flies, lit or dark.
         let speeds_m_s = self.ways.iter().flatten().map(|way| way.start_m_s.norm());
         let speed_m_s = speeds_m_s.fold(self.style.dark_speed_m_s, f64::max);
-        let mut left: Vec<usize> = (0..self.ways.len()).collect();
-        let mut order: Vec<Visit> = Vec::with_capacity(left.len());
-        while !left.is_empty() {
+        let mut remaining: Vec<usize> = (0..self.ways.len()).collect();
+        let mut order: Vec<Visit> = Vec::with_capacity(remaining.len());
+        while !remaining.is_empty() {
             let last = order.last().copied();
             let end_m = last.map(|last| self.way(last).end_m);
             let (mut least_s, mut best) = (f64::INFINITY, (0, 0));
-            for (index, stroke) in left.iter().enumerate() {
+            for (index, stroke) in remaining.iter().enumerate() {
                 for (way, start_m) in self.ways[*stroke].iter().map(|way| way.start_m).enumerate() {
                     // The longer axis at full speed is a lower bound that costs little. The slack
                     // is for rounding.
@@ -41,24 +43,25 @@ impl Tour<'_> {
                     }
                 }
             }
-            order.push((left.swap_remove(best.0), best.1));
+            order.push((remaining.swap_remove(best.0), best.1));
         }
         order
     }
 
-    /// For each stroke the ones whose ends lie nearest to its ends.
+    /// For each stroke, the indices of the [`NEIGHBORS`] strokes with the nearest ends.
     fn neighbors(&self) -> Vec<Vec<usize>> {
         let ends: Vec<[Vector2<f64>; 2]> =
             self.ways.iter().map(|ways| [ways[0].start_m, ways[0].end_m]).collect();
         // The least of four squared distances: strokes may be drawn backward.
-        let apart = |a: usize, b: usize| {
+        let squared_distance = |a: usize, b: usize| {
             let pairs =
                 ends[a].iter().flat_map(|p| ends[b].iter().map(move |q| (p - q).norm_squared()));
             pairs.fold(f64::INFINITY, f64::min)
         };
         let neighbors = (0..ends.len()).map(|stroke| {
             let others = (0..ends.len()).filter(|other| *other != stroke);
-            let mut others: Vec<_> = others.map(|other| (apart(stroke, other), other)).collect();
+            let mut others: Vec<_> =
+                others.map(|other| (squared_distance(stroke, other), other)).collect();
             if others.len() > NEIGHBORS {
                 others.select_nth_unstable_by(NEIGHBORS, |a, b| a.partial_cmp(b).expect("finite"));
                 others.truncate(NEIGHBORS);
@@ -68,7 +71,7 @@ impl Tour<'_> {
         neighbors.collect()
     }
 
-    /// 2-opt and Or-opt until neither saves time.
+    /// Improves a tour by 2-opt and Or-opt until neither saves time.
     pub(super) fn improve(&self, visits: &mut Vec<Visit>) {
         let neighbors = self.neighbors();
         for _ in 0..MAX_ROUNDS {
@@ -81,22 +84,21 @@ impl Tour<'_> {
             for stroke in 0..self.ways.len() {
                 for other in &neighbors[stroke] {
                     let (i, j) = (index_of[stroke], index_of[*other]);
-                    let changed = self
-                        .reverse_between(visits, i, j)
-                        .or_else(|| self.put_beside(visits, i, j));
+                    let changed = self.two_opt(visits, i, j).or_else(|| self.or_opt(visits, i, j));
                     for index in changed.into_iter().flatten() {
                         index_of[visits[index].0] = index;
                     }
                 }
             }
-            if self.total_s(visits) > before_s - 1e-9 {
+            if self.total_s(visits) > before_s - LEAST_SAVED_S {
                 break;
             }
         }
     }
 
-    /// 2-opt: reverses the run that brings the strokes at `i` and `j` side by side.
-    fn reverse_between(&self, visits: &mut [Visit], i: usize, j: usize) -> Option<Range<usize>> {
+    /// 2-opt: reverses a run that brings the strokes at `i` and `j` side by side, if that saves
+    /// time. Returns the range of changed visits.
+    fn two_opt(&self, visits: &mut [Visit], i: usize, j: usize) -> Option<Range<usize>> {
         let (low, high) = (i.min(j), i.max(j));
         // Candidate runs: after `low` to `high`, `low` to before `high`, or both included.
         let runs = [(low + 1, high), (low, high - 1), (low, high)];
@@ -108,25 +110,26 @@ impl Tour<'_> {
             let (before, after) = neighbors_of(visits, first..last + 1);
             let (head, tail) = (visits[first], visits[last]);
             let old_s = self.between_s(before, Some(head)) + self.between_s(Some(tail), after);
-            let new_s = self.between_s(before, Some(turned(tail)))
-                + self.between_s(Some(turned(head)), after);
-            if new_s > old_s - 1e-9 {
+            let new_s = self.between_s(before, Some(reversed(tail)))
+                + self.between_s(Some(reversed(head)), after);
+            if new_s > old_s - LEAST_SAVED_S {
                 return None;
             }
             visits[first..=last].reverse();
-            visits[first..=last].iter_mut().for_each(|visit| *visit = turned(*visit));
+            visits[first..=last].iter_mut().for_each(|visit| *visit = reversed(*visit));
             Some(first..last + 1)
         })
     }
 
-    /// Or-opt: moves a short run that begins at `i` next to the stroke at `j`, forward or backward.
-    fn put_beside(&self, visits: &mut Vec<Visit>, i: usize, j: usize) -> Option<Range<usize>> {
+    /// Or-opt: moves a short run that begins at `i` next to the stroke at `j`, forward or backward,
+    /// if that saves time. Returns the range of changed visits.
+    fn or_opt(&self, visits: &mut Vec<Visit>, i: usize, j: usize) -> Option<Range<usize>> {
         for length in 1..=MAX_RUN.min(visits.len() - i) {
             if (i..i + length).contains(&j) {
                 break;
             }
             let forward: Vec<Visit> = visits[i..i + length].to_vec();
-            let backward: Vec<Visit> = forward.iter().rev().map(|visit| turned(*visit)).collect();
+            let backward: Vec<Visit> = forward.iter().rev().map(|visit| reversed(*visit)).collect();
             let (before, after) = neighbors_of(visits, i..i + length);
             let saved_s = self.around_s(before, &forward, after) - self.between_s(before, after);
             // `gap` is an insertion index in the unchanged order.
@@ -137,7 +140,7 @@ impl Tour<'_> {
                 let (left, right) = neighbors_of(visits, gap..gap);
                 let opened_s = saved_s + self.between_s(left, right);
                 for run in [&forward, &backward] {
-                    if self.around_s(left, run, right) < opened_s - 1e-9 {
+                    if self.around_s(left, run, right) < opened_s - LEAST_SAVED_S {
                         visits.drain(i..i + length);
                         let gap = if gap > i { gap - length } else { gap };
                         visits.splice(gap..gap, run.iter().copied());
@@ -160,7 +163,7 @@ fn neighbors_of(visits: &[Visit], range: Range<usize>) -> (Option<Visit>, Option
     (range.start.checked_sub(1).map(|before| visits[before]), visits.get(range.end).copied())
 }
 
-/// The stroke backward.
-fn turned((stroke, way): Visit) -> Visit {
+/// The visit of the same stroke in the opposite direction.
+fn reversed((stroke, way): Visit) -> Visit {
     (stroke, way ^ 1)
 }

@@ -18,8 +18,8 @@ const COARSE_SAMPLES: usize = 2000;
 /// a straight stroke at an even speed has none, since its lag is an offset along it.
 const OFFSET_WEIGHT: f64 = 1e-3;
 
-/// The shift of the design within `range_s` that brings it closest to the flown positions, but for
-/// a constant offset: the shifted design at time t is the design at t − shift.
+/// The shift of the design in time, within a range, that leaves the least spread of the error in
+/// the word's plane. The shifted design at time t is the design at t − shift.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
@@ -27,15 +27,15 @@ pub(super) fn best_shift_s(
 ) -> f64 {
     let cost = |stride: usize, shift_s: f64| {
         let mut walk = design.walk();
-        let some = samples.iter().step_by(stride);
-        spread_m2(some.map(|s| (s.position_m - walk.at_m(s.time_s - shift_s)).xz()))
+        let sampled = samples.iter().step_by(stride);
+        spread_m2(sampled.map(|s| (s.position_m - walk.at_m(s.time_s - shift_s)).xz()))
     };
     let stride = samples.len().div_ceil(COARSE_SAMPLES).max(1);
     minimize(range_s, |shift_s| cost(stride, shift_s), |shift_s| cost(1, shift_s))
 }
 
-/// Variance of errors plus a small part of their squared mean, so that a shift in time is preferred
-/// to an offset in space.
+/// The variance of errors plus a small part of their squared mean, which prefers a shift in time to
+/// an offset in space. 0 without errors.
 pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())
@@ -46,8 +46,8 @@ pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>
     squares / n - (1.0 - OFFSET_WEIGHT) * (sum / n).norm_squared()
 }
 
-/// Minimizes a function over a range: a grid search by `coarse`, then a golden-section search
-/// (Kiefer 1953) by `fine`.
+/// The minimum of a function over a range: a grid search by `coarse`, then a golden-section search
+/// (Kiefer 1953) by `fine` around the best point of the grid.
 pub fn minimize(
     [low, high]: [f64; 2],
     mut coarse: impl FnMut(f64) -> f64,

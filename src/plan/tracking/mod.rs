@@ -160,7 +160,7 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     })
 }
 
-/// Only [`Tracking::least_cap_height_m`].
+/// [`Tracking::least_cap_height_m`] of a part of a flight, without the other figures.
 ///
 /// # Errors
 ///
@@ -177,7 +177,7 @@ fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64
     (lag_s, rms(samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s))))
 }
 
-/// The samples of a part of a flight, and the path of its design.
+/// The samples of a part of a flight, and the path of its design. Fails without either.
 pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
     let samples = part.samples(flight)?;
     let design = DesignPath::new(flight).ok_or_else(|| {
@@ -187,7 +187,7 @@ pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, Desig
     Ok((samples, design))
 }
 
-/// Distance of samples from the design's path within the lag.
+/// The distances of samples from the design's path around their lag-shifted times.
 fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
     let mut walk = design.walk();
     let mut distances_m = Vec::from_iter(samples.iter().map(|sample| {
@@ -208,7 +208,7 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
     }
 }
 
-/// Extremes in depth, and the fraction inside the corridor.
+/// The least and greatest y of samples, and the fraction of them inside the corridor.
 fn drift(samples: &[FlightSample]) -> Drift {
     let y_m = || samples.iter().map(|sample| sample.position_m.y);
     Drift {
@@ -219,6 +219,7 @@ fn drift(samples: &[FlightSample]) -> Drift {
     }
 }
 
+/// Mean, standard deviation and greatest absolute value of the attitude angles.
 fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     let angles = || samples.iter().map(|sample| angles_rad(&sample.attitude));
     let mean = mean(angles());
@@ -230,12 +231,12 @@ fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     }
 }
 
-/// Root mean square of each component. Zero without values.
+/// Root mean square of each component of vectors. Zero without any.
 pub fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
 }
 
-/// Mean. Zero without values.
+/// Mean of vectors. Zero without any.
 pub fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
     sum / n.max(1) as f64

@@ -23,7 +23,7 @@ pub struct DesignPath {
 #[derive(Clone, Debug, Default)]
 struct Segments([Vec<f64>; 5]);
 
-/// Segments whose distances are taken at once.
+/// Number of segments whose distances are computed at once.
 const LANES: usize = 8;
 
 impl Segments {
@@ -31,33 +31,37 @@ impl Segments {
         self.0.iter_mut().zip(segment).for_each(|(column, value)| column.push(value));
     }
 
-    /// Square of the distance of a point from the nearest of some segments.
+    /// The squared distance of a point from the nearest of a range of segments, [`LANES`] at once.
     #[inline(always)]
-    fn square_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
+    fn squared_distance_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
         let columns = self.0.each_ref().map(|column| column[range.clone()].as_chunks::<LANES>());
         let mut least = [f64::INFINITY; LANES];
         for row in 0..columns[0].0.len() {
             let columns = columns.map(|column| &column.0[row]);
             for lane in 0..LANES {
-                let square = square_m2(point_m, columns.map(|column| column[lane]));
+                let square = squared_distance_m2(point_m, columns.map(|column| column[lane]));
                 least[lane] = if square < least[lane] { square } else { least[lane] };
             }
         }
         let rest = 0..columns[0].1.len();
-        let rest = rest.map(|row| square_m2(point_m, columns.map(|column| column.1[row])));
+        let rest =
+            rest.map(|row| squared_distance_m2(point_m, columns.map(|column| column.1[row])));
         rest.chain(least).fold(f64::INFINITY, f64::min)
     }
 }
 
-/// A segment in the x-z plane: where it begins, its vector, and the square of that.
+/// A segment in the x-z plane as five numbers: its first point, its vector, and the squared length.
 fn plane_segment(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
     let step_m = (to_m - from_m).xz();
     [from_m.x, from_m.z, step_m.x, step_m.y, step_m.norm_squared()]
 }
 
-/// Square of the distance of a point from a segment.
+/// The squared distance of a point from a segment.
 #[inline(always)]
-fn square_m2(point_m: Vector2<f64>, [from_x, from_z, step_x, step_z, square]: [f64; 5]) -> f64 {
+fn squared_distance_m2(
+    point_m: Vector2<f64>,
+    [from_x, from_z, step_x, step_z, square]: [f64; 5],
+) -> f64 {
     let (x, z) = (point_m.x - from_x, point_m.y - from_z);
     let along = (x * step_x + z * step_z) / square;
     let along = if square > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
@@ -94,19 +98,19 @@ impl DesignPath {
         path
     }
 
-    /// The stretch of time that the design covers.
+    /// First and last time of the design.
     pub fn span_s(&self) -> [f64; 2] {
         [self.corners[0].time_s, self.corners[self.corners.len() - 1].time_s]
     }
 
-    /// When the design first moves, or begins if it never does.
+    /// The time at which the design first moves, or begins if it never does.
     pub fn first_move_s(&self) -> f64 {
         let away = |pair: &[Corner]| pair[1].at_m != self.corners[0].at_m;
         let last = self.corners.windows(2).position(away).unwrap_or(0);
         self.corners[last].time_s
     }
 
-    /// A reader that starts at the beginning.
+    /// A reader of positions that starts at the beginning.
     pub fn walk(&self) -> Walk<'_> {
         Walk { path: self, segment: 0 }
     }
@@ -136,25 +140,27 @@ impl Walk<'_> {
         let later = &path.corners[first + 1..];
         let last = first + later.partition_point(|corner| corner.time_s < to_s);
         let to_m = path.on_segment(last, to_s);
-        let near = |from_m, to_m| square_m2(point_m, plane_segment(from_m, to_m));
+        let near = |from_m, to_m| squared_distance_m2(point_m, plane_segment(from_m, to_m));
         if first == last {
             return near(from_m, to_m).sqrt();
         }
         // The parts of the first and last segment, and all segments between them.
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
         let segments = &path.segments;
-        let inner_m2 = noctograph_core::dispatch!(|| segments.square_m2(point_m, first + 1..last));
+        let inner_m2 =
+            noctograph_core::dispatch!(|| segments.squared_distance_m2(point_m, first + 1..last));
         ends_m2.min(inner_m2).sqrt()
     }
 }
 
 impl DesignPath {
+    /// End of the segment from a corner on.
     fn end_m(&self, index: usize) -> Vector3<f64> {
         let end_s = self.corners.get(index + 1).map_or(f64::INFINITY, |end| end.time_s);
         self.on_segment(index, end_s)
     }
 
-    /// Position on the segment from a corner on, held before its start and after its end.
+    /// Position at a time on the segment from a corner on, at its ends before and after it.
     fn on_segment(&self, index: usize, time_s: f64) -> Vector3<f64> {
         let start = self.corners[index];
         let Some(end) = self.corners.get(index + 1) else { return start.at_m };
@@ -164,8 +170,8 @@ impl DesignPath {
     }
 }
 
-/// Leaves out corners that lie on an even, straight segment between their neighbors: swinging-door
-/// compression (Bristol 1990).
+/// The corners without those that lie on a straight segment of constant speed between others,
+/// within [`TOLERANCE_M`]: swinging-door compression (Bristol 1990).
 fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
     let mut kept: Vec<Corner> = Vec::new();
     let mut last: Option<Corner> = None;
@@ -175,14 +181,15 @@ fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
             kept.push(corner);
             continue;
         };
-        // The door is shut: the segment ends at the sample before, and another one begins there.
+        // No velocity passes all samples: the segment ends at the one before, where the next
+        // begins.
         let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
         let (step_m, lasts_s) = since(&kept[kept.len() - 1]);
         if corner.time_s <= before.time_s || !chords.contain(step_m.into(), lasts_s) {
             kept.push(before);
             chords = Chords::ALL;
         }
-        // It closes to the velocities that pass this sample within the tolerance.
+        // Only velocities that pass this sample within the tolerance remain.
         let (step_m, lasts_s) = since(&kept[kept.len() - 1]);
         if lasts_s > 0.0 {
             let slack_m = Vector3::repeat(TOLERANCE_M);

@@ -15,7 +15,7 @@ const RANK_TOLERANCE: f64 = 1e-9;
 /// pole within 1e-17 of the border, relative to the largest, gets that far.
 const MAX_SQUARINGS: usize = 60;
 
-/// Linear model of `ẋ = f(x, u)` about a point: `A = ∂f/∂x` and `B = ∂f/∂u`, by central
+/// Linear model `(A, B)` of `ẋ = f(x, u)` about a point: `A = ∂f/∂x` and `B = ∂f/∂u`, by central
 /// differences with a step of 1e-4 (relative above 1).
 pub fn linearize<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
@@ -25,17 +25,17 @@ pub fn linearize<const N: usize, const M: usize>(
     (jacobian(|x| f(x, u), x, STEP), jacobian(|u| f(x, u), u, STEP))
 }
 
-/// The same from two steps (Richardson's extrapolation), which leaves 1e-12: for figures that are
-/// compared with references, not for flight.
+/// [`linearize`] with Richardson's extrapolation from two steps, exact to 1e-12: for figures that
+/// are compared with references, not for flight.
 pub fn linearize_finely<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
     u: &SVector<f64, M>,
 ) -> (SMatrix<f64, N, N>, SMatrix<f64, N, M>) {
     // With D(h) of the central difference: (4 D(h) − D(2h)) / 3 cancels the error in h².
-    let [one, two] = [FINE_STEP, 2.0 * FINE_STEP];
-    let a = jacobian(|x| f(x, u), x, one) * 4.0 - jacobian(|x| f(x, u), x, two);
-    let b = jacobian(|u| f(x, u), u, one) * 4.0 - jacobian(|u| f(x, u), u, two);
+    let [h, h2] = [FINE_STEP, 2.0 * FINE_STEP];
+    let a = jacobian(|x| f(x, u), x, h) * 4.0 - jacobian(|x| f(x, u), x, h2);
+    let b = jacobian(|u| f(x, u), u, h) * 4.0 - jacobian(|u| f(x, u), u, h2);
     (a / 3.0, b / 3.0)
 }
 
@@ -50,7 +50,7 @@ fn jacobian<const N: usize, const M: usize>(
         let (mut up, mut down) = (*point, *point);
         up[i] += step * point[i].abs().max(1.0);
         down[i] -= step * point[i].abs().max(1.0);
-        // By the difference after rounding, not by twice the step.
+        // Divided by the difference after rounding, not by twice the step.
         jacobian.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
     }
     jacobian
@@ -61,7 +61,7 @@ pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Matrix
     Matrix::from_column_slice(R, C, m.as_slice())
 }
 
-/// `[A B; C D]`: a system `A` with the states of another one, `D`, below its own.
+/// The block matrix `[A B; C D]` of square blocks `A` and `D`.
 pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Matrix {
     let (n, m) = (a.nrows(), d.nrows());
     let mut joined = a.clone().resize(n + m, n + m, 0.0);
@@ -77,7 +77,7 @@ pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }
 
-/// `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
+/// The transposed observability matrix, `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
 fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
     // Time is scaled so that the powers of A stay of one size.
@@ -91,6 +91,7 @@ fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     columns
 }
 
+/// Rank of a matrix with no more rows than columns, by LU decomposition with full pivoting.
 fn rank(columns: Matrix) -> usize {
     let n = columns.nrows();
     let upper = columns.full_piv_lu().u();
@@ -122,17 +123,17 @@ pub fn is_hurwitz(a: &Matrix) -> bool {
     false
 }
 
-/// Unobservable states of `ẋ = A x`, `y = C x`: every state that is not a
-/// combination of the rows of `[C; CA; CA²; …]`, by index.
+/// Indices of the unobservable states of `ẋ = A x`, `y = C x`: those that are not a combination of
+/// the rows of `[C; CA; CA²; …]`.
 pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let observable = rank(columns.clone());
     let (last, size) = (columns.ncols(), columns.norm().max(f64::MIN_POSITIVE));
     // A state is unobservable if measuring it as well would raise the rank.
     let unobservable = (0..a.nrows()).filter(|&state| {
-        let mut more = columns.clone().insert_column(last, 0.0);
-        more[(state, last)] = size;
-        rank(more) > observable
+        let mut augmented = columns.clone().insert_column(last, 0.0);
+        augmented[(state, last)] = size;
+        rank(augmented) > observable
     });
     unobservable.collect()
 }

@@ -30,12 +30,12 @@ pub struct Margins {
 /// Margins of the feedback `u = −K x` on `ẋ = A x + B u`, for each input by itself.
 ///
 /// From the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and 1e4 rad/s. A
-/// regulator on the plant that it was designed for has at least 60°, any rise and a half (Anderson,
-/// Moore, 1990, chapter 5). `None` for a closed loop that is not stable to begin with.
+/// linear-quadratic regulator has, on its own plant, a phase margin of 60° and gain margins of 1/2
+/// to infinity (Anderson, Moore, 1990, chapter 5). `None` if the closed loop is not stable.
 pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
     let margins = (0..b.ncols()).map(|i| {
-        // Opened at this input only: its own feedback is taken back out of the closed loop.
+        // The loop is opened at this input only: its feedback is removed from the closed loop.
         let (b, k) = (b.column(i).into_owned(), k.row(i).transpose());
         let open = &closed + &b * k.transpose();
         let square = &open * &open;
@@ -44,7 +44,8 @@ pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     is_hurwitz(&closed).then(|| margins.collect())
 }
 
-/// `k (iω − A)⁻¹ b`, in real arithmetic: with `x = u + iv`, `(A² + ω²) v = −ω b` and `u = A v / ω`.
+/// Frequency response `k (iω − A)⁻¹ b`, or `None` at a pole. In real arithmetic: the solution
+/// `x = u + iv` of `(iω − A) x = b` has `(A² + ω²) v = −ω b` and `u = A v / ω`.
 fn response(
     a: &Matrix,
     a_squared: &Matrix,
@@ -73,10 +74,11 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     });
     let samples: Vec<Option<(f64, Complex<f64>)>> = samples.collect();
     for pair in samples.windows(2) {
-        let [Some((before, was)), Some((frequency, now))] = *pair else { continue };
-        let within = [before, frequency];
+        let [Some((low, at_low)), Some((high, at_high))] = *pair else { continue };
+        let (range, values) = ([low, high], [at_low, at_high]);
         // Gain crossover, |L| = 1: its phase margin is π − |arg L|, and the smallest one counts.
-        if let Some((crossover, value)) = crossing(&response, within, [was, now], excess) {
+        let excess = |l: Complex<f64>| l.norm_sqr() - 1.0;
+        if let Some((crossover, value)) = crossing(&response, range, values, excess) {
             let phase = PI - libm::atan2(value.im, value.re).abs();
             if margins.phase_rad.is_none_or(|best| phase < best) {
                 (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(crossover));
@@ -84,7 +86,7 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
         }
         // Phase crossover, L real and negative: the factor −1/L on the input makes L = −1. The
         // nearest factors above and below 1 count.
-        if let Some((_, value)) = crossing(&response, within, [was, now], |l| l.im)
+        if let Some((_, value)) = crossing(&response, range, values, |l| l.im)
             && value.re < 0.0
         {
             let factor = -1.0 / value.re;
@@ -98,31 +100,29 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     margins
 }
 
-fn excess(l: Complex<f64>) -> f64 {
-    l.norm_sqr() - 1.0
-}
-
-/// Frequency at which a figure of the response changes its sign, by bisection of the logarithm, and
-/// the response there. `None` if both ends have the same sign.
+/// Frequency at which a function of the response changes its sign, by bisection of the logarithm,
+/// and the response there. `values` are the responses at the ends of the range. `None` if both
+/// have the same sign.
 fn crossing(
     response: impl Fn(f64) -> Option<Complex<f64>>,
     [mut low, mut high]: [f64; 2],
-    ends: [Complex<f64>; 2],
-    figure: impl Fn(Complex<f64>) -> f64,
+    values: [Complex<f64>; 2],
+    function: impl Fn(Complex<f64>) -> f64,
 ) -> Option<(f64, Complex<f64>)> {
-    let [at_low, at_high] = ends.map(|value| figure(value) > 0.0);
+    let is_positive = |value: Complex<f64>| function(value) > 0.0;
+    let [at_low, at_high] = values.map(is_positive);
     if at_low == at_high {
         return None;
     }
     for _ in 0..HALVINGS {
         let middle = (low * high).sqrt();
-        if (figure(response(middle)?) > 0.0) == at_low { low = middle } else { high = middle }
+        if is_positive(response(middle)?) == at_low { low = middle } else { high = middle }
     }
     response(high).map(|value| (high, value))
 }
 
-/// The plant `ẋ = A x + B u` whose inputs follow their commands with a lag: `τ u̇ = u_command − u`.
-/// Its states are `[x u]`, and the feedback on them is `[K 0]`.
+/// The matrices `A`, `B` and `K` of the plant `ẋ = A x + B u` with states `[x u]`, whose inputs
+/// follow their commands with a lag: `τ u̇ = u_command − u`. The feedback is `[K 0]`.
 pub fn with_input_lag(a: &Matrix, b: &Matrix, k: &Matrix, lag_s: f64) -> [Matrix; 3] {
     let (n, m) = b.shape();
     let one = Matrix::identity(m, m);

@@ -11,8 +11,7 @@ const MAX_ITERATIONS: usize = 10_000;
 /// such as that of four equal rotors, converges to between one and sixteen of them.
 const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 
-/// Eigenvalues of `A` (1/s), the slowest to die out first, and of a pair the one above the real
-/// axis first.
+/// Eigenvalues of `A` (1/s) by falling real part, then by falling imaginary part.
 ///
 /// `None` if the QR iteration does not converge or the matrix is not finite. Good to 1e-9 of the
 /// largest for well-separated poles. An n-fold pole spreads by the n-th root of the rounding error.
@@ -20,6 +19,7 @@ pub fn poles(a: &Matrix) -> Option<Vec<Complex<f64>>> {
     if !a.iter().all(|entry| entry.is_finite()) {
         return None;
     }
+    // The strictest tolerance at which the iteration converges.
     let schur = TOLERANCES
         .into_iter()
         .find_map(|ulps| Schur::try_new(a.clone(), ulps * f64::EPSILON, MAX_ITERATIONS))?;

@@ -71,8 +71,8 @@ fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     None
 }
 
-/// The continuous equation as a discrete one: `s = shift (z − 1) / (z + 1)` maps the left half
-/// plane onto the unit disc and leaves the solution as it is.
+/// Solves the continuous equation as a discrete one: `s = shift (z − 1) / (z + 1)` maps the left
+/// half plane onto the unit disc and keeps the solution. `None` if the shift does not work.
 fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matrix> {
     let shifted = a - one_like(a) * shift;
     let w = shifted.transpose();
@@ -95,23 +95,24 @@ fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
     libm::exp(pivots.iter().map(|pivot| libm::log(pivot.abs())).sum::<f64>() / n)
 }
 
-/// Newton's method (Kleinman 1968): adds the `D` of `A_cᵀ D + D A_c + residual = 0`,
-/// `A_c = A − GX`, while the residual is above rounding.
+/// Refines a solution by Newton's method (Kleinman 1968): adds the `D` of
+/// `A_cᵀ D + D A_c + residual = 0`, `A_c = A − GX`, while the residual is above rounding.
 fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
     for _ in 0..MAX_REFINEMENTS {
         let quadratic = &x * g * &x;
-        let left = symmetric(a.transpose() * &x + &x * a - &quadratic + q);
-        if left.norm() <= REFINED_FROM * (q.norm() + quadratic.norm()) {
+        let residual = symmetric(a.transpose() * &x + &x * a - &quadratic + q);
+        if residual.norm() <= REFINED_FROM * (q.norm() + quadratic.norm()) {
             break;
         }
-        let Some(added) = lyapunov(&(a - g * &x), &left) else { break };
+        let Some(added) = lyapunov(&(a - g * &x), &residual) else { break };
         x += added;
     }
     x
 }
 
-/// `X` of `AᵀX + XA + Q = 0` for a stable `A`: the Cayley transform makes it the sum
-/// `Σ Fᵀᵏ H Fᵏ`, whose length doubles with every squaring of `F` (Smith 1968).
+/// Solution `X` of the Lyapunov equation `AᵀX + XA + Q = 0`, or `None` if `A` is not stable. The
+/// Cayley transform makes it the sum `Σ Fᵀᵏ H Fᵏ`, which doubles its terms with every squaring of
+/// `F` (Smith 1968).
 fn lyapunov(a: &Matrix, q: &Matrix) -> Option<Matrix> {
     // F = (A + σ)(A − σ)⁻¹ and H = 2σ (A − σ)⁻ᵀ Q (A − σ)⁻¹. With X_k the first 2ᵏ terms of the
     // sum, X_{k+1} = X_k + F_kᵀ X_k F_k, and F_{k+1} = F_k².
@@ -134,6 +135,7 @@ fn lyapunov(a: &Matrix, q: &Matrix) -> Option<Matrix> {
     None
 }
 
+/// True if `X` is the stabilizing solution of the continuous equation, see [`care`].
 fn solves_care(x: &Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> bool {
     let g_x = g * x;
     let residual = a.transpose() * x + x * a - x * &g_x + q;
@@ -143,15 +145,18 @@ fn solves_care(x: &Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> bool {
         && is_hurwitz(&(a - g_x))
 }
 
+/// Symmetric part of a matrix.
 fn symmetric(m: Matrix) -> Matrix {
     let transpose = m.transpose();
     (m + transpose) * 0.5
 }
 
+/// The identity matrix of the same size.
 fn one_like(m: &Matrix) -> Matrix {
     Matrix::identity(m.nrows(), m.ncols())
 }
 
+/// The error of an equation without a solution that [`solves_care`] accepts.
 fn no_solution() -> Error {
     Error::infeasible(
         "the Riccati equation has no stabilizing, positive definite solution",

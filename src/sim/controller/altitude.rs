@@ -34,14 +34,15 @@ pub struct ThrustMap {
 }
 
 impl ThrustMap {
-    /// Throttle, 0 to 1, for a vertical acceleration.
+    /// Throttle, 0 to 1, that gives a vertical acceleration.
     pub fn throttle(&self, acceleration_m_s2: f64) -> f64 {
         let gain = self.gain_m_s2.max(LEAST_GAIN_M_S2);
         ((acceleration_m_s2 - self.offset_m_s2) / gain).clamp(0.0, 1.0)
     }
 }
 
-/// Gains of altitude (1/s²) and vertical velocity (1/s).
+/// Gains of altitude (1/s²) and vertical velocity (1/s), by a linear-quadratic regulator of the
+/// double integrator.
 ///
 /// # Errors
 ///
@@ -88,6 +89,7 @@ fn within_reach(estimate: &State, reference_m: &Vector3<f64>) -> State {
 }
 
 impl Controller for AltitudeHold {
+    /// Throttle by the thrust map, torques by the regulator.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // Wanted vertical acceleration, from altitude and vertical velocity.
         let up = attitude(estimate).world_from_body().row(2).into_owned();
@@ -101,7 +103,7 @@ impl Controller for AltitudeHold {
         let cos_tilt = up[2].max(LEAST_COS_TILT);
         let throttle = (self.map.throttle(acceleration_m_s2) / cos_tilt).min(1.0);
         let bounded = within_reach(estimate, &reference.position_m);
-        self.regulator.command_lifting(&bounded, reference, Some(throttle * self.full_thrust_n))
+        self.regulator.command_with_thrust(&bounded, reference, Some(throttle * self.full_thrust_n))
     }
 
     fn rest(&mut self, estimate: &State) {

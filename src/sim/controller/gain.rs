@@ -22,7 +22,8 @@ pub(crate) struct Gain {
 }
 
 impl Gain {
-    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`].
+    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`]: the given one, or that of the
+    /// weights. Weights without a stabilizing gain are an error.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();
@@ -41,22 +42,22 @@ impl Gain {
             let k = lqr(a, b, &q, &r).map_err(without_gain)?;
             return Ok(Self { k, k_rotor: Matrix4::zeros() });
         };
-        // Inputs in units that cost 1, so that newtons and millinewton meters are of one size. The
-        // gain is scaled back at the end.
-        let size = Matrix4::from_diagonal(&r.map(|r| 1.0 / r.sqrt()));
-        let per_size = Matrix4::from_diagonal(&r.map(f64::sqrt));
-        let b = b * dynamic(&size);
+        // Inputs in units whose weight is 1, so that newtons and millinewton meters are of one
+        // size. The gain is scaled back at the end.
+        let unit = Matrix4::from_diagonal(&r.map(|weight| 1.0 / weight.sqrt()));
+        let per_unit = Matrix4::from_diagonal(&r.map(f64::sqrt));
+        let b = b * dynamic(&unit);
         let [a, b, _] = with_input_lag(a, &b, &DMatrix::zeros(4, n), lag_s);
         let q = DVector::from_iterator(n + 4, q.chain([0.0; 4]));
         let k = lqr(&a, &b, &DMatrix::from_diagonal(&q), &DMatrix::identity(4, 4));
         let k = k.map_err(without_gain)?;
-        let k_rotor = size * k.fixed_view::<4, 4>(0, n) * per_size;
-        Ok(Self { k: dynamic(&size) * k.columns(0, n), k_rotor })
+        let k_rotor = unit * k.fixed_view::<4, 4>(0, n) * per_unit;
+        Ok(Self { k: dynamic(&unit) * k.columns(0, n), k_rotor })
     }
 }
 
-/// The model at hover, with the integrals of its position as states 12 to 14 if the controller has
-/// integral action.
+/// The matrices `A` and `B` of the model at hover, with the integrals of its position as states 12
+/// to 14 if the controller has integral action.
 pub(crate) fn with_integrals(
     options: &SimOptions,
     a: &SMatrix<f64, 12, 12>,
@@ -70,17 +71,18 @@ pub(crate) fn with_integrals(
     [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
-/// The lag that a regulator models: the mean of rise and fall. `None` for immediate motors, for an
-/// ignored lag, and for a given gain without columns for rotors.
+/// The lag that a regulator models: the mean of the motors' rise and fall. `None` for immediate
+/// motors, for an ignored lag, and for a given gain without columns for rotors.
 pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
     let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
+    // A gain has 12 columns, 3 more for integrals, and 4 more for rotors.
     let is_modeled =
         k.as_ref().map_or(*motor_lag == MotorLag::Modeled, |k| matches!(k[0].len(), 16 | 19));
     (lag_s > 0.0 && is_modeled).then_some(lag_s)
 }
 
-/// Names the weights that have no gain.
+/// Adds the keys of the weights to the error of the gain.
 fn without_gain(error: Error) -> Error {
     Error::infeasible(format!("controller.lqr.q and .r have no gain: {error}"), error.hint())
 }

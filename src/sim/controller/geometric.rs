@@ -48,7 +48,8 @@ impl Geometric {
         }
     }
 
-    /// Wanted force per mass: the reference acceleration and gravity, corrected by the errors.
+    /// Adds a tick's error to the integral, and returns the wanted force per mass: the reference
+    /// acceleration and gravity, corrected by the errors of position and velocity.
     fn force_m_s2(
         &mut self,
         velocity_m_s: &Vector3<f64>,
@@ -69,6 +70,7 @@ impl Geometric {
 }
 
 impl Controller for Geometric {
+    /// The control law of Lee, Leok and `McClamroch` 2010.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // Thrust: the wanted force along the present body axis.
         let world_from_body = attitude(estimate).world_from_body();
@@ -84,7 +86,7 @@ impl Controller for Geometric {
         let error = attitude_error(&wanted, &world_from_body);
         self.attitude_sum += error * self.tick_s;
 
-        // Body rate: that at which the wanted attitude turns, in the body's frame.
+        // Body rate: that of the wanted attitude, in the body's frame. Without thrust it has none.
         let w = rate(estimate);
         let wanted_rate = match thrust_n {
             0.0 => Vector3::zeros(),
@@ -92,12 +94,12 @@ impl Controller for Geometric {
         };
         let error_rad_s = w - world_from_body.tr_mul(&(wanted * wanted_rate));
         let GeometricOptions { k_attitude, k_rate, k_attitude_integral, .. } = self.gains;
-        let turning = -error.component_mul(&Vector3::from(k_attitude))
+        let turning_rad_s2 = -error.component_mul(&Vector3::from(k_attitude))
             - error_rad_s.component_mul(&Vector3::from(k_rate))
             - self.attitude_sum.component_mul(&Vector3::from(k_attitude_integral));
         // Torque: τ = J α + ω × J ω.
         let j = &self.inertia_kg_m2;
-        let torque = j.component_mul(&turning) + w.cross(&j.component_mul(&w));
+        let torque = j.component_mul(&turning_rad_s2) + w.cross(&j.component_mul(&w));
         let wrench = Wrench::new(torque.x, torque.y, torque.z, thrust_n);
         let (motors, saturated) = self.mixer.distributed(&wrench, self.most);
         Command { motors, saturated }
@@ -107,12 +109,13 @@ impl Controller for Geometric {
         self.reset_integrals();
     }
 
-    /// The supervisor resets the modes of x and y and the heading. This law only reads the heading,
-    /// and goes on by the last setpoint.
+    /// Sets the estimated heading to zero. The firmware's supervisor also resets the modes of x and
+    /// y, which this controller does not read: it follows the last setpoint.
     fn level_out(&self, estimate: &mut State, _: &mut Reference) {
         estimate[3] = 0.0;
     }
 
+    /// The integrals whose gain is not zero.
     fn memory(&mut self) -> Vec<&mut f64> {
         let position =
             self.position_sum.iter_mut().filter(|_| self.gains.k_position_integral != 0.0);
@@ -122,20 +125,22 @@ impl Controller for Geometric {
     }
 }
 
-/// The attitude whose z axis lies along a force, and whose x axis is above or below world x.
+/// The attitude whose z axis is along a force, and whose x axis is in the vertical plane of world
+/// x. A force along world x leaves the y axis along world y.
 fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
     let up = force.normalize();
     let left = up.cross(&Vector3::x()).try_normalize(0.0).unwrap_or(Vector3::y());
     Matrix3::from_columns(&[left.cross(&up), left, up])
 }
 
-/// Rate of a wanted attitude in its own frame: its z axis follows the force that the jerk turns.
+/// Angular rate of the wanted attitude in its frame: the jerk turns the force, which z follows.
 fn wanted_rate(wanted: &Matrix3<f64>, jerk_m_s3: &Vector3<f64>, thrust_m_s2: f64) -> Vector3<f64> {
     let turn = wanted.tr_mul(jerk_m_s3) / thrust_m_s2;
     Vector3::new(-turn.y, turn.x, 0.0)
 }
 
-/// `½ (R_dᵀ R − Rᵀ R_d)^∨`: for a small turn, the turn from the wanted attitude in body axes, rad.
+/// Error of the attitude, `½ (R_dᵀ R − Rᵀ R_d)^∨`: for a small turn, the rotation vector from the
+/// wanted attitude in body axes, rad.
 fn attitude_error(wanted: &Matrix3<f64>, actual: &Matrix3<f64>) -> Vector3<f64> {
     let turn = wanted.transpose() * actual;
     Vector3::new(
@@ -148,7 +153,7 @@ fn attitude_error(wanted: &Matrix3<f64>, actual: &Matrix3<f64>) -> Vector3<f64> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::avionics::ahead;
+    use crate::avionics::turned_ahead;
     use crate::tests::Numbers;
     use crate::vehicle::{Plant, state};
     use noctograph_core::geometry::Attitude;
@@ -238,7 +243,7 @@ mod tests {
                 ..Reference::holding(Vector3::zeros())
             };
             let reference = reference.turned(-heading_rad);
-            let command = controller.command(&ahead(&estimate, heading_rad), &reference);
+            let command = controller.command(&turned_ahead(&estimate, heading_rad), &reference);
             let (plant, volt_v) = &mut plants[k / 4 % 4];
             let thrusts_n = plant.thrusts_n(&command.motors.into());
             let duties: Vec<f64> =

@@ -32,6 +32,7 @@ pub(crate) struct LinearController {
 
 impl LinearController {
     pub(crate) fn new(options: &SimOptions) -> Result<Self> {
+        // The position loop at the full rate, so that every call is alike.
         let mut options = options.clone();
         options.rates.position_hz = options.rates.attitude_hz();
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
@@ -39,8 +40,8 @@ impl LinearController {
         // Central differences over the twelve states and the memory, column by column.
         let mut jacobian = DMatrix::zeros(4 + n, 12 + n);
         for i in 0..12 + n {
-            let [ahead, behind] = [STEP, -STEP].map(|step| ticked(&options, n, i, step));
-            jacobian.set_column(i, &((ahead? - behind?) / (2.0 * STEP)));
+            let [up, down] = [STEP, -STEP].map(|step| response(&options, n, i, step));
+            jacobian.set_column(i, &((up? - down?) / (2.0 * STEP)));
         }
         let parts = [((0, 0), (4, 12)), ((0, 12), (4, n)), ((4, 12), (n, n)), ((4, 0), (n, 12))];
         let [k, h, f, g] = parts.map(|(first, size)| jacobian.view(first, size).into_owned());
@@ -61,15 +62,15 @@ impl LinearController {
     }
 }
 
-/// Wrench and next memory of a controller with `n` values of memory at hover, after a deviation of
-/// one state or one value of the memory.
-fn ticked(options: &SimOptions, n: usize, index: usize, deviation: f64) -> Result<DVector<f64>> {
+/// Wrench and next memory of a controller with `n` values of memory at hover, for a deviation of
+/// one state (`index` below 12) or of one value of the memory.
+fn response(options: &SimOptions, n: usize, index: usize, deviation: f64) -> Result<DVector<f64>> {
     let mut deviations = vec![0.0; 12 + n];
     deviations[index] = deviation;
     let mut controller = controller(options)?;
     controller.rest(&State::zeros());
     let memory = controller.memory().into_iter();
-    memory.zip(&deviations[12..]).for_each(|(to, from)| *to = *from);
+    memory.zip(&deviations[12..]).for_each(|(value, deviation)| *value = *deviation);
     let state = State::from_column_slice(&deviations[..12]);
     let motors = controller.command(&state, &Reference::holding(Vector3::zeros())).motors;
     let wrench = Mixer::new(&options.vehicle).wrench(&motors);

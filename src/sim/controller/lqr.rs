@@ -44,7 +44,7 @@ pub(super) struct Lqr {
 impl Lqr {
     /// The regulator of the options, from the model at hover with the center of mass in the middle.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
-        // Linearize at hover, augment by integrals, and take the gain apart into its columns.
+        // Linearize at hover, augment by integrals, and split the gain into its columns.
         let vehicle = &options.vehicle;
         let hover = vehicle.hover();
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
@@ -67,7 +67,7 @@ impl Lqr {
         })
     }
 
-    /// Wanted wrench, and the error of the position.
+    /// The wanted wrench and the error of the position, m.
     fn wrench(&self, estimate: &State, reference: &Reference) -> (Wrench, Vector3<f64>) {
         let (state, trim) = if self.follows_reference {
             let (state, thrust_m_s2) = reference.trim();
@@ -90,13 +90,13 @@ impl Lqr {
         }
     }
 
-    /// Moves the modeled rotors on to the next command.
-    fn send(&mut self, wrench: &Wrench) {
+    /// Updates the modeled rotors, which follow a commanded wrench, to the next tick.
+    fn advance_rotors(&mut self, wrench: &Wrench) {
         self.rotors = wrench + (self.rotors - wrench) * self.remaining;
     }
 
-    /// The command, with another collective thrust if one is given.
-    pub(super) fn command_lifting(
+    /// The command, with `thrust_n` as the collective thrust if it is given.
+    pub(super) fn command_with_thrust(
         &mut self,
         estimate: &State,
         reference: &Reference,
@@ -106,7 +106,7 @@ impl Lqr {
         let (mut wrench, error_m) = self.wrench(estimate, reference);
         wrench[3] = thrust_n.unwrap_or(wrench[3]);
         let (motors, saturated) = self.mixer.motors(&wrench);
-        self.send(&self.mixer.wrench(&motors));
+        self.advance_rotors(&self.mixer.wrench(&motors));
         self.integrate(&error_m, saturated);
         Command { motors, saturated }
     }
@@ -114,7 +114,7 @@ impl Lqr {
 
 impl Controller for Lqr {
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
-        self.command_lifting(estimate, reference, None)
+        self.command_with_thrust(estimate, reference, None)
     }
 
     fn rest(&mut self, _: &State) {
@@ -186,10 +186,10 @@ mod tests {
         (options.vehicle.motor_rise_s, options.vehicle.motor_fall_s) = (0.1, 0.1);
         let mut controller = Lqr::new(&options).unwrap();
         controller.rest(&State::zeros());
-        (0..50).for_each(|_| controller.send(&Wrench::w()));
+        (0..50).for_each(|_| controller.advance_rotors(&Wrench::w()));
         assert!((controller.rotors[3] - (1.0 - libm::exp(-1.0))).abs() < 1e-12);
         let mut immediate = regulator(ControllerKind::Lqr);
-        immediate.send(&Wrench::w());
+        immediate.advance_rotors(&Wrench::w());
         assert_eq!(immediate.rotors, Wrench::w());
     }
 }

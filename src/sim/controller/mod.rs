@@ -67,7 +67,7 @@ pub(super) struct Command {
     pub(super) saturated: bool,
 }
 
-/// The controller that the options name.
+/// The controller of the options' kind. Weights without a gain are an error.
 pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
     Ok(match options.controller.kind {
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {

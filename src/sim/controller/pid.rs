@@ -34,6 +34,10 @@ const SPEED_MAX: f64 = 1.0;
 const OVERHEAD: f64 = 1.1;
 /// Bound of an integral without one of its own (`DEFAULT_PID_INTEGRATION_LIMIT`).
 const INTEGRAL_MAX: f64 = 5000.0;
+/// Bounds of the integrals about roll, pitch and yaw (`PID_ROLL_INTEGRATION_LIMIT` and
+/// `PID_ROLL_RATE_INTEGRATION_LIMIT` …).
+const ATTITUDE_INTEGRAL_MAX: [f64; 3] = [20.0, 20.0, 360.0];
+const RATE_INTEGRAL_MAX: [f64; 3] = [33.3, 33.3, 166.7];
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;
 
@@ -54,13 +58,16 @@ struct LowPass {
 }
 
 impl LowPass {
+    /// A filter with zero inputs and outputs so far.
     fn new(cutoff_hz: f64, rate_hz: u32) -> Self {
+        // The tangent has its pole at half of the sampling rate.
         let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(0.45));
         let scale = 1.0 + SQRT_2 * w + w * w;
         let a = [2.0 * (w * w - 1.0) / scale, (1.0 - SQRT_2 * w + w * w) / scale];
         Self { b: w * w / scale, a, inputs: [0.0; 2], outputs: [0.0; 2] }
     }
 
+    /// Filters an input and returns the output.
     fn update(&mut self, input: f64) -> f64 {
         let ([x1, x2], [y1, y2]) = (self.inputs, self.outputs);
         let output = self.b * (input + 2.0 * x1 + x2) - self.a[0] * y1 - self.a[1] * y2;
@@ -88,6 +95,7 @@ impl Pid {
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
+    /// The output for an error of the setpoint, and the measurement from which it was taken.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
         // The derivative is that of the measurement, so that a step of the setpoint gives no kick.
         let [kp, ki, kd] = self.gains;
@@ -110,6 +118,7 @@ impl Pid {
         integral.into_iter().chain(measured).chain(filter.into_iter().flatten())
     }
 
+    /// Resets integral and filter. The next derivative starts from `measured`.
     fn reset(&mut self, measured: f64) {
         (self.integral, self.measured) = (0.0, measured);
         if let Some(filter) = &mut self.filter {
@@ -147,7 +156,7 @@ impl PidCascade {
         // Bounds of the integrals and of the outputs, about x y z or roll pitch yaw.
         let (speed_max, tilt_max) = (SPEED_MAX * OVERHEAD, TILT_MAX * OVERHEAD);
         let velocity_max = [tilt_max, tilt_max, FULL / 2.0 / THRUST_SCALE];
-        let mut rate = loops(rate, [33.3, 33.3, 166.7], [COMMAND_MAX; 3], fast_hz);
+        let mut rate = loops(rate, RATE_INTEGRAL_MAX, [COMMAND_MAX; 3], fast_hz);
         // Immediate motors need a filter of the tilt rates' derivatives.
         if vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0 {
             let filter = LowPass::new(RATE_CUTOFF_HZ, fast_hz);
@@ -156,7 +165,7 @@ impl PidCascade {
         Self {
             position: loops(position, [INTEGRAL_MAX; 3], [speed_max; 3], slow_hz),
             velocity: loops(velocity, [INTEGRAL_MAX; 3], velocity_max, slow_hz),
-            attitude: loops(attitude, [20.0, 20.0, 360.0], [f64::INFINITY; 3], fast_hz),
+            attitude: loops(attitude, ATTITUDE_INTEGRAL_MAX, [f64::INFINITY; 3], fast_hz),
             rate,
             most: options.most_command(),
             scale: vehicle.motor_max / FULL,
@@ -181,8 +190,8 @@ impl PidCascade {
         self.wanted = [angles[0], angles[1]];
     }
 
-    /// Position and velocity loops: wanted roll, pitch and thrust.
-    fn outer(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
+    /// Runs the position and velocity loops, which set the wanted roll, pitch and thrust.
+    fn run_position_loops(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
         // Setpoint, position and velocity along the axes of the nose, the left side, and up.
         let attitude = attitude(estimate);
         let (sin, cos) = libm::sincos(attitude.yaw_rad);
@@ -200,8 +209,8 @@ impl PidCascade {
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
     }
 
-    /// Attitude and rate loops: roll, pitch and yaw commands. The yaw is held at 0.
-    fn inner(&mut self, estimate: &State) -> [f64; 3] {
+    /// Runs the attitude and rate loops with a yaw of 0. Returns commands of roll, pitch and yaw.
+    fn run_attitude_loops(&mut self, estimate: &State) -> [f64; 3] {
         let angles = angles(estimate);
         let rates = rate(estimate).map(f64::to_degrees);
         let wanted = [self.wanted[0], self.wanted[1], 0.0];
@@ -216,12 +225,14 @@ impl PidCascade {
 }
 
 impl Controller for PidCascade {
+    /// Runs the position loops when they are due, then the attitude loops, and mixes the motors.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         if self.ticks.is_multiple_of(self.ticks_per_position) {
-            self.outer(estimate, reference.held_m);
+            self.run_position_loops(estimate, reference.held_m);
         }
         self.ticks += 1;
-        let [roll, pitch, yaw] = self.inner(estimate);
+        let [roll, pitch, yaw] = self.run_attitude_loops(estimate);
+        // The firmware halves roll and pitch (`powerDistributionLegacy`).
         let commands = Vector4::new(roll / 2.0, pitch / 2.0, yaw, self.thrust) * self.scale;
         let (motors, saturated) = Mixer::motors_from_commands(&commands, self.most);
         Command { motors, saturated }
@@ -232,6 +243,7 @@ impl Controller for PidCascade {
         self.ticks = 0;
     }
 
+    /// Resets all loops, with a firmware that does so.
     fn change_mode(&mut self, estimate: &State) {
         if self.resets {
             self.reset(estimate);
@@ -244,8 +256,14 @@ impl Controller for PidCascade {
     }
 }
 
-fn loops(gains: [[f64; 3]; 3], integral: [f64; 3], output: [f64; 3], rate_hz: u32) -> [Pid; 3] {
-    std::array::from_fn(|i| Pid::new(gains[i], integral[i], output[i], rate_hz))
+/// Three loops with their gains and the bounds of their integrals and outputs.
+fn loops(
+    gains: [[f64; 3]; 3],
+    integral_max: [f64; 3],
+    output_max: [f64; 3],
+    rate_hz: u32,
+) -> [Pid; 3] {
+    std::array::from_fn(|i| Pid::new(gains[i], integral_max[i], output_max[i], rate_hz))
 }
 
 /// Roll, pitch and yaw in degrees.
@@ -317,9 +335,9 @@ mod tests {
                 cascade.rest(&state);
             }
             if k.is_multiple_of(5) {
-                cascade.outer(&state, held_m);
+                cascade.run_position_loops(&state, held_m);
             }
-            let [roll, pitch, yaw] = cascade.inner(&state);
+            let [roll, pitch, yaw] = cascade.run_attitude_loops(&state);
             if k % 5 == 4 {
                 let row: Vec<f64> =
                     rows.next().unwrap().split(' ').map(|value| value.parse().unwrap()).collect();
@@ -343,7 +361,9 @@ mod tests {
             options.vehicle.firmware = release;
             let mut cascade = PidCascade::new(&options);
             cascade.rest(&at_rest(place, 0.0));
-            (0..50).for_each(|_| cascade.outer(&at_rest(place, 0.0), place + Vector3::z() * 0.1));
+            (0..50).for_each(|_| {
+                cascade.run_position_loops(&at_rest(place, 0.0), place + Vector3::z() * 0.1)
+            });
             cascade.change_mode(&at_rest(place, 0.0));
             assert_eq!(cascade.velocity[2].integral != 0.0, keeps, "{release:?}");
         }

@@ -22,7 +22,7 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
-    /// A setpoint with the position that is sent for it, at a time after it.
+    /// The reference at a time after a setpoint. `sent_m` is the position that is sent for it.
     pub(crate) fn from_setpoint(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
         let since_s = time_s - setpoint.time_s;
         Self {
@@ -34,13 +34,13 @@ impl Reference {
         }
     }
 
-    /// A position that is held.
+    /// A reference at rest at a position.
     pub(crate) fn holding(position_m: Vector3<f64>) -> Self {
         let setpoint = Setpoint { position_m, ..Setpoint::default() };
         Self::from_setpoint(&setpoint, position_m, 0.0)
     }
 
-    /// The same, turned about the vertical axis.
+    /// Turns all vectors about the vertical axis.
     pub(crate) fn turned(self, angle_rad: f64) -> Self {
         let Self { held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3 } = self;
         let [held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3] =
@@ -56,16 +56,16 @@ impl Reference {
         // The attitude points the thrust along gravity and acceleration. The body does not turn:
         // between two setpoints the acceleration is constant.
         let force = self.acceleration_m_s2 + Vector3::z() * GRAVITY_M_S2;
-        let size = force.norm();
+        let thrust_m_s2 = force.norm();
         let pitch_rad = libm::atan2(force.x, force.z);
-        let roll_rad = libm::asin(-force.y / size);
+        let roll_rad = libm::asin(-force.y / thrust_m_s2);
         let world_from_body = Attitude { yaw_rad: 0.0, pitch_rad, roll_rad }.world_from_body();
         let mut state = State::zeros();
         state.fixed_rows_mut::<3>(0).copy_from(&self.position_m);
         (state[4], state[5]) = (pitch_rad, roll_rad);
         let velocity_body_m_s = world_from_body.transpose() * self.velocity_m_s;
         state.fixed_rows_mut::<3>(6).copy_from(&velocity_body_m_s);
-        (state, size)
+        (state, thrust_m_s2)
     }
 }
 

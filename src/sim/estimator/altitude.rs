@@ -22,6 +22,7 @@ pub(super) struct Altitude {
 }
 
 impl Estimator for Altitude {
+    /// Updates both filters.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         // The Kalman filter first: its tilt turns throttle and ranges upright.
         self.horizontal.update(&Readings { heights: &[], ..*readings }, tick_s);
@@ -36,11 +37,12 @@ impl Estimator for Altitude {
             filter.update(AltitudeSensor::Gnss, fix_m.z);
         }
         for &(sensor, measured_m) in readings.heights {
-            let upright = if sensor.looks_down() { cos_tilt } else { 1.0 };
-            filter.update(AltitudeSensor::from_height(sensor), measured_m * upright);
+            let height_per_m = if sensor.looks_down() { cos_tilt } else { 1.0 };
+            filter.update(AltitudeSensor::from_height(sensor), measured_m * height_per_m);
         }
     }
 
+    /// The Kalman filter's state with the altitude filter's altitude and vertical velocity.
     fn state(&self) -> State {
         let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
         velocity_m_s.z = self.vertical.estimate(AltitudeState::Velocity);

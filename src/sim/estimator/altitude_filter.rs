@@ -99,7 +99,7 @@ pub struct AltitudeFilter {
 impl AltitudeFilter {
     /// The filter of a drone at rest at a known altitude.
     ///
-    /// α⁰ begins at gravity, and α¹ at the value that makes the believed throttle hover.
+    /// α⁰ begins at −g, and α¹ at the value with which the throttle `hover` makes the drone hover.
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
         let [altitude, velocity, floor] = START_SIGMA;
         let mut normal = Normal::independent(&[
@@ -111,15 +111,17 @@ impl AltitudeFilter {
             BAROMETER_BIAS_SIGMA_M,
             GUST_SIGMA_M_S2,
         ]);
-        let known = [altitude_m, 0.0, -GRAVITY_M_S2, GRAVITY_M_S2 / hover];
-        normal.mean.rows_mut(0, known.len()).copy_from_slice(&known);
+        // Means of altitude, velocity, α⁰ and α¹. Those of biases and gust are zero.
+        let means = [altitude_m, 0.0, -GRAVITY_M_S2, GRAVITY_M_S2 / hover];
+        normal.mean.rows_mut(0, means.len()).copy_from_slice(&means);
         let test = StepTest::new(options.step_gate_sigmas, 0.0, STEP_SIGMA_M);
         Self { options: options.clone(), normal, readings: Vec::new(), test, steps: 0 }
     }
 
     /// Propagates the estimate over a span in which a throttle, 0 to 1, was held.
     pub fn predict(&mut self, throttle: f64, span_s: f64) {
-        // z̈ = α⁰ + α¹ τ + gust, constant over the span. The gust decays towards zero.
+        // Entries (row, column, value) of Φ − 1: z̈ = α⁰ + α¹ τ + gust, constant over the span. The
+        // gust decays towards zero.
         let t = span_s;
         let kept = libm::exp(-t / GUST_TIME_S);
         let half = 0.5 * t * t;
@@ -133,8 +135,8 @@ impl AltitudeFilter {
             (1, GUST, t),
             (GUST, GUST, kept - 1.0),
         ];
-        // White acceleration, random walks of map and biases, and the noise that keeps the variance
-        // of the gust stationary.
+        // Entries of the noise: white acceleration, random walks of map and biases, and the noise
+        // that keeps the variance of the gust stationary.
         let density = variance_rate(self.options.acceleration_noise_m_s2_sqrt_hz);
         let walks = [
             OFFSET_WALK_M_S2_SQRT_S,
@@ -161,13 +163,14 @@ impl AltitudeFilter {
     pub fn rest(&mut self, span_s: f64) {
         // Velocity and gust are reset, uncorrelated. Altitude and thrust map are kept.
         let Normal { mean, covariance, .. } = &mut self.normal;
-        for (still, sigma) in
-            [(AltitudeState::Velocity as usize, START_SIGMA[1]), (GUST, GUST_SIGMA_M_S2)]
+        let [_, velocity_sigma, _] = START_SIGMA;
+        for (state, sigma) in
+            [(AltitudeState::Velocity as usize, velocity_sigma), (GUST, GUST_SIGMA_M_S2)]
         {
-            mean[still] = 0.0;
-            covariance.row_mut(still).fill(0.0);
-            covariance.column_mut(still).fill(0.0);
-            covariance[(still, still)] = sigma * sigma;
+            mean[state] = 0.0;
+            covariance.row_mut(state).fill(0.0);
+            covariance.column_mut(state).fill(0.0);
+            covariance[(state, state)] = sigma * sigma;
         }
         for (bias, walk) in [
             (AltitudeState::Ranger, RANGER_WALK_M_SQRT_S),
@@ -178,8 +181,8 @@ impl AltitudeFilter {
         self.readings.clear();
     }
 
-    /// Corrects by a reading. A range beyond the gate is left out. The second in a row moves the
-    /// ranger's bias by the mean of their innovations and widens it.
+    /// Corrects the estimate by a reading. A range beyond the gate is not used. The second one in a
+    /// row moves the ranger's bias by the mean of their innovations, and widens its variance.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
         let [altitude, ranger, barometer] =
             [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]
@@ -213,7 +216,7 @@ impl AltitudeFilter {
         self.normal.sigma(state as usize)
     }
 
-    /// The estimated thrust map, in the present gust.
+    /// The estimated thrust map. Its offset includes the estimated gust.
     pub fn thrust_map(&self) -> ThrustMap {
         let [offset_m_s2, gain_m_s2] =
             [AltitudeState::Offset, AltitudeState::Gain].map(|s| self.estimate(s));

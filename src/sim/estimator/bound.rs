@@ -24,6 +24,8 @@ const RATE_HZ: f64 = 100.0;
 const LEAST_SIGMA_M: f64 = 1e-4;
 /// Margin of the box in which a further anchor is tried, around anchors and word.
 const MARGIN_M: f64 = 0.2;
+/// Least height of that anchor above the floor.
+const LEAST_ANCHOR_HEIGHT_M: f64 = 0.1;
 /// Candidate positions of a further anchor along x, y and z.
 const CANDIDATES: [u32; 3] = [5, 5, 3];
 
@@ -38,7 +40,7 @@ pub struct Bound {
     pub letter: Vec<Option<usize>>,
 }
 
-/// The bounds of drones that fly their plans.
+/// The bound of each drone that flies its plan.
 ///
 /// # Errors
 ///
@@ -82,21 +84,27 @@ fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec
         }
         for (sensor, clock) in &mut heights {
             if clock.due(time_s).is_some() {
-                fleet.height(*sensor);
+                fleet.correct_by_heights(*sensor);
             }
         }
         // A drone that has landed still ranges, but its bound ends.
         let flying = plans.iter().enumerate().filter(|(_, plan)| time_s <= plan.duration_s());
         for (drone, plan) in flying {
             let row = plan.row_at(time_s);
-            let bound = &mut bounds[drone];
-            bound.time_s.push(time_s);
-            let covariance_m2 = fleet.normal.block(ERRORS * drone, ERRORS * drone);
-            bound.sigma_m.push(covariance_m2.trace().max(0.0).sqrt());
-            bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
+            let letter = plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0);
+            bounds[drone].push(time_s, fleet.sigma_m(drone), letter);
         }
     }
     Ok(bounds)
+}
+
+impl Bound {
+    /// Adds a time with the standard deviation and the lit letter.
+    fn push(&mut self, time_s: f64, sigma_m: f64, letter: Option<usize>) {
+        self.time_s.push(time_s);
+        self.sigma_m.push(sigma_m);
+        self.letter.push(letter);
+    }
 }
 
 /// Drones on their planned paths, and their joint covariance.
@@ -125,7 +133,13 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Moves all drones along their plans.
+    /// Standard deviation of a drone's position over all three axes.
+    fn sigma_m(&self, drone: usize) -> f64 {
+        let covariance_m2 = self.normal.block(ERRORS * drone, ERRORS * drone);
+        covariance_m2.trace().max(0.0).sqrt()
+    }
+
+    /// Moves all drones along their plans, and their covariance by the inertial noise.
     fn carry(&mut self, plans: &[&Plan], time_s: f64, step_s: f64) {
         let imu = &self.sensors.imu;
         let density = Density {
@@ -161,8 +175,8 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Measures the height of every drone.
-    fn height(&mut self, sensor: HeightSensor) {
+    /// Corrects the covariance by the height of every drone.
+    fn correct_by_heights(&mut self, sensor: HeightSensor) {
         for drone in 0..self.positions_m.len() {
             let sigma_m = self.sensors.height_sigma_m(sensor, self.positions_m[drone].z);
             let variance = square(sigma_m.max(LEAST_SIGMA_M));
@@ -180,7 +194,7 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Root mean square of bounds over the lit strokes, or over one letter.
+/// Root mean square of bounds over the lit strokes, of all letters or of one, if any are lit.
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0_u32);
     for (sigma_m, written) in bounds.iter().flat_map(|b| b.sigma_m.iter().zip(&b.letter)) {
@@ -191,28 +205,28 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
-/// The position of one more anchor, heard by all drones, that lowers the bound of the strokes most,
-/// and that bound. The candidates are a grid in the box around anchors and word.
+/// The position of one more anchor, heard by all drones, that gives the lowest bound of the
+/// strokes, and that bound. The candidates are a grid in the box around anchors and word.
 ///
 /// # Errors
 ///
 /// As [`bounds`].
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
+    // The box around all setpoints and anchors: componentwise least and greatest coordinates.
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let points_m: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
-    let [lowest, highest] = [f64::NEG_INFINITY, f64::INFINITY].map(Vector3::repeat);
-    let low_m = points_m.iter().fold(highest, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
-    let high_m = points_m.iter().fold(lowest, |a, b| a.sup(b)).add_scalar(MARGIN_M);
+    let infinity = Vector3::repeat(f64::INFINITY);
+    let low_m = points_m.iter().fold(infinity, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
+    let high_m = points_m.iter().fold(-infinity, |a, b| a.sup(b)).add_scalar(MARGIN_M);
     let mut best = ([0.0; 3], f64::INFINITY);
     let [n_x, n_y, n_z] = CANDIDATES;
     for i in 0..n_x * n_y * n_z {
         let k = [i % n_x, i / n_x % n_y, i / (n_x * n_y)];
-        let position_m = std::array::from_fn(|axis| {
+        let mut position_m = std::array::from_fn(|axis| {
             let fraction = f64::from(k[axis]) / f64::from(CANDIDATES[axis] - 1);
-            // An anchor is at least 0.1 m above the floor.
-            (low_m[axis] + fraction * (high_m[axis] - low_m[axis]))
-                .max([f64::MIN, f64::MIN, 0.1][axis])
+            low_m[axis] + fraction * (high_m[axis] - low_m[axis])
         });
+        position_m[2] = position_m[2].max(LEAST_ANCHOR_HEIGHT_M);
         let mut options = options.clone();
         let uwb = &mut options.sensors.uwb;
         if uwb.anchors_m.contains(&position_m) {

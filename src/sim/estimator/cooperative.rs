@@ -95,7 +95,7 @@ impl Cooperative {
         let start_m = fleet.members[fleet.place].start_m;
         let sigmas = start_sigmas(&options.cooperative);
         let normal = Normal::of_drones(fleet.members.len(), sigmas, &[]);
-        // The others begin with a message at time zero, from which the next one moves them on.
+        // Each of the others begins with a message at time zero, to which its next one is compared.
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
         let peers = others.map(|(place, member)| Peer {
             place,
@@ -122,7 +122,7 @@ impl Cooperative {
         }
     }
 
-    /// Applies the corrections to the other drones.
+    /// Moves the mean errors of the other drones into their states.
     fn settle_peers(&mut self) {
         for (k, peer) in self.peers.iter_mut().enumerate() {
             let [position_m, velocity_m_s, turn_rad] = self.joint.normal.take_errors(k + 1);
@@ -132,8 +132,9 @@ impl Cooperative {
         }
     }
 
-    /// Keeps the measurements of this tick for its next message and for the messages of the others.
-    fn note(&mut self, readings: &Readings<'_>) {
+    /// Stores the measurements of this tick for the next message, and ranges to other drones until
+    /// their messages arrive.
+    fn store(&mut self, readings: &Readings<'_>) {
         let time_s = self.dead_reckoning.time_s;
         let variance = self.joint.model.range[TWO_WAY];
         let shared = |target, measured_m, variance| Shared { time_s, target, measured_m, variance };
@@ -148,15 +149,15 @@ impl Cooperative {
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
         // The others do not know this drone's tilt: ranges to the floor are turned upright here.
         for &(sensor, measured_m) in readings.heights {
-            let upright =
+            let height_per_m =
                 if sensor.looks_down() { self.inertial.attitude.matrix()[(2, 2)] } else { 1.0 };
-            let sigma_m = self.joint.model.sensors.height_sigma_m(sensor, measured_m) * upright;
-            let variance = sigma_m * sigma_m;
-            self.heights.push(shared(Target::Height(sensor), measured_m * upright, variance));
+            let sigma_m = self.joint.model.sensors.height_sigma_m(sensor, measured_m);
+            let variance = (sigma_m * height_per_m) * (sigma_m * height_per_m);
+            self.heights.push(shared(Target::Height(sensor), measured_m * height_per_m, variance));
         }
     }
 
-    /// Moves another drone on to the time of its message.
+    /// Moves the state of peer `k`, and its covariance, to the time of its message.
     fn carry_peer(&mut self, k: usize, now: Reckoning) {
         let peer = &mut self.peers[k];
         let before = *peer.motions.back().expect("never empty");
@@ -174,13 +175,13 @@ impl Cooperative {
         self.joint.normal.carry(k + 1, &span, &self.joint.model.density);
     }
 
-    /// A scalar measurement on a link, through the gate.
+    /// Corrects by a scalar measurement on a link, unless the gate rejects it.
     fn correct(&mut self, link: (usize, Target), jacobian: &[Part], value: f64, variance: f64) {
         let measurement = Measurement { jacobian, value, variance };
         self.gate.correct(&mut self.joint.normal, link, &measurement);
     }
 
-    /// Position of another drone at a time up to its last message.
+    /// Position of peer `k` at a time up to its last message, or `None` if its motion is not known.
     fn delayed_state_of_peer(&self, k: usize, time_s: f64) -> Option<DelayedState> {
         let peer = &self.peers[k];
         let now = peer.motions.back()?;
@@ -188,7 +189,7 @@ impl Cooperative {
         Some(delayed(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
     }
 
-    /// Corrects by the ranges of another drone to anchors, and its heights.
+    /// Corrects by the ranges of peer `k` to anchors, and its heights.
     fn correct_peer(&mut self, k: usize, message: &Message) {
         for shared in message.ranges.iter().chain(&message.heights) {
             let Some(then) = self.delayed_state_of_peer(k, shared.time_s) else { continue };
@@ -206,7 +207,7 @@ impl Cooperative {
         }
     }
 
-    /// Corrects by the ranges of this drone to another one, up to its last message.
+    /// Corrects by the waiting ranges of this drone to peer `k`, up to its last message.
     fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
@@ -225,9 +226,9 @@ impl Cooperative {
                 let (position_m, velocity_m_s, covariance) = message.estimate;
                 let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
-                let theirs = direction.dot(&(covariance * direction));
+                let peer_variance = direction.dot(&(covariance * direction));
                 let jacobian = here.jacobian(0, direction, Some(&world_from_body));
-                self.correct(link, &jacobian, distance_m - expected_m, variance + theirs);
+                self.correct(link, &jacobian, distance_m - expected_m, variance + peer_variance);
             } else if let Some(there) = self.delayed_state_of_peer(k, then.time_s) {
                 let (direction, expected_m) = toward(&(here.position_m - there.position_m));
                 let jacobian = [
@@ -241,21 +242,19 @@ impl Cooperative {
 
     /// Corrects by ranges between two others that the messages of both have reached.
     fn correct_between(&mut self, message: &Message) {
-        for range in &message.ranges {
-            match range.target {
-                Target::Drone(other) if other != self.place => {
-                    self.between.push((message.from, *range));
-                }
-                _ => {}
-            }
-        }
+        let others = message
+            .ranges
+            .iter()
+            .filter(|range| matches!(range.target, Target::Drone(other) if other != self.place));
+        self.between.extend(others.map(|range| (message.from, *range)));
         for (from, range) in std::mem::take(&mut self.between) {
             let Target::Drone(other) = range.target else { continue };
             let [Some(i), Some(j)] = [from, other].map(|place| self.index_of(place)) else {
                 continue;
             };
             // Both drones report the range: it is used once. One that is too old is forgotten.
-            let key = (range.time_s, from.min(other), from.max(other));
+            let (first, second) = (from.min(other), from.max(other));
+            let key = (range.time_s, first, second);
             if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
                 continue;
             }
@@ -273,13 +272,13 @@ impl Cooperative {
             let (direction, expected_m) = toward(&(one.position_m - two.position_m));
             let jacobian =
                 [one.jacobian(i + 1, direction, None), two.jacobian(j + 1, -direction, None)];
-            let link = (key.1, Target::Drone(key.2));
+            let link = (first, Target::Drone(second));
             let variance = self.joint.model.range[TWO_WAY];
             self.correct(link, jacobian.as_flattened(), range.measured_m - expected_m, variance);
         }
     }
 
-    /// Index among the peers of a drone of the fleet.
+    /// Index among the peers of the drone at a place in the fleet, or `None` for this drone.
     fn index_of(&self, place: usize) -> Option<usize> {
         self.peers.iter().position(|peer| peer.place == place)
     }
@@ -300,7 +299,7 @@ impl Cooperative {
         }
     }
 
-    /// The drone's next message to the fleet, by the kind of sharing.
+    /// The drone's next message to the fleet, or `None` if drones exchange nothing.
     pub(crate) fn message(&mut self) -> Option<Message> {
         if self.share == Share::Nothing {
             return None;
@@ -322,7 +321,8 @@ impl Cooperative {
         })
     }
 
-    /// Moves the sender of a message on, and corrects by its measurements.
+    /// Moves the sender of a message to the message's time, and corrects by its measurements. A
+    /// message that is not newer than the last one is ignored.
     pub(crate) fn receive(&mut self, message: &Message) {
         let Some(k) = self.index_of(message.from) else { return };
         if message.motion.time_s <= self.last_s(k) {
@@ -344,6 +344,7 @@ impl Cooperative {
 }
 
 impl Estimator for Cooperative {
+    /// Updates the joint filter and both dead reckonings.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;
@@ -370,7 +371,7 @@ impl Estimator for Cooperative {
         dead_reckoning.velocity_m_s += acceleration * tick_s;
         self.ticks += 1;
         if !self.peers.is_empty() {
-            self.note(readings);
+            self.store(readings);
         }
     }
 

@@ -43,12 +43,15 @@ pub(super) struct Deck {
 }
 
 impl Deck {
+    /// A deck that has received no sweep. `noise` decides which rotations are dropped.
     pub(super) fn new(options: &FirmwareOptions, sensors: &SensorOptions, noise: Noise) -> Self {
         let stations = &sensors.lighthouse.stations;
+        // Unpaired, each of the two sweeps of a rotation counts as one.
+        let counts_per_rotation = if options.paired_sweeps { 1.0 } else { 2.0 };
         Self {
             pairs: options.paired_sweeps,
             throttled: stations.iter().map(|s| s.generation == Generation::V2).collect(),
-            rotations_hz: options.rotations_hz * if options.paired_sweeps { 1.0 } else { 2.0 },
+            rotations_hz: options.rotations_hz * counts_per_rotation,
             noise,
             first: vec![None; stations.len()],
             counted: 0.0,
@@ -57,8 +60,8 @@ impl Deck {
         }
     }
 
-    /// The rotations to be used of the sweeps that arrived by `time_s`.
-    pub(super) fn hear(&mut self, sweeps: &[Sweep], time_s: f64) -> Vec<Rotation> {
+    /// Pairs the sweeps that arrived at `time_s` into rotations, and returns those that are kept.
+    pub(super) fn receive(&mut self, sweeps: &[Sweep], time_s: f64) -> Vec<Rotation> {
         let mut rotations = Vec::new();
         for sweep in sweeps {
             let Sweep { station, plane, angles_rad } = *sweep;
@@ -75,8 +78,8 @@ impl Deck {
         rotations
     }
 
-    /// Both planes' angles at the second sweep of a rotation. If there are two first ones, a sweep
-    /// and its reflection, the earlier in the rotation counts.
+    /// Both planes' angles at the second sweep of a rotation, or `None` at the first one and if the
+    /// first was missed. Of two first ones, a sweep and its reflection, the smaller angle counts.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
         let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);
@@ -88,7 +91,7 @@ impl Deck {
         None
     }
 
-    /// True if a rotation is kept.
+    /// True if a rotation is kept. It counts for the rate, of which a fraction is dropped.
     fn keeps(&mut self, time_s: f64) -> bool {
         if self.rotations_hz == 0.0 {
             return true;
@@ -120,18 +123,18 @@ mod tests {
     #[test]
     fn a_rotation_needs_both_its_sweeps_and_comes_at_the_second() {
         let mut deck = deck(&FirmwareOptions::default());
-        assert!(deck.hear(&[sweep(0, 0.1)], 0.0).is_empty());
-        let rotations = deck.hear(&[sweep(1, 0.2)], 0.008);
+        assert!(deck.receive(&[sweep(0, 0.1)], 0.0).is_empty());
+        let rotations = deck.receive(&[sweep(1, 0.2)], 0.008);
         assert_eq!(rotations[0].both_rad, Some([[0.1; 4], [0.2; 4]]));
         assert_eq!(rotations[0].planes.len(), 2);
-        assert!(deck.hear(&[sweep(1, 0.2)], 0.028).is_empty(), "the first one was lost");
-        assert!(deck.hear(&[sweep(0, 0.4), sweep(0, 0.3)], 0.04).is_empty());
-        let rotations = deck.hear(&[sweep(1, 0.2)], 0.046);
+        assert!(deck.receive(&[sweep(1, 0.2)], 0.028).is_empty(), "the first one was lost");
+        assert!(deck.receive(&[sweep(0, 0.4), sweep(0, 0.3)], 0.04).is_empty());
+        let rotations = deck.receive(&[sweep(1, 0.2)], 0.046);
         assert_eq!(rotations[0].both_rad.unwrap()[0], [0.3; 4], "the earlier one of two");
         let one_by_one = FirmwareOptions { paired_sweeps: false, ..FirmwareOptions::default() };
         let mut deck = self::deck(&one_by_one);
-        assert_eq!(deck.hear(&[sweep(0, 0.1)], 0.0)[0].planes, [(0, [0.1; 4])]);
-        assert_eq!(deck.hear(&[sweep(1, 0.2)], 0.006)[0].planes, [(1, [0.2; 4])]);
+        assert_eq!(deck.receive(&[sweep(0, 0.1)], 0.0)[0].planes, [(0, [0.1; 4])]);
+        assert_eq!(deck.receive(&[sweep(1, 0.2)], 0.006)[0].planes, [(1, [0.2; 4])]);
     }
 
     #[test]
@@ -147,8 +150,8 @@ mod tests {
             let (mut deck, mut kept) = (deck(options), 0);
             for n in 0..40 * rotations_hz {
                 let time_s = f64::from(n) / f64::from(rotations_hz);
-                deck.hear(&[sweep(0, 0.1)], time_s);
-                kept += deck.hear(&[sweep(1, 0.1)], time_s + 0.006).len();
+                deck.receive(&[sweep(0, 0.1)], time_s);
+                kept += deck.receive(&[sweep(1, 0.1)], time_s + 0.006).len();
             }
             assert!(wanted.contains(&kept), "{kept} of {rotations_hz} a second");
         }

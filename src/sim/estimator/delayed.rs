@@ -45,7 +45,7 @@ impl DelayedState {
     }
 }
 
-/// The position at the time `then` of a drone that is now at `position_m`.
+/// The past position, at `then`, of a drone with this position, velocity and tilt at `now`.
 pub(super) fn delayed(
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
@@ -54,29 +54,31 @@ pub(super) fn delayed(
     then: &Reckoning,
 ) -> DelayedState {
     let Segment { span_s, gained_m_s, moved_m, force_m_s } = now.since(then);
+    // The tilt of the dead reckoning turns the force that it has integrated.
     let turned_m_s = tilt_rad.cross(&force_m_s);
     let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
     let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
     DelayedState { position_m: position_m - since_m, span_s, force_m_s }
 }
 
-/// The motion between two messages, by cubic Hermite interpolation.
+/// The motion between two messages, by cubic Hermite interpolation. `None` outside the messages,
+/// and in a gap that is too long.
 pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
-    let after = motions.partition_point(|t| t.time_s < time_s);
+    let after = motions.partition_point(|motion| motion.time_s < time_s);
     let (a, b) = (motions.get(after.checked_sub(1)?)?, motions.get(after)?);
-    let h = b.time_s - a.time_s;
-    let from_end_s = (time_s - a.time_s).min(b.time_s - time_s);
-    if h > LONGEST_GAP_S && from_end_s > NEAR_S {
+    let gap_s = b.time_s - a.time_s;
+    let to_nearest_s = (time_s - a.time_s).min(b.time_s - time_s);
+    if gap_s > LONGEST_GAP_S && to_nearest_s > NEAR_S {
         return None;
     }
     // x(s) = a + v_a s + c₂ s² + c₃ s³ for s from 0 to 1, with velocities per unit of s.
-    let s = (time_s - a.time_s) / h;
+    let s = (time_s - a.time_s) / gap_s;
     let step_m = b.position_m - a.position_m;
-    let (va, vb) = (a.velocity_m_s * h, b.velocity_m_s * h);
+    let (va, vb) = (a.velocity_m_s * gap_s, b.velocity_m_s * gap_s);
     let (c2, c3) = (step_m * 3.0 - va * 2.0 - vb, va + vb - step_m * 2.0);
     Some(Reckoning {
         time_s,
         position_m: a.position_m + (va + (c2 + c3 * s) * s) * s,
-        velocity_m_s: (va + (c2 * 2.0 + c3 * (3.0 * s)) * s) / h,
+        velocity_m_s: (va + (c2 * 2.0 + c3 * (3.0 * s)) * s) / gap_s,
     })
 }

@@ -91,8 +91,8 @@ impl Ekf {
         position_m: Vector3<f64>,
         yaw_rad: f64,
     ) -> Self {
-        let floor = [FLOOR_START_M];
-        let floor = &floor[..usize::from(options.floor_steps)];
+        // The floor's height is a state only if the floor may have steps.
+        let floor: &[f64] = if options.floor_steps { &[FLOOR_START_M] } else { &[] };
         let step_test = StepTest::new(STEP_GATE_SIGMAS, LEAST_STEP_M, STEP_M);
         Self {
             motion: Inertial::level_at(position_m, yaw_rad),
@@ -115,8 +115,8 @@ impl Ekf {
         Self { normal, ..Self::new(&options, sensors, position_m, yaw_rad) }
     }
 
-    /// Moves the state over a tick and passes its measurements to `correct`. Returns the
-    /// acceleration.
+    /// Moves the state over a tick, and calls `correct` with each measurement. Returns the
+    /// acceleration in the world.
     #[inline(always)]
     pub(super) fn advance(
         &mut self,
@@ -144,7 +144,7 @@ impl Ekf {
         acceleration
     }
 
-    /// Propagates the covariance to the present.
+    /// Propagates the covariance from the last time that it was propagated to the present.
     pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
         let span = self.motion.span(force_m_s2);
         self.normal.carry(0, &span, &self.model.density);
@@ -156,6 +156,8 @@ impl Ekf {
 }
 
 impl Estimator for Ekf {
+    /// Moves the state over a tick. Sweeps pass the sweep filter, heights above the floor the step
+    /// test, and all else the χ² gate.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
@@ -214,8 +216,8 @@ impl Model {
         self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
     }
 
-    /// Jacobian over position and turn of the angle at which a sweep meets a sensor of the deck,
-    /// the angle's error, and the distance from the rotor's axis.
+    /// The angle at which a sweep meets a sensor of the deck: its Jacobian over position and turn,
+    /// its error, and the distance of the sensor from the rotor's axis.
     #[inline(always)]
     pub(super) fn angle(
         &self,
@@ -233,12 +235,12 @@ impl Model {
         (jacobian, angle_rad - crossing.angle_rad, crossing.radius_m)
     }
 
-    /// Jacobian of a range at a position, its error and its variance.
+    /// A range, or a difference of ranges, at a position: its Jacobian, error and variance.
     pub(super) fn range(&self, range: &Range, position_m: &Vector3<f64>) -> (Part, f64, f64) {
-        let from = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
-        let (mut direction, mut expected_m) = from(range.anchor);
+        let from_anchor = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
+        let (mut direction, mut expected_m) = from_anchor(range.anchor);
         if let Some(other) = range.minus {
-            let (unit, distance_m) = from(other);
+            let (unit, distance_m) = from_anchor(other);
             expected_m -= distance_m;
             direction -= unit;
         }
@@ -246,7 +248,8 @@ impl Model {
         (Part::Three(0, direction), range.distance_m - expected_m, variance)
     }
 
-    /// Passes on every measurement of the first drone of a filter.
+    /// Calls `each` with source, Jacobian, error and variance of every measurement of a tick, for
+    /// the first drone of a filter.
     #[inline(always)]
     fn measurements(
         &self,
@@ -268,11 +271,22 @@ impl Model {
             each(Source::To(Target::Anchor(range.anchor)), &[jacobian], value, variance);
         }
         if let Some(measured_m) = readings.position_m {
-            let left_m = measured_m - position_m;
+            let error_m = measured_m - position_m;
             for axis in 0..3 {
-                each(Source::Position, &[Part::One(axis, 1.0)], left_m[axis], self.position);
+                each(Source::Position, &[Part::One(axis, 1.0)], error_m[axis], self.position);
             }
         }
+        self.height_measurements(motion, readings, each);
+    }
+
+    /// Calls `each` with every height of a tick, see [`Self::measurements`].
+    #[inline(always)]
+    fn height_measurements(
+        &self,
+        Inertial { position_m, world_from_body, .. }: &Inertial,
+        readings: &Readings<'_>,
+        mut each: impl FnMut(Source, &[Part], f64, f64),
+    ) {
         let cos_tilt = world_from_body[(2, 2)];
         for &(sensor, measured_m) in readings.heights {
             let source = Source::To(Target::Height(sensor));

@@ -43,6 +43,8 @@ const LARGEST_VARIANCE: f64 = 100.0;
 const LEAST_TURN_RAD: f64 = 0.1e-3;
 /// Standard deviation of a yaw error (`lighthouse_position_est.c`).
 const YAW_SIGMA_RAD: f64 = 0.01;
+/// Least length of a diagonal of the deck, as seen, of which the yaw is taken.
+const LEAST_DIAGONAL_M: f64 = 1e-4;
 /// Least cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
 const LEAST_COS_TILT: f64 = 0.1;
 /// Full angle of the cone in which the ranger takes the nearest point of the floor (`mm_tof.c`).
@@ -63,8 +65,9 @@ pub(super) struct Firmware {
     /// Errors of position, velocity and attitude. Their mean is moved into the state at once.
     pub(super) normal: Normal,
     rate_rad_s: Vector3<f64>,
-    /// Sums of rates and forces since the last prediction with their count, and the last means.
-    sums: ([Vector3<f64>; 2], f64),
+    /// Sums of the rates and forces since the last prediction, their number, and the last means.
+    sums: [Vector3<f64>; 2],
+    n_summed: f64,
     means: [Vector3<f64>; 2],
     deck: Deck,
     sweep_filter: SweepFilter,
@@ -99,6 +102,7 @@ impl Firmware {
             normal: Normal::of_drones(1, START, &[]),
             rate_rad_s: Vector3::zeros(),
             sums: Default::default(),
+            n_summed: 0.0,
             means: Default::default(),
             sweep_filter: SweepFilter::default(),
             tdoa_filter: TdoaFilter::default(),
@@ -111,13 +115,13 @@ impl Firmware {
 
     /// Moves the state and its covariance over a span by the mean of its inertial readings.
     fn predict(&mut self, span_s: f64) {
-        let (sums, n) = std::mem::take(&mut self.sums);
+        let (sums, n) = (std::mem::take(&mut self.sums), std::mem::take(&mut self.n_summed));
         if n > 0.0 {
             self.means = sums.map(|sum| sum / n);
         }
         let [rate, mut force] = self.means;
-        let flies = self.time_s - self.driven_s < FLYING_S;
-        if flies && self.options.horizontal_force == HorizontalForce::Zero {
+        let is_flying = self.time_s - self.driven_s < FLYING_S;
+        if is_flying && self.options.horizontal_force == HorizontalForce::Zero {
             (force.x, force.y) = (0.0, 0.0);
         }
         let (r, v) = (self.world_from_body, self.velocity_m_s);
@@ -142,6 +146,7 @@ impl Firmware {
         self.predicted_s = self.time_s;
     }
 
+    /// Adds the process noise of a tick to the covariance.
     fn add_noise(&mut self, tick_s: f64) {
         let density = &self.model.density;
         for axis in 0..3 {
@@ -152,6 +157,7 @@ impl Firmware {
         self.bound();
     }
 
+    /// Corrects by the angles of a rotation at each of the deck's sensors.
     fn correct_by_sweeps(&mut self, rotation: &Rotation) {
         // Without the attitude the second part of the Jacobian, over the turn, is left out.
         let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
@@ -171,7 +177,8 @@ impl Firmware {
         }
     }
 
-    /// Yaw of the deck beyond the filter's, as one station sees it.
+    /// The filter's yaw less that of the deck as one station sees it, or `None` if sweeps correct
+    /// the attitude, or the station does not see all sensors.
     fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
         if self.options.sweep_attitude == SweepAttitude::Slope {
             return None;
@@ -193,28 +200,36 @@ impl Firmware {
             let seen = seen_m[to]? - seen_m[from]?;
             let length = estimated.norm() * seen.norm();
             let angle_rad = libm::acos((estimated.dot(&seen) / length).clamp(-1.0, 1.0));
-            let left = normal.dot(&estimated.cross(&seen)) > 0.0;
-            (seen.norm() >= 1e-4).then_some(if left { -angle_rad } else { angle_rad })
+            let is_left = normal.dot(&estimated.cross(&seen)) > 0.0;
+            let error_rad = if is_left { -angle_rad } else { angle_rad };
+            (seen.norm() >= LEAST_DIAGONAL_M).then_some(error_rad)
         });
         Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }
 
+    /// Corrects by a yaw error at the beginning of the tick, less the turn since.
+    fn correct_yaw(&mut self, yaw_error_rad: f64) {
+        let error_rad = self.turn_rad.z - yaw_error_rad;
+        self.correct(&[Part::One(TURN + 2, 1.0)], error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
+    }
+
+    /// Corrects by a range, or by a difference of ranges that is possible and no outlier.
     fn correct_by_range(&mut self, range: &Range) {
         let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus {
             // A difference is at most the distance between the anchors.
             let anchors_m = &self.model.anchors_m;
             let apart_m = (anchors_m[range.anchor] - anchors_m[other]).norm();
-            let possible = range.distance_m.abs() < apart_m;
-            if !possible || !self.tdoa_filter.accepts(error_m, variance.sqrt()) {
+            let is_possible = range.distance_m.abs() < apart_m;
+            if !is_possible || !self.tdoa_filter.accepts(error_m, variance.sqrt()) {
                 return;
             }
         }
         self.correct(&[jacobian], error_m, variance);
     }
 
-    /// Corrects by positions and heights.
-    fn correct_by_place(&mut self, readings: &Readings<'_>) {
+    /// Corrects by the measured position and heights, if there are any.
+    fn correct_by_position(&mut self, readings: &Readings<'_>) {
         if let Some(position_m) = readings.position_m {
             for axis in 0..3 {
                 let error_m = position_m[axis] - self.position_m[axis];
@@ -238,6 +253,7 @@ impl Firmware {
         }
     }
 
+    /// Corrects by a scalar measurement with the error `value`, and updates the state.
     fn correct(&mut self, jacobian: &[Part], value: f64, variance: f64) {
         self.normal.correct(&Measurement { jacobian, value, variance }, |_| true);
         let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
@@ -247,7 +263,7 @@ impl Firmware {
         self.bound();
     }
 
-    /// Ends a tick that changed the state: turns the attitude by its error.
+    /// Ends a tick that changed the state: turns the attitude by its error, if it is large enough.
     fn settle(&mut self) {
         let turn_rad = std::mem::take(&mut self.turn_rad);
         if turn_rad.amax() > LEAST_TURN_RAD {
@@ -279,6 +295,7 @@ impl Firmware {
 }
 
 impl Estimator for Firmware {
+    /// Runs the filter over a tick, in the order of the firmware.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         // The first tick is at time zero.
         let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };
@@ -289,7 +306,7 @@ impl Estimator for Firmware {
             self.driven_s = self.time_s;
         }
         // The deck's driver computes yaw errors from the state of the last tick.
-        let rotations = self.deck.hear(readings.sweeps, self.time_s);
+        let rotations = self.deck.receive(readings.sweeps, self.time_s);
         let yaw_errors_rad: Vec<Option<f64>> =
             rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
 
@@ -303,18 +320,14 @@ impl Estimator for Firmware {
         self.add_noise(tick_s);
         for (rotation, yaw_error_rad) in rotations.iter().zip(yaw_errors_rad) {
             self.correct_by_sweeps(rotation);
-            if let Some(yaw_error_rad) = yaw_error_rad {
-                let error_rad = self.turn_rad.z - yaw_error_rad;
-                let jacobian = [Part::One(TURN + 2, 1.0)];
-                self.correct(&jacobian, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
-            }
+            yaw_error_rad.into_iter().for_each(|error_rad| self.correct_yaw(error_rad));
         }
         readings.ranges.iter().for_each(|range| self.correct_by_range(range));
-        self.correct_by_place(readings);
+        self.correct_by_position(readings);
         // Inertial readings of this tick count for the next prediction.
-        self.sums.0[0] += readings.rate_rad_s;
-        self.sums.0[1] += readings.specific_force_m_s2;
-        self.sums.1 += 1.0;
+        self.sums[0] += readings.rate_rad_s;
+        self.sums[1] += readings.specific_force_m_s2;
+        self.n_summed += 1.0;
         self.rate_rad_s = readings.rate_rad_s;
         if predicts || !rotations.is_empty() || readings.measures_position() {
             self.settle();
@@ -363,8 +376,8 @@ fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> 
     from_fn(|j| from_fn(|i| product[i][j]))
 }
 
-/// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
-/// turn, as Mueller, Hehn and D'Andrea derive it.
+/// Matrix that turns an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
+/// turn `d` (Mueller, Hehn, D'Andrea 2017).
 fn turned_back(turn_rad: &Vector3<f64>) -> Matrix3<f64> {
     let cross = (turn_rad * 0.5).cross_matrix();
     Matrix3::identity() - cross + cross * cross * 0.5

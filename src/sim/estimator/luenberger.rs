@@ -58,6 +58,7 @@ impl Observer {
 }
 
 impl Estimator for Observer {
+    /// Integrates the observer over a tick, and the yaw by the gyroscope.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         if let Some(measured_m) = readings.position_m {
@@ -80,14 +81,14 @@ impl Estimator for Observer {
     }
 }
 
-/// Gain `L` of the dual regulator for the `A` of [`hover_model`]: the model's σ² as its state
-/// weight, the measurement's σ² as its input weight.
+/// Gain `L` of the observer for the `A` of [`hover_model`], from the options' weights, which are
+/// inverse variances. Weights without a gain are an error.
 pub(crate) fn observer_gain(
     options: &LuenbergerOptions,
     a: &SMatrix<f64, 9, 9>,
 ) -> Result<SMatrix<f64, 8, 3>> {
-    let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|trust| 1.0 / trust));
-    let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
+    let model = SMatrix::from_diagonal(&SVector::from(options.r).map(|weight| 1.0 / weight));
+    let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|weight| 1.0 / weight));
     let (a, c) = (dynamic(&without_yaw(a)), DMatrix::identity(3, 8));
     let gain = control::observer_gain(&a, &c, &dynamic(&model), &dynamic(&measurement));
     let gain = gain.map_err(|error| {
@@ -99,7 +100,7 @@ pub(crate) fn observer_gain(
     Ok(SMatrix::from_column_slice(gain.as_slice()))
 }
 
-/// `A` without the yaw.
+/// The matrix `A` without the row and the column of the yaw.
 pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
     a.remove_row(YAW).remove_column(YAW)
 }
@@ -107,12 +108,13 @@ pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
 type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
 type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
 
-/// `A` and `B` of all nine rows of [`Motion`] at hover, by a method of linearization.
+/// `A` and `B` of all nine rows of [`Motion`] at hover, by a method of linearization. The inputs
+/// are body rate and specific force along z.
 pub(crate) fn hover_model(
     linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
 ) -> Linear {
-    let at_hover = Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2);
-    linearize(|motion, u| motion_derivative(motion, &u.xyz(), u[3]), &Motion::zeros(), &at_hover)
+    let hover_input = Vector4::new(0.0, 0.0, 0.0, GRAVITY_M_S2);
+    linearize(|motion, u| motion_derivative(motion, &u.xyz(), u[3]), &Motion::zeros(), &hover_input)
 }
 
 #[cfg(test)]

@@ -66,6 +66,7 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
+    /// The estimated state.
     fn state(&self) -> State;
 
     /// Covariance of the estimated position, world frame, if it has one.
@@ -73,7 +74,7 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
         None
     }
 
-    /// Its filter of the altitude, if it has one.
+    /// The altitude filter, if the estimator has one.
     fn altitude(&self) -> Option<&AltitudeFilter> {
         None
     }
@@ -102,8 +103,8 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     state(&motion.position_m, angles(&world_from_body), &velocity_m_s, &motion.rate_rad_s)
 }
 
-/// The estimator of a flight, which begins with a level drone at rest, turned from world x toward
-/// y. The seed decides which sweeps it drops by chance.
+/// The estimator of the options' kind, which begins with a level drone at rest, turned from world x
+/// toward y. The seed decides which sweeps it drops by chance.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,

@@ -19,7 +19,7 @@ const BAD_MS: f64 = -8.0;
 /// Times are compared to within this, ms.
 const TOLERANCE_MS: f64 = 1e-6;
 
-/// Open at first.
+/// The filter, open at first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SweepFilter {
     window_ms: f64,
@@ -34,19 +34,20 @@ impl Default for SweepFilter {
 }
 
 impl SweepFilter {
+    /// Lets time pass.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.closed_ms -= 1e3 * time_s;
     }
 
-    /// True if a sweep is used.
+    /// True if a sweep with this error is used. It sets the time for which the filter is closed.
     pub(super) fn accepts(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;
         let change_ms = if is_good { GOOD_MS } else { BAD_MS };
         let [least_ms, most_ms] = WINDOW_MS;
         self.window_ms = (self.window_ms + change_ms).clamp(least_ms, most_ms);
-        let closed = self.closed_ms > TOLERANCE_MS;
+        let is_closed = self.closed_ms > TOLERANCE_MS;
         self.closed_ms = self.window_ms;
-        is_good || !closed
+        is_good || !is_closed
     }
 }
 

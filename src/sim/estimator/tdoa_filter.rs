@@ -16,7 +16,7 @@ const LONGEST_MS: f64 = 0.1 * SIZE_MS;
 const GOOD_SIGMAS: f64 = 2.0;
 const ACCEPTED_SIGMAS: f64 = 2.5;
 
-/// Open at first.
+/// The filter, open at first.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TdoaFilter {
     integrator_ms: f64,
@@ -26,23 +26,24 @@ pub(super) struct TdoaFilter {
 }
 
 impl TdoaFilter {
+    /// Lets time pass.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.since_ms += 1e3 * time_s;
     }
 
-    /// True if a difference is used.
+    /// True if a difference with this error is used. It fills or drains the integrator.
     pub(super) fn accepts(&mut self, error_m: f64, sigma_m: f64) -> bool {
         let passed_ms = std::mem::take(&mut self.since_ms).min(LONGEST_MS);
-        let good = error_m.abs() < GOOD_SIGMAS * sigma_m;
-        let added_ms = if good { passed_ms } else { -passed_ms };
+        let is_good = error_m.abs() < GOOD_SIGMAS * sigma_m;
+        let added_ms = if is_good { passed_ms } else { -passed_ms };
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
-        let accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
+        let is_accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
         // Hysteresis: it opens at a lower level than it closes.
         self.closed = match self.closed {
             true => self.integrator_ms >= OPENS_MS,
             false => self.integrator_ms > CLOSES_MS,
         };
-        accepted
+        is_accepted
     }
 }
 

@@ -5,12 +5,12 @@ use nalgebra::{Matrix3, Quaternion, Vector3};
 
 use noctograph_core::geometry::Attitude;
 
-/// `world_from_body`.
+/// An attitude, as the rotation from the body to the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Turned(Quaternion<f64>);
 
 impl Turned {
-    /// Level, turned from world x toward y.
+    /// A level attitude, turned from world x toward y.
     pub fn facing(yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         Self(Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw)))
@@ -23,7 +23,7 @@ impl Turned {
         Self(unit(self.0 * small(turn_rad)))
     }
 
-    /// The same in two equal steps: the attitude midway, and the one after the turn.
+    /// [`Self::by`] in two equal steps: the attitude midway, and the one after the turn.
     #[inline(always)]
     pub fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
         let half = small(&(turn_rad * 0.5));
@@ -31,7 +31,7 @@ impl Turned {
         [Self(midway), Self(unit(midway * half))]
     }
 
-    /// As a matrix.
+    /// The rotation matrix.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<f64> {
         rotation([self.0.w, self.0.i, self.0.j, self.0.k])
@@ -54,7 +54,7 @@ pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     )
 }
 
-/// A small turn: the first terms of the sine's and the cosine's series.
+/// The quaternion of a small rotation vector, by the first terms of sine and cosine.
 #[inline(always)]
 fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     // sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
@@ -63,12 +63,13 @@ fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
 }
 
+/// The quaternion scaled to length 1.
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
     // Near length one a step of Newton's method squares the error, without a root.
-    let near = (square - 1.0).abs() < 1e-8;
-    q * if near { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
+    let is_near_one = (square - 1.0).abs() < 1e-8;
+    q * if is_near_one { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
 }
 
 /// Yaw, pitch and roll of a rotation matrix.

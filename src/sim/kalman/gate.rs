@@ -18,7 +18,8 @@ const STEP_READINGS: usize = 2;
 /// A gate for sources of measurements that reopens after refusals in a row.
 #[derive(Clone, Debug)]
 pub struct Gate<K> {
-    sq: f64,
+    /// Threshold, squared standard deviations.
+    gate_sq: f64,
     /// Refusals in a row.
     refused: BTreeMap<K, u32>,
 }
@@ -26,30 +27,30 @@ pub struct Gate<K> {
 impl<K: Ord> Gate<K> {
     /// A gate with this threshold, in standard deviations of the innovation.
     pub fn new(sigmas: f64) -> Self {
-        Self { sq: sigmas * sigmas, refused: BTreeMap::new() }
+        Self { gate_sq: sigmas * sigmas, refused: BTreeMap::new() }
     }
 
-    /// [`Normal::correct`] by a measurement of a source. `None` if it was refused.
+    /// Corrects by a measurement of a source. Returns its innovation, or `None` if it was refused.
     pub fn correct(
         &mut self,
         normal: &mut Normal,
         source: K,
         measurement: &Measurement<'_>,
     ) -> Option<Innovation> {
-        let refused = self.refused.entry(source).or_default();
+        let n_refused = self.refused.entry(source).or_default();
         // After refusals in a row the innovation itself is the standard deviation of the noise, and
         // passes any gate.
         let mut measurement = *measurement;
-        if *refused >= MOST_REFUSALS {
-            let left = normal.innovation(&measurement).value;
-            measurement.variance = measurement.variance.max(left * left);
+        if *n_refused >= MOST_REFUSALS {
+            let error = normal.innovation(&measurement).value;
+            measurement.variance = measurement.variance.max(error * error);
         }
         let mut accepted = None;
         normal.correct(&measurement, |innovation| {
-            accepted = (!innovation.is_beyond(self.sq)).then_some(*innovation);
+            accepted = (!innovation.is_beyond(self.gate_sq)).then_some(*innovation);
             accepted.is_some()
         });
-        *refused = if accepted.is_some() { 0 } else { *refused + 1 };
+        *n_refused = if accepted.is_some() { 0 } else { *n_refused + 1 };
         accepted
     }
 }
@@ -82,9 +83,8 @@ impl StepTest {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }
 
-    /// [`Normal::correct`] by a range to a floor, whose state is the last part of the Jacobian. If
-    /// the floor steps, its state is moved and widened instead. Other ranges are refused beyond
-    /// `gate_sq`.
+    /// Corrects by a range to a floor, whose state is the last part of the Jacobian. If the floor
+    /// steps, its state is moved and widened instead. A range beyond `gate_sq` is not used.
     ///
     /// # Panics
     ///
@@ -97,22 +97,25 @@ impl StepTest {
     ) -> Floor {
         let mut floor = Floor::Still;
         normal.correct(measurement, |innovation| {
-            floor = self.look(innovation);
+            floor = self.classify(innovation);
             floor == Floor::Still && !innovation.is_beyond(gate_sq)
         });
-        if let Floor::Stepped(farther_m) = floor {
+        // A step of the range is one of the floor's height over the Jacobian.
+        if let Floor::Stepped(step_m) = floor {
             let Some(Part::One(state, per_m)) = measurement.jacobian.last() else {
                 panic!("the floor is last")
             };
-            normal.mean[*state] += farther_m / per_m;
+            normal.mean[*state] += step_m / per_m;
             normal.covariance[(*state, *state)] += self.sigma_m * self.sigma_m;
         }
         floor
     }
 
-    fn look(&mut self, innovation: &Innovation) -> Floor {
-        let within = innovation.sigmas() <= self.gate_sigmas;
-        if within || innovation.value.abs() < self.least_m {
+    /// Classifies a range: innovations beyond the gate, as many in a row as make a step, are a step
+    /// by their mean.
+    fn classify(&mut self, innovation: &Innovation) -> Floor {
+        let is_within = innovation.sigmas() <= self.gate_sigmas;
+        if is_within || innovation.value.abs() < self.least_m {
             self.beyond_m.clear();
             return Floor::Still;
         }
@@ -148,11 +151,15 @@ mod tests {
     #[test]
     fn one_outlier_is_left_out_and_two_in_a_row_are_a_step() {
         let mut test = StepTest::new(4.0, 0.1, 0.5);
-        let mut look = |value: f64| test.look(&Innovation { value, variance: 0.0025 });
-        assert_eq!([0.19, 0.5, 0.1].map(&mut look), [Floor::Still, Floor::Open, Floor::Still]);
-        assert_eq!([0.5, 0.6].map(&mut look), [Floor::Open, Floor::Stepped(0.55)]);
-        assert_eq!(look(-0.5), Floor::Open, "the count begins anew");
+        let mut classify = |value: f64| test.classify(&Innovation { value, variance: 0.0025 });
+        assert_eq!([0.19, 0.5, 0.1].map(&mut classify), [Floor::Still, Floor::Open, Floor::Still]);
+        assert_eq!([0.5, 0.6].map(&mut classify), [Floor::Open, Floor::Stepped(0.55)]);
+        assert_eq!(classify(-0.5), Floor::Open, "the count begins anew");
         let mut sharp = StepTest::new(4.0, 0.1, 0.5);
-        assert_eq!(sharp.look(&Innovation { value: 0.09, variance: 1e-6 }), Floor::Still, "small");
+        assert_eq!(
+            sharp.classify(&Innovation { value: 0.09, variance: 1e-6 }),
+            Floor::Still,
+            "small"
+        );
     }
 }

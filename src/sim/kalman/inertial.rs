@@ -86,7 +86,7 @@ impl Inertial {
     }
 
     /// Moves the state over a tick with the mean of the body rates at its ends and the specific
-    /// force during it. Returns the acceleration.
+    /// force during it. Returns the acceleration in the world.
     pub fn predict(
         &mut self,
         rate_rad_s: &Vector3<f64>,
@@ -107,12 +107,12 @@ impl Inertial {
         acceleration
     }
 
-    /// True if the covariance is to be propagated now: for a measurement, or after a while without.
+    /// True if the covariance is to be propagated now: for a measurement, or after 10 ms without.
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }
 
-    /// The span since the covariance was last propagated. The next one begins.
+    /// The span since the covariance was last propagated. The next one begins now.
     pub fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
         self.world_from_body = self.attitude.matrix();
         Span {
@@ -133,14 +133,14 @@ impl Inertial {
 
 impl Normal {
     /// Independent errors of drones with standard deviations of position (m), velocity (m/s) and
-    /// turn (rad), and of further states.
+    /// turn (rad), and further states with theirs.
     pub fn of_drones(n_drones: usize, [p, v, t]: [f64; 3], further: &[f64]) -> Self {
         let mut sigmas = [p, p, p, v, v, v, t, t, t].repeat(n_drones);
         sigmas.extend(further);
         Self::independent(&sigmas)
     }
 
-    /// Mean errors of a drone, position, velocity and turn, which are zeroed.
+    /// Returns the mean errors of a drone, position, velocity and turn, and zeroes them.
     pub fn take_errors(&mut self, drone: usize) -> [Vector3<f64>; 3] {
         let first = ERRORS * drone;
         let errors = [0, VELOCITY, TURN].map(|row| self.three(first + row));
@@ -217,6 +217,7 @@ impl Normal {
         }
     }
 
+    /// Sets a 3×3 block of the covariance.
     #[inline(always)]
     fn set(&mut self, row: usize, column: usize, block: &Matrix3<f64>) {
         self.covariance.fixed_view_mut::<3, 3>(row, column).copy_from(block);

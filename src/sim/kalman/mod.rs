@@ -15,4 +15,4 @@ pub(crate) use attitude::rotation;
 pub use attitude::{Turned, angles};
 pub use gate::{Floor, Gate, StepTest};
 pub use inertial::{Density, ERRORS, GRAVITY_M_S2, Inertial, Span, TURN, VELOCITY, variance_rate};
-pub use normal::{Entry, Innovation, Measurement, Normal, Part, Step, along, toward};
+pub use normal::{Entry, Innovation, Measurement, Normal, Part, Step, product, toward};

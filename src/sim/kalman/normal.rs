@@ -76,7 +76,7 @@ impl Innovation {
 }
 
 impl Normal {
-    /// A mean and a covariance.
+    /// The distribution with a mean and a covariance.
     pub fn new(mean: DVector<f64>, covariance: DMatrix<f64>) -> Self {
         let gain = vec![0.0; mean.len()];
         Self { mean, covariance, gain }
@@ -88,13 +88,13 @@ impl Normal {
         Self::new(DVector::zeros(sigmas.len()), DMatrix::from_diagonal(&variances))
     }
 
-    /// Mean of three states.
+    /// Means of three states from index `first` on.
     #[inline]
     pub fn three(&self, first: usize) -> Vector3<f64> {
         self.mean.fixed_rows::<3>(first).into_owned()
     }
 
-    /// Covariance of three states with three.
+    /// 3×3 block of the covariance whose first entry is at `row` and `column`.
     #[inline(always)]
     pub fn block(&self, row: usize, column: usize) -> Matrix3<f64> {
         self.covariance.fixed_view::<3, 3>(row, column).into_owned()
@@ -106,7 +106,7 @@ impl Normal {
     }
 
     /// Propagates by a transition `Φ` and a covariance `Q` of noise. `Φ` is given as the entries of
-    /// `Φ − 1`, with a row after the rows that read it. `Q` is given as its upper triangle.
+    /// `Φ − 1`, applied in order: a state is read before it changes. `Q` is its upper triangle.
     pub fn predict(&mut self, transition: &[Entry], noise: &[Entry]) {
         for &(row, column, value) in transition {
             self.mean[row] += value * self.mean[column];
@@ -122,7 +122,7 @@ impl Normal {
         for &(row, column, value) in transition {
             (0..n).for_each(|i| p[row * n + i] += value * p[column * n + i]);
         }
-        // Rounding leaves the triangles apart: their mean counts.
+        // Rounding makes the triangles differ: both become their mean.
         for i in 0..n {
             for j in 0..i {
                 p[i * n + j] = 0.5 * (p[i * n + j] + p[j * n + i]);
@@ -137,20 +137,21 @@ impl Normal {
         }
     }
 
-    /// The innovation of a measurement.
+    /// The innovation of a measurement. Leaves `P h` in the gain.
     #[inline(always)]
     pub fn innovation(&mut self, measurement: &Measurement<'_>) -> Innovation {
         let Measurement { jacobian, value, variance } = *measurement;
+        // The same loop with lengths that the compiler knows, for one drone and for two.
         let p = self.covariance.as_slice();
         match self.gain.len() {
-            9 => spread(p, jacobian, &mut self.gain, 9),
-            18 => spread(p, jacobian, &mut self.gain, 18),
-            n => spread(p, jacobian, &mut self.gain, n),
+            9 => multiply(p, jacobian, &mut self.gain, 9),
+            18 => multiply(p, jacobian, &mut self.gain, 18),
+            n => multiply(p, jacobian, &mut self.gain, n),
         }
         Innovation {
-            value: value - along(jacobian, self.mean.as_slice()),
+            value: value - product(jacobian, self.mean.as_slice()),
             // Rounding may leave less than zero if the states are far better known than measured.
-            variance: along(jacobian, &self.gain).max(0.0) + variance,
+            variance: product(jacobian, &self.gain).max(0.0) + variance,
         }
     }
 
@@ -170,20 +171,20 @@ impl Normal {
         self.gain.iter_mut().for_each(|gain| *gain *= scale);
         let states = self.mean.as_mut_slice().iter_mut();
         states.zip(&self.gain).for_each(|(x, gain)| *x += gain * (innovation.value * scale));
-        // The same loops with lengths that the compiler knows, for one drone and for two.
+        // Known lengths again, as in `innovation`.
         let p = self.covariance.as_mut_slice();
         match self.gain.len() {
-            9 => reduce(p, &self.gain, 9),
-            18 => reduce(p, &self.gain, 18),
-            n => reduce(p, &self.gain, n),
+            9 => subtract_square(p, &self.gain, 9),
+            18 => subtract_square(p, &self.gain, 18),
+            n => subtract_square(p, &self.gain, n),
         }
         true
     }
 }
 
-/// `a ← P h` of an `n` by `n` matrix.
+/// Computes `a ← P h` for an `n` by `n` matrix P.
 #[inline(always)]
-fn spread(p: &[f64], jacobian: &[Part], a: &mut [f64], n: usize) {
+fn multiply(p: &[f64], jacobian: &[Part], a: &mut [f64], n: usize) {
     let a = &mut a[..n];
     a.fill(0.0);
     for part in jacobian {
@@ -200,24 +201,24 @@ fn spread(p: &[f64], jacobian: &[Part], a: &mut [f64], n: usize) {
     }
 }
 
-/// `P ← P − k kᵀ` of an `n` by `n` matrix.
+/// Computes `P ← P − k kᵀ` for an `n` by `n` matrix P.
 #[inline(always)]
-fn reduce(p: &mut [f64], k: &[f64], n: usize) {
+fn subtract_square(p: &mut [f64], k: &[f64], n: usize) {
     let k = &k[..n];
-    for (column, by) in p.chunks_exact_mut(n).zip(k) {
+    for (column, factor) in p.chunks_exact_mut(n).zip(k) {
         let column = &mut column[..n];
-        (0..n).for_each(|i| column[i] -= k[i] * by);
+        (0..n).for_each(|i| column[i] -= k[i] * factor);
     }
 }
 
-/// Change of a measurement with states: `hᵀ x`.
+/// Product `hᵀ x` of a Jacobian and states.
 #[inline(always)]
-pub fn along(jacobian: &[Part], states: &[f64]) -> f64 {
-    let changes = jacobian.iter().map(|part| match *part {
+pub fn product(jacobian: &[Part], states: &[f64]) -> f64 {
+    let products = jacobian.iter().map(|part| match *part {
         Part::One(state, h) => h * states[state],
         Part::Three(i, h) => h.x * states[i] + h.y * states[i + 1] + h.z * states[i + 2],
     });
-    changes.sum()
+    products.sum()
 }
 
 /// One step that a filter recorded.
@@ -234,10 +235,10 @@ pub struct Step {
 }
 
 impl Step {
-    /// The states of this step by all measurements, from the step after it and that step's smoothed
-    /// states (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965). `None` if its predicted covariance
-    /// is not positive definite.
-    pub fn smoothed(&self, after: &Self, smooth: &Normal) -> Option<Normal> {
+    /// The smoothed states of this step, from the step `after` it and that step's smoothed states
+    /// (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965). `None` if the covariance predicted for the
+    /// step after is not positive definite.
+    pub fn smoothed(&self, after: &Self, smoothed_after: &Normal) -> Option<Normal> {
         // G = P Φᵀ P'⁻¹ with the covariance P' predicted for the step after.
         let (updated, predicted) = (&self.updated, &after.predicted);
         let inverse = predicted.covariance.clone().cholesky()?;
@@ -246,17 +247,18 @@ impl Step {
             (0..phi_p.ncols()).for_each(|i| phi_p[(row, i)] += value * phi_p[(column, i)]);
         }
         let gain = inverse.solve(&phi_p).transpose();
-        let mean = &updated.mean + &gain * (&smooth.mean - &predicted.mean);
-        let change = &gain * (&smooth.covariance - &predicted.covariance) * gain.transpose();
+        let mean = &updated.mean + &gain * (&smoothed_after.mean - &predicted.mean);
+        let difference = &smoothed_after.covariance - &predicted.covariance;
+        let change = &gain * difference * gain.transpose();
         Some(Normal::new(mean, &updated.covariance + change))
     }
 }
 
 /// Direction and length of a vector. The direction is the gradient of the length.
 #[inline]
-pub fn toward(away_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
-    let length_m = away_m.norm();
-    (away_m / length_m.max(f64::MIN_POSITIVE), length_m)
+pub fn toward(vector_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
+    let length_m = vector_m.norm();
+    (vector_m / length_m.max(f64::MIN_POSITIVE), length_m)
 }
 
 #[cfg(test)]

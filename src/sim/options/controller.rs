@@ -175,7 +175,7 @@ impl ControllerOptions {
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
 
-    /// Setpoints that the host sends while the drone writes, and that every check flies.
+    /// The kind of setpoint that the host sends while the drone writes, and that checks fly with.
     pub fn sends(&self) -> SetpointKind {
         match self.kind {
             ControllerKind::Pid => self.setpoints,
@@ -216,7 +216,7 @@ pub enum Law {
 }
 
 impl ControllerKind {
-    /// Its law.
+    /// The control law of this kind.
     pub fn law(self) -> Law {
         let (integrates, by_thrust_map) = (self == Self::LqrIntegral, self == Self::Altitude);
         match self {
@@ -233,7 +233,7 @@ impl ControllerKind {
         self.law() == Law::StateFeedback { integrates: true, by_thrust_map: false }
     }
 
-    /// Keys of its gains and weights.
+    /// Scene keys of the gains and weights, for messages.
     pub fn keys(self) -> &'static str {
         match self {
             Self::Lqr | Self::LqrFeedforward | Self::LqrIntegral => "controller.lqr",

@@ -129,8 +129,8 @@ impl SimOptions {
         PlantOptions { vehicle, battery, air, floor }
     }
 
-    /// Largest command that the firmware gives a motor. With compensation of the battery there is
-    /// none: the battery caps the thrust.
+    /// Largest command that the firmware gives a motor, or infinity with compensation of the
+    /// battery, which then caps the thrust.
     pub(crate) fn most_command(&self) -> f64 {
         match self.battery.is_compensated() {
             true => f64::INFINITY,
@@ -138,12 +138,12 @@ impl SimOptions {
         }
     }
 
-    /// Hover throttle that the altitude filter believes before the flight.
+    /// Hover throttle, 0 to 1, with which the altitude filter begins.
     pub fn believed_hover_throttle(&self) -> f64 {
         self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
     }
 
-    /// The undisturbed drone: still air, center of mass in the middle, ideal sensors.
+    /// The options of an undisturbed flight: still air, centered mass, ideal sensors and radio.
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
         // The estimator of any other positioning need not take ideal positions.
@@ -158,8 +158,8 @@ impl SimOptions {
         options
     }
 
-    /// The rehearsal with the firmware's filter on ideal sweeps of its stations, since the filter's
-    /// error by drag is the same in every flight. `None` for other estimators and sensors.
+    /// [`Self::rehearsal`] with the firmware's filter on ideal sweeps of its stations, since the
+    /// filter's error by drag is the same in every flight. `None` for other estimators and sensors.
     pub fn rehearsal_by_filter(&self) -> Option<Self> {
         let positioning = self.sensors.positioning;
         (positioning.is_by_light() && self.observer.kind == EstimatorKind::Ekf).then(|| {
@@ -191,8 +191,8 @@ impl RateOptions {
             ("log_hz", self.log_hz, "control_hz", self.control_hz),
         ] {
             // A loop that could run a whole number of times a tick runs once.
-            let capped = slow != "log_hz" && slow_hz.is_multiple_of(fast_hz);
-            if !capped && !fast_hz.is_multiple_of(slow_hz) {
+            let is_capped = slow != "log_hz" && slow_hz.is_multiple_of(fast_hz);
+            if !is_capped && !fast_hz.is_multiple_of(slow_hz) {
                 let wanted = format!("a divisor or a multiple of {fast} = {fast_hz}");
                 let hint = "the firmware runs its loops at 1000, 500 and 100 Hz";
                 return Err(Error::input(format!("rates.{slow}"), slow_hz, wanted, hint));

@@ -62,25 +62,31 @@ pub fn coverage(
     for bound in bounds_m {
         within("bounds", bound, -1e4, 1e4)?;
     }
-    // The rectangle must have an inside, the grid a bounded size, and the room a station.
+    check_grid(bounds_m, step_m)?;
+    if options.lighthouse.stations.is_empty() {
+        let hint = "list the room's base stations";
+        return Err(Error::input("sensors.lighthouse.stations", "none", "at least one", hint));
+    }
+    // Rows from below, each from the left.
     let [left, bottom, right, top] = bounds_m;
-    let hint = "name left, bottom, right and top in meters, such as -1,0,1,2";
+    let (x_m, z_m) = (grid_m(left, right, step_m), grid_m(bottom, top, step_m));
+    let points_m = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
+    let places = points_m.map(|point_m| covered_point(&options.lighthouse, &point_m)).collect();
+    Ok(Coverage { x_m, y_m, z_m, places })
+}
+
+/// Checks that a rectangle is not empty, and that its grid has at most [`MAX_POINTS`] points.
+fn check_grid([left, bottom, right, top]: [f64; 4], step_m: f64) -> Result<()> {
     if left >= right || bottom >= top {
         let bounds = format!("{left},{bottom},{right},{top}");
+        let hint = "name left, bottom, right and top in meters, such as -1,0,1,2";
         return Err(Error::input("bounds", bounds, "left below right, bottom below top", hint));
     }
     if (right - left) / step_m * (top - bottom) / step_m > MAX_POINTS {
         let wanted = format!("a step that makes at most {MAX_POINTS} places");
         return Err(Error::input("step", format!("{step_m} m"), wanted, "take a larger step"));
     }
-    if options.lighthouse.stations.is_empty() {
-        let hint = "list the room's base stations";
-        return Err(Error::input("sensors.lighthouse.stations", "none", "at least one", hint));
-    }
-    let (x_m, z_m) = (grid_m(left, right, step_m), grid_m(bottom, top, step_m));
-    let points_m = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
-    let places = points_m.map(|point_m| look(&options.lighthouse, &point_m)).collect();
-    Ok(Coverage { x_m, y_m, z_m, places })
+    Ok(())
 }
 
 impl Coverage {
@@ -89,13 +95,14 @@ impl Coverage {
         self.seen().count() as f64 / self.places.len() as f64
     }
 
-    /// Errors at the points that at least two stations see, rising.
+    /// Errors at the points that at least two stations see, in rising order.
     pub fn errors_m(&self) -> Vec<f64> {
         let mut errors_m: Vec<f64> = self.seen().filter_map(|place| place.error_m).collect();
         errors_m.sort_by(f64::total_cmp);
         errors_m
     }
 
+    /// The points that at least two stations see.
     fn seen(&self) -> impl Iterator<Item = &CoveredPoint> {
         self.places.iter().filter(|place| place.n_stations >= 2)
     }
@@ -103,22 +110,22 @@ impl Coverage {
 
 /// Coordinates from one end to the other, both included, no further apart than `step_m`.
 fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
+    // Rounding does not add a step: 1.1 / 0.1 is more than 11.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2e7")]
     let n = ((to_m - from_m) / step_m - 1e-9).ceil() as u32;
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
 }
 
 /// Visibility and accuracy of a level drone at a point.
-fn look(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPoint {
+fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPoint {
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
     for station in &options.stations {
         let pose = StationPose::new(station);
-        n_reflected += usize::from(room.mirrors.iter().any(|mirror| {
-            mirror.shows(&pose.position_m, point_m)
-                && pose.sees(&mirror.image_m(point_m), &(mirror.turn() * Vector3::z()))
-        }));
-        if !pose.sees(point_m, &Vector3::z()) || room.hides(&pose.position_m, point_m, &[]) {
+        let up = Vector3::z();
+        let mut mirrors = room.mirrors.iter();
+        n_reflected += usize::from(mirrors.any(|mirror| mirror.shows_to(&pose, point_m, &up)));
+        if !pose.sees(point_m, &up) || room.hides(&pose.position_m, point_m, &[]) {
             continue;
         }
         n_stations += 1;
@@ -167,9 +174,9 @@ mod tests {
     fn error_is_that_of_geometry_by_hand() {
         // Looked at along x and y from 3 m by 1 mrad: across the sight 3 mm, and z from both. The
         // stations stand 0.6 m above the place, which turns each sight by atan(0.2).
-        let place = look(&square_stations(), &Vector3::zeros());
+        let place = covered_point(&square_stations(), &Vector3::zeros());
         assert_eq!(place.n_stations, 2);
-        let level = look(&square_stations(), &Vector3::new(0.0, 0.0, 0.0));
+        let level = covered_point(&square_stations(), &Vector3::new(0.0, 0.0, 0.0));
         let error_m = level.error_m.unwrap();
         let want = 3e-3 * f64::sqrt(1.0 + 1.0 + 0.5);
         assert!((error_m / want - 1.0).abs() < 0.04, "{error_m} m against {want} m");
@@ -179,9 +186,9 @@ mod tests {
     fn one_station_leaves_the_place_open_and_none_sees_behind_itself() {
         let mut options = square_stations();
         options.stations.pop();
-        let place = look(&options, &Vector3::zeros());
+        let place = covered_point(&options, &Vector3::zeros());
         assert_eq!(place, CoveredPoint { n_stations: 1, n_reflected: 0, error_m: None });
-        let behind = look(&options, &Vector3::new(-4.0, 0.0, 0.0));
+        let behind = covered_point(&options, &Vector3::new(-4.0, 0.0, 0.0));
         assert_eq!(behind, CoveredPoint { n_stations: 0, n_reflected: 0, error_m: None });
     }
 
@@ -190,11 +197,15 @@ mod tests {
         let mut options = square_stations();
         options.people_m = vec![[-1.0, 0.0, 0.25]];
         options.mirrors_m = vec![[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]];
-        let place = look(&options, &Vector3::zeros());
+        let place = covered_point(&options, &Vector3::zeros());
         assert_eq!((place.n_stations, place.error_m), (1, None), "the first is behind a person");
         assert_eq!(place.n_reflected, 2, "the images of both look at it");
         options.mirrors_m[0][1] = [1.0, 0.0, 0.0];
-        assert_eq!(look(&options, &Vector3::zeros()).n_reflected, 0, "the back of the mirror");
+        assert_eq!(
+            covered_point(&options, &Vector3::zeros()).n_reflected,
+            0,
+            "the back of the mirror"
+        );
     }
 
     #[test]

@@ -28,12 +28,14 @@ struct Heard {
 }
 
 impl Heard {
+    /// True if both planes' angles are recent.
     fn is_fresh(&self, time_s: f64) -> bool {
         self.times_s.iter().all(|t| time_s - t <= FRESH_S)
     }
 }
 
 impl CrossingBeams {
+    /// The stations, not heard yet.
     pub(super) fn new(stations: &[Station]) -> Self {
         let stations = stations.iter().map(|station| Heard {
             pose: StationPose::new(station),
@@ -43,15 +45,14 @@ impl CrossingBeams {
         Self { stations: stations.collect() }
     }
 
-    /// The position of the deck's middle after the sweeps of this tick: one whenever a station's
-    /// second plane passed and another station was heard.
+    /// The position of the deck's middle after the sweeps of this tick, or `None` unless a second
+    /// plane passed and two stations were heard with both planes.
     pub(super) fn fix_m(&mut self, sweeps: &[Sweep], time_s: f64) -> Option<Vector3<f64>> {
         for sweep in sweeps {
             let heard = &mut self.stations[sweep.station];
             heard.angles_rad[sweep.plane] = sweep.angles_rad;
             heard.times_s[sweep.plane] = time_s;
         }
-        // A fix comes with a second plane, if two stations were heard with both of theirs.
         if !sweeps.iter().any(|sweep| sweep.plane == 1) {
             return None;
         }
@@ -61,16 +62,16 @@ impl CrossingBeams {
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
-            // Normal equations of the least squares distance to all rays of this sensor.
-            let (mut left, mut right) = (Matrix3::zeros(), Vector3::zeros());
+            // Normal equations N p = r of the point nearest to all rays (least squares).
+            let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
             for heard in fresh.clone() {
                 let [first, second] = heard.angles_rad;
                 let ray = heard.pose.ray([first[sensor], second[sensor]]);
                 let across = Matrix3::identity() - ray * ray.transpose();
-                left += across;
+                normal += across;
                 right += across * heard.pose.position_m;
             }
-            middle += left.try_inverse()? * right;
+            middle += normal.try_inverse()? * right;
         }
         Some(middle / DECK_SENSORS_M.len() as f64)
     }

@@ -17,8 +17,9 @@ const FAR_NOISE_M: f64 = 0.0025;
 /// `c = ln(80)/1.5`. With 2.5 mm of noise it is the firmware's (`zranger2.c`): 5 mm at 2.5 m, 0.2 m
 /// at 4 m.
 pub(super) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
-    let grown = libm::exp(2.921_351_089_782_587_4 * (distance_m - 2.5));
-    FAR_NOISE_M * (noise_m / FAR_NOISE_M + grown)
+    const C_PER_M: f64 = 2.921_351_089_782_587_4;
+    let growth = libm::exp(C_PER_M * (distance_m - 2.5));
+    FAR_NOISE_M * (noise_m / FAR_NOISE_M + growth)
 }
 
 /// Infrared ranger that looks down along the body's z axis onto the floor.
@@ -44,7 +45,7 @@ impl TimeOfFlight {
         }
     }
 
-    /// Distance to the floor. None if it is too far or the ranger looks up.
+    /// Distance to the floor, or `None` if none is due, it is too far, or the ranger looks up.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -52,7 +53,7 @@ impl TimeOfFlight {
         time_s: f64,
     ) -> Option<f64> {
         self.clock.due(time_s)?;
-        // Drawn at every reading, also of no floor. A ranger without noise nearby has none far off.
+        // Drawn at every reading, also of no floor. `noise_m = 0` means exact at any distance.
         let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
         let down = -world_from_body().column(2);
         if down.z >= 0.0 {
@@ -91,6 +92,7 @@ impl Barometer {
         self.walked_m + self.options.drift_m_s * time_s
     }
 
+    /// The height with noise, walk and drift, or `None` if no reading is due.
     pub(super) fn read(&mut self, height_m: f64, time_s: f64) -> Option<f64> {
         self.clock.due(time_s)?;
         let BarometerOptions { noise_m, drift_m_sqrt_s, rate_hz, .. } = self.options;
@@ -123,6 +125,7 @@ impl Gnss {
         }
     }
 
+    /// A fix with noise, or `None` if none is due or the satellites are silent.
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
         self.clock.due(time_s)?;
         let fix_m = position_m + self.noise.normals() * self.options.noise_m;

@@ -20,12 +20,13 @@ pub(super) struct Imu {
 }
 
 impl Imu {
+    /// The inertial sensors of a drone, read `rate_hz` times a second.
     pub(super) fn new(options: &ImuOptions, rate_hz: u32, streams: &Streams) -> Self {
         // White noise of one-sided density n, sampled at rate f, has σ = n √(f/2).
-        let half_rate = (0.5 * f64::from(rate_hz)).sqrt();
+        let sqrt_half_rate = (0.5 * f64::from(rate_hz)).sqrt();
         Self {
-            gyro_sigma_rad_s: options.gyro_noise_rad_s_sqrt_hz * half_rate,
-            accelerometer_sigma_m_s2: options.accelerometer_noise_m_s2_sqrt_hz * half_rate,
+            gyro_sigma_rad_s: options.gyro_noise_rad_s_sqrt_hz * sqrt_half_rate,
+            accelerometer_sigma_m_s2: options.accelerometer_noise_m_s2_sqrt_hz * sqrt_half_rate,
             gyro_bias_rad_s: options.gyro_bias_rad_s.into(),
             gyro: Normals::new(streams.drone_noise("gyro")),
             accelerometer_xy: Normals::new(streams.drone_noise("accelerometer xy")),

@@ -22,8 +22,9 @@ use noctograph_core::random::{Field, Noise, Normals};
 pub(crate) const DECK_SENSORS_M: [[f64; 3]; 4] =
     [[-0.015, 0.0075, 0.0], [-0.015, -0.0075, 0.0], [0.015, 0.0075, 0.0], [0.015, -0.0075, 0.0]];
 
-/// Cycles of a 48 MHz clock in a turn of a second-generation rotor, by channel
+/// Clock of second-generation stations, and its cycles in a turn of the rotor, by channel
 /// (`pulse_processor_v2.c`): 50.05 to 54.1 turns a second.
+const V2_CLOCK_HZ: f64 = 48e6;
 const V2_PERIODS: [u32; 16] = [
     959_000, 957_000, 953_000, 949_000, 947_000, 943_000, 941_000, 939_000, 937_000, 929_000,
     919_000, 911_000, 907_000, 901_000, 893_000, 887_000,
@@ -88,13 +89,14 @@ struct Rotor {
 }
 
 impl Lighthouse {
+    /// The stations of a room, and the deck of a drone.
     pub(super) fn new(options: &LighthouseOptions, streams: &Streams) -> Self {
         let n = options.stations.len();
         Self {
             rotors: (0..n).map(|i| Rotor::new(options, i, streams)).collect(),
-            turn: turn(options),
+            turn: frame_turn(options),
             scale: 1.0 + options.frame_scale_error,
-            bend: bend(options, streams),
+            bend: common_distortion(options, streams),
             bend_m: Vector3::zeros(),
             bent_s: f64::NEG_INFINITY,
             loss_frac: options.sweep_loss_frac,
@@ -122,23 +124,21 @@ impl Lighthouse {
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
                 // Noise is drawn for every sweep, seen or not, so that none shifts another's.
-                let lost = rotor.chance.uniform() < self.loss_frac;
+                let is_lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
                 let up = world_from_body.column(2).into_owned();
-                if lost || self.room.is_silent(station, time_s) {
+                if is_lost || self.room.is_silent(station, time_s) {
                     continue;
                 }
                 // The deck also receives the sweep that meets its image in a mirror.
                 let attitude = turn * world_from_body;
-                for mirror in &self.room.mirrors {
-                    let seen_m = mirror.image_m(position_m);
-                    let shown = mirror.shows(&rotor.truth.position_m, position_m);
-                    if shown && rotor.truth.sees(&seen_m, &(mirror.turn() * up)) {
-                        let (image_m, turned) = (mirror.image_m(&bent_m), mirror.turn() * attitude);
-                        let angles_rad = rotor.angles_rad(plane, &image_m, &turned, &errors);
-                        self.sweeps.push(Sweep { station, plane, angles_rad });
-                    }
+                let mirrors = self.room.mirrors.iter();
+                for mirror in mirrors.filter(|m| m.shows_to(&rotor.truth, position_m, &up)) {
+                    let (image_m, reflected) =
+                        (mirror.image_m(&bent_m), mirror.reflection() * attitude);
+                    let angles_rad = rotor.angles_rad(plane, &image_m, &reflected, &errors);
+                    self.sweeps.push(Sweep { station, plane, angles_rad });
                 }
                 // The direct sweep, unless the view is blocked.
                 let station_m = &rotor.truth.position_m;
@@ -152,48 +152,49 @@ impl Lighthouse {
                 self.sweeps.push(Sweep { station, plane, angles_rad });
             }
         }
-        let seeing = self.rotors.iter().filter(|rotor| time_s - rotor.seen_s <= BLIND_S);
-        self.blind_ticks += u32::from(seeing.count() < 2);
+        let seen = self.rotors.iter().filter(|rotor| time_s - rotor.seen_s <= BLIND_S);
+        self.blind_ticks += u32::from(seen.count() < 2);
         &self.sweeps
     }
 
-    /// Ticks at which fewer than two stations were seen lately.
+    /// Number of ticks at which fewer than two stations were seen within the last 0.1 s.
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
 }
 
-/// The common distortion of all stations.
-pub(super) fn bend(options: &LighthouseOptions, streams: &Streams) -> Field<3> {
+/// The smooth distortion of the position that is common to all stations.
+pub(super) fn common_distortion(options: &LighthouseOptions, streams: &Streams) -> Field<3> {
     let mut noise = streams.room_noise("lighthouse distortion");
     Field::new(&mut noise, options.distortion_m, options.distortion_length_m)
 }
 
 /// The rotation from the room into the Lighthouse's frame.
-pub(super) fn turn(options: &LighthouseOptions) -> Matrix3<f64> {
+pub(super) fn frame_turn(options: &LighthouseOptions) -> Matrix3<f64> {
     let [roll_rad, pitch_rad, yaw_rad] = options.frame_turn_rad;
     Attitude { yaw_rad, pitch_rad, roll_rad }.world_from_body()
 }
 
 impl Rotor {
+    /// Station `i` at its true pose, with its errors and noise.
     fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
         // The true pose is off the believed one by an error of the room.
         let station = &options.stations[i];
         let mut error = streams.room_noise(&format!("station {i} pose"));
         let mut truth = StationPose::new(station);
         truth.position_m += error.normals() * options.station_position_error_m;
-        let turned = error.normals() * options.station_rotation_error_rad;
-        let turned = Attitude { yaw_rad: turned.z, pitch_rad: turned.y, roll_rad: turned.x };
-        truth.world_from_station *= turned.world_from_body();
+        let turn_rad = error.normals() * options.station_rotation_error_rad;
+        let turn = Attitude { yaw_rad: turn_rad.z, pitch_rad: turn_rad.y, roll_rad: turn_rad.x };
+        truth.world_from_station *= turn.world_from_body();
 
         let mut chance = streams.drone_noise(&format!("station {i} sweeps"));
         let (turn_hz, phases) = schedule(&options.stations, i, &mut chance);
         let generation = usize::from(station.generation == Generation::V2);
-        let (shared, sigma_rad) =
+        let (shared_frac, sigma_rad) =
             (options.sweep_noise_shared_frac, options.sweep_noise_rad[generation]);
         Self {
             truth,
-            sigmas_rad: [shared, 1.0 - shared].map(|part| part.sqrt() * sigma_rad),
+            sigmas_rad: [shared_frac, 1.0 - shared_frac].map(|frac| frac.sqrt() * sigma_rad),
             distortion: Field::new(
                 &mut streams.room_noise(&format!("station {i} distortion")),
                 options.sweep_distortion_rad,
@@ -208,7 +209,7 @@ impl Rotor {
         }
     }
 
-    /// The plane that passes next, if it does so by `time_s`.
+    /// The plane that passes next if it does so by `time_s`, else `None`. It then counts as passed.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;
         let turns = f64::from(self.passed / 2) + self.phases[plane];
@@ -218,14 +219,14 @@ impl Rotor {
         })
     }
 
-    /// White noise of a sweep at each sensor.
+    /// Draws the white noise of a sweep at each sensor.
     fn errors_rad(&mut self) -> [f64; 4] {
         let [common, separate] = self.sigmas_rad;
         let common_rad = common * self.noise.next();
         std::array::from_fn(|_| common_rad + separate * self.noise.next())
     }
 
-    /// Angles at which a sweep meets the four sensors of a deck.
+    /// Angles at which a sweep meets the four sensors of a deck, with distortion and noise.
     fn angles_rad(
         &self,
         plane: usize,
@@ -254,7 +255,7 @@ fn schedule(stations: &[Station], i: usize, chance: &mut Noise) -> (f64, [f64; 2
         Generation::V2 => {
             let phase = chance.uniform();
             let period = f64::from(V2_PERIODS[i % V2_PERIODS.len()]);
-            (48e6 / period, [phase, phase + 1.0 / 3.0])
+            (V2_CLOCK_HZ / period, [phase, phase + 1.0 / 3.0])
         }
     }
 }

@@ -75,6 +75,7 @@ pub struct Readings<'a> {
 }
 
 impl<'a> Readings<'a> {
+    /// Readings of only the inertial sensors.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -133,6 +134,41 @@ enum Altimeter {
     Barometer(Barometer),
 }
 
+impl Locator {
+    /// The sensor of the options' positioning.
+    fn new(options: &SensorOptions, rate_hz: u32, fleet: &Fleet, streams: &Streams) -> Self {
+        let room = &options.lighthouse;
+        match options.positioning {
+            Positioning::Position => Self::Position(PositionSensor::new(room, rate_hz, streams)),
+            Positioning::CrossingBeams => {
+                let beams = CrossingBeams::new(&room.stations);
+                Self::Lighthouse(Lighthouse::new(room, streams), Some(beams))
+            }
+            Positioning::Sweeps => Self::Lighthouse(Lighthouse::new(room, streams), None),
+            Positioning::UwbTwr | Positioning::UwbTdoa => {
+                Self::Uwb(Uwb::new(options, fleet, streams))
+            }
+            Positioning::Gnss => Self::Gnss(Gnss::new(&options.gnss, streams)),
+        }
+    }
+}
+
+impl Altimeter {
+    /// The sensor's kind and its reading, or `None` if none is due.
+    fn read(&mut self, body: &RigidBody, time_s: f64) -> Option<(HeightSensor, f64)> {
+        let position_m = body.position_m;
+        Some(match self {
+            Self::TimeOfFlight(sensor) => {
+                let distance_m = sensor.read(&position_m, || body.matrix(), time_s)?;
+                (HeightSensor::TimeOfFlight, distance_m)
+            }
+            Self::Barometer(sensor) => {
+                (HeightSensor::Barometer, sensor.read(position_m.z, time_s)?)
+            }
+        })
+    }
+}
+
 impl Sensors {
     /// Sensors of a drone, read `rate_hz` times a second, with seeds of noise and room.
     pub(crate) fn new(
@@ -144,7 +180,6 @@ impl Sensors {
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
-        let lighthouse = &options.lighthouse;
         // In the order of the kinds, whatever that of the list is.
         let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
         let altimeters = carried.map(|sensor| match sensor {
@@ -158,22 +193,7 @@ impl Sensors {
         });
         Self {
             imu: Imu::new(&options.imu, rate_hz, streams),
-            locator: match options.positioning {
-                Positioning::Position => {
-                    Locator::Position(PositionSensor::new(lighthouse, rate_hz, streams))
-                }
-                Positioning::CrossingBeams => Locator::Lighthouse(
-                    Lighthouse::new(lighthouse, streams),
-                    Some(CrossingBeams::new(&lighthouse.stations)),
-                ),
-                Positioning::Sweeps => {
-                    Locator::Lighthouse(Lighthouse::new(lighthouse, streams), None)
-                }
-                Positioning::UwbTwr | Positioning::UwbTdoa => {
-                    Locator::Uwb(Uwb::new(options, fleet, streams))
-                }
-                Positioning::Gnss => Locator::Gnss(Gnss::new(&options.gnss, streams)),
-            },
+            locator: Locator::new(options, rate_hz, fleet, streams),
             altimeters: altimeters.collect(),
             heights: Vec::new(),
             tick_s: 1.0 / f64::from(rate_hz),
@@ -181,8 +201,8 @@ impl Sensors {
         }
     }
 
-    /// Initial estimate of the position of a drone at rest: the true one, or for positions with a
-    /// distortion the distorted one.
+    /// The position at which the estimate of a drone at rest starts: the true one, or with the
+    /// positioning `position` the distorted one.
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
@@ -223,21 +243,13 @@ impl Sensors {
             Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
         }
         self.heights.clear();
-        self.heights.extend(self.altimeters.iter_mut().filter_map(|altimeter| {
-            Some(match altimeter {
-                Altimeter::TimeOfFlight(sensor) => {
-                    (HeightSensor::TimeOfFlight, sensor.read(&position_m, world_from_body, time_s)?)
-                }
-                Altimeter::Barometer(sensor) => {
-                    (HeightSensor::Barometer, sensor.read(position_m.z, time_s)?)
-                }
-            })
-        }));
+        let altimeters = self.altimeters.iter_mut();
+        self.heights.extend(altimeters.filter_map(|altimeter| altimeter.read(body, time_s)));
         readings.heights = &self.heights;
         readings
     }
 
-    /// Bias of the barometer at its last reading. 0 without one.
+    /// Bias of the barometer now, or 0 without one.
     pub fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
         let bias_m = self.altimeters.iter().find_map(|altimeter| match altimeter {
@@ -247,7 +259,7 @@ impl Sensors {
         bias_m.unwrap_or(0.0)
     }
 
-    /// A warning about the base stations.
+    /// A warning if fewer than two base stations were seen for a time.
     pub fn warning(&self) -> Option<Diagnostic> {
         let Locator::Lighthouse(lighthouse, _) = &self.locator else { return None };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;

@@ -273,7 +273,7 @@ impl Station {
         Self::facing(generation, position_m, &forward, 0.0)
     }
 
-    /// A station at `position_m` that looks along `forward`.
+    /// A station at `position_m` that looks along `forward`, rolled about that direction.
     pub(crate) fn facing(
         generation: Generation,
         position_m: [f64; 3],
@@ -293,6 +293,7 @@ impl Station {
 impl Described for Station {
     const SHAPE: Shape = Shape::Plain;
 
+    /// Checks the ranges of position and angles.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         self.position_m.check(&joined(place, "position_m"), Some([-1e4, 1e4]))?;
         for (key, angle_rad, max) in [
@@ -307,8 +308,8 @@ impl Described for Station {
 }
 
 impl Positioning {
-    /// Least number of base stations, and of anchors.
-    fn least(self) -> [usize; 2] {
+    /// Least numbers of base stations and of anchors.
+    fn least_counts(self) -> [usize; 2] {
         match self {
             Self::Position | Self::Gnss => [0, 0],
             Self::CrossingBeams => [2, 0],
@@ -320,12 +321,14 @@ impl Positioning {
 
     /// True if the positioning uses ultra-wideband ranges.
     pub fn is_by_ranges(self) -> bool {
-        self.least()[1] > 0
+        let [_, n_anchors] = self.least_counts();
+        n_anchors > 0
     }
 
     /// True if the positioning uses the angles of a Lighthouse's beams.
     pub(crate) fn is_by_light(self) -> bool {
-        self.least()[0] > 0
+        let [n_stations, _] = self.least_counts();
+        n_stations > 0
     }
 
     /// True if the positioning measures positions, not angles or distances.
@@ -353,7 +356,8 @@ impl UwbOptions {
         self.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
     }
 
-    /// The anchors that a drone hears, by index.
+    /// Indices of the anchors that a drone hears. A drone without a list is an error, unless there
+    /// are no lists: then it hears all.
     pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
         match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
             Some(heard) => Ok(heard.clone()),
@@ -390,9 +394,9 @@ impl UwbOptions {
             let list = "sensors.uwb.heard";
             let hint = "list the anchors that the drone hears";
             check_count("", heard.len(), [least, n], hint).map_err(|e| e.of_item(list, drone))?;
-            let wrong =
+            let invalid =
                 (0..heard.len()).find(|i| heard[*i] >= n || heard[..*i].contains(&heard[*i]));
-            if let Some(i) = wrong {
+            if let Some(i) = invalid {
                 let (anchor, most) = (heard[i], n - 1);
                 return Err(input_error!(
                     "",
@@ -413,6 +417,7 @@ pub(super) fn count_v1(stations: &[Station]) -> usize {
     stations.iter().filter(|station| station.generation == Generation::V1).count()
 }
 
+/// Checks that the number of things under a key is from `least` to `most`.
 fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Result<()> {
     if (least..=most).contains(&n) {
         return Ok(());
@@ -488,15 +493,15 @@ impl SensorOptions {
 
     /// Checks the numbers of base stations and anchors.
     pub(crate) fn check_counts(&self) -> Result<()> {
-        let [stations, anchors] = self.positioning.least();
-        let known = &self.lighthouse.stations;
+        let [least_stations, least_anchors] = self.positioning.least_counts();
+        let stations = &self.lighthouse.stations;
         let hint = "list the room's base stations";
         let place = "sensors.lighthouse.stations";
-        check_count(place, known.len(), [stations, MAX_STATIONS], hint)?;
+        check_count(place, stations.len(), [least_stations, MAX_STATIONS], hint)?;
         let hint = "the first generation takes turns: one or two stations; use v2 for more";
-        check_count(&format!("{place}, generation v1"), count_v1(known), [0, 2], hint)?;
+        check_count(&format!("{place}, generation v1"), count_v1(stations), [0, 2], hint)?;
         let (place, hint) = ("sensors.uwb.anchors_m", "list the places of the anchors");
-        check_count(place, self.uwb.anchors_m.len(), [anchors, MAX_ANCHORS], hint)?;
-        if anchors == 0 { Ok(()) } else { self.uwb.check_anchors(anchors) }
+        check_count(place, self.uwb.anchors_m.len(), [least_anchors, MAX_ANCHORS], hint)?;
+        if least_anchors == 0 { Ok(()) } else { self.uwb.check_anchors(least_anchors) }
     }
 }

@@ -26,7 +26,8 @@ pub(crate) struct Member {
 }
 
 impl Member {
-    /// A drone that truly starts at `start_m`.
+    /// The drone of an index that truly starts at `start_m`. With ultra-wideband ranges, the
+    /// believed start has an error.
     pub(crate) fn new(
         sensors: &SensorOptions,
         seed: u64,
@@ -84,7 +85,7 @@ pub(crate) struct Segment {
 }
 
 impl Reckoning {
-    /// The motion since an earlier moment.
+    /// The motion since an earlier time.
     pub(crate) fn since(&self, then: &Self) -> Segment {
         let span_s = self.time_s - then.time_s;
         let gained_m_s = self.velocity_m_s - then.velocity_m_s;
@@ -110,14 +111,23 @@ pub(crate) struct Message {
     pub estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
 }
 
-/// The air between the drones.
+/// A message between two drones.
+#[derive(Debug)]
+struct Transit {
+    arrives_s: f64,
+    /// Place of the receiver in the fleet.
+    receiver: usize,
+    message: Message,
+}
+
+/// The air between the drones, which delays and loses messages.
 #[derive(Debug)]
 pub(crate) struct Air {
     options: PeerOptions,
     /// Noise that decides on losses, by the places of sender and receiver.
     losses: Vec<Vec<Noise>>,
-    /// Messages on their way with the time of arrival and the receiver, in the order of sending.
-    under_way: VecDeque<(f64, usize, Message)>,
+    /// Messages that were sent and have not arrived, in the order of sending.
+    in_transit: VecDeque<Transit>,
     clock: Clock,
 }
 
@@ -131,7 +141,7 @@ impl Air {
         Self {
             options: options.clone(),
             losses: losses.collect(),
-            under_way: VecDeque::new(),
+            in_transit: VecDeque::new(),
             clock: Clock::new(options.rate_hz),
         }
     }
@@ -144,17 +154,21 @@ impl Air {
     /// Sends a message to all others, each of which may lose it.
     pub(crate) fn send(&mut self, message: &Message) {
         let arrives_s = message.motion.time_s + self.options.delay_s;
-        for (to, loss) in self.losses[message.from].iter_mut().enumerate() {
-            if loss.uniform() >= self.options.loss_frac && to != message.from {
-                self.under_way.push_back((arrives_s, to, message.clone()));
+        for (receiver, loss) in self.losses[message.from].iter_mut().enumerate() {
+            if loss.uniform() >= self.options.loss_frac && receiver != message.from {
+                let message = message.clone();
+                self.in_transit.push_back(Transit { arrives_s, receiver, message });
             }
         }
     }
 
-    /// The next message that has arrived by `time_s`, and its receiver.
+    /// Takes the next message that has arrived by `time_s`: the place of its receiver and the
+    /// message, or `None` if none has.
     pub(crate) fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
-        let (arrives_s, ..) = self.under_way.front()?;
-        (*arrives_s <= time_s).then(|| self.under_way.pop_front()).flatten().map(|m| (m.1, m.2))
+        let has_arrived = self.in_transit.front()?.arrives_s <= time_s;
+        let Transit { receiver, message, .. } =
+            has_arrived.then(|| self.in_transit.pop_front()).flatten()?;
+        Some((receiver, message))
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
-use super::lighthouse::{bend, turn};
+use super::lighthouse::{common_distortion, frame_turn};
 use super::streams::Streams;
 use noctograph_core::random::{Field, Normals};
 
@@ -26,10 +26,10 @@ pub(super) struct PositionSensor {
 impl PositionSensor {
     pub(super) fn new(options: &LighthouseOptions, rate_hz: u32, streams: &Streams) -> Self {
         Self {
-            frame: turn(options) * (1.0 + options.frame_scale_error),
+            frame: frame_turn(options) * (1.0 + options.frame_scale_error),
             jitter_m: options.jitter_m,
             jitter: Normals::new(streams.drone_noise("lighthouse jitter")),
-            distortion: bend(options, streams),
+            distortion: common_distortion(options, streams),
             distortion_m: Vector3::zeros(),
             ticks_per_fix: (rate_hz / FIX_RATE_HZ).max(1),
         }

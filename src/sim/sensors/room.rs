@@ -14,7 +14,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
-use super::station::RANGE_M;
+use super::station::{RANGE_M, StationPose};
 
 /// Height of a person.
 const PERSON_M: f64 = 1.8;
@@ -42,6 +42,7 @@ pub(super) struct Mirror {
 }
 
 impl Room {
+    /// The room of the options. A mirror without a normal is left out.
     pub(super) fn new(options: &LighthouseOptions) -> Self {
         let mirrors = options.mirrors_m.iter().map(|plane| (plane, false));
         let planes = mirrors.chain(options.panes_m.iter().map(|plane| (plane, true)));
@@ -63,8 +64,8 @@ impl Room {
         })
     }
 
-    /// True if something is between a station and a deck. The deck's own drone may be among
-    /// `drones_m`: it does not hide its deck.
+    /// True if a person or a drone is between a station and a deck. The deck's own drone, which may
+    /// be among `drones_m`, does not hide it.
     pub(super) fn hides(
         &self,
         station_m: &Vector3<f64>,
@@ -94,9 +95,9 @@ impl Room {
 }
 
 impl Mirror {
-    /// True if it reflects a station to a deck.
+    /// True if it reflects the light of a station to a deck.
     pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
-        // Both are in front of it, and a pane reflects enough at this angle.
+        // Both must be in front of the mirror, and a pane must reflect enough at this angle.
         if ![station_m, deck_m].iter().all(|m| (*m - self.point_m).dot(&self.facing) > 0.0) {
             return false;
         }
@@ -105,13 +106,24 @@ impl Mirror {
         !self.is_glass || path_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
     }
 
-    /// The image of a point.
-    pub(super) fn image_m(&self, place_m: &Vector3<f64>) -> Vector3<f64> {
-        self.point_m + self.turn() * (place_m - self.point_m)
+    /// True if a deck that faces `up` sees the image of a station in it.
+    pub(super) fn shows_to(
+        &self,
+        station: &StationPose,
+        deck_m: &Vector3<f64>,
+        up: &Vector3<f64>,
+    ) -> bool {
+        self.shows(&station.position_m, deck_m)
+            && station.sees(&self.image_m(deck_m), &(self.reflection() * up))
     }
 
-    /// The image of directions.
-    pub(super) fn turn(&self) -> Matrix3<f64> {
+    /// The mirror image of a point.
+    pub(super) fn image_m(&self, position_m: &Vector3<f64>) -> Vector3<f64> {
+        self.point_m + self.reflection() * (position_m - self.point_m)
+    }
+
+    /// The Householder matrix that reflects directions.
+    pub(super) fn reflection(&self) -> Matrix3<f64> {
         Matrix3::identity() - 2.0 * self.facing * self.facing.transpose()
     }
 }

@@ -45,6 +45,7 @@ pub(crate) struct Crossing {
 }
 
 impl StationPose {
+    /// The pose of a station with its rotation as a matrix.
     pub(crate) fn new(station: &Station) -> Self {
         let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
         Self {
@@ -64,14 +65,14 @@ impl StationPose {
     pub(crate) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();
-        let [wide, high] = match self.generation {
+        let [tan_half_width, tan_half_height] = match self.generation {
             Generation::V1 => TAN_HALF_VIEW_V1,
             Generation::V2 => TAN_HALF_VIEW_V2,
         };
         distance_m > 0.0
             && distance_m <= RANGE_M
-            && u.y.abs() <= wide * u.x
-            && u.z.abs() <= high * (u.x * u.x + u.y * u.y).sqrt()
+            && u.y.abs() <= tan_half_width * u.x
+            && u.z.abs() <= tan_half_height * (u.x * u.x + u.y * u.y).sqrt()
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
@@ -105,7 +106,8 @@ impl StationPose {
     }
 }
 
-/// `atan2(y, x)` or `atan2(z, x)`, and its gradient in the station's frame.
+/// Crossing of an upright plane and a point, in the station's frame: the angle `atan2(y, x)` for
+/// axis 1, or `atan2(z, x)` for axis 2.
 fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     let (ahead, aside) = (u.x, u[axis]);
     let square = ahead * ahead + aside * aside;
@@ -114,7 +116,7 @@ fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     Crossing { angle_rad: libm::atan2(aside, ahead), radius_m: square.sqrt(), gradient_rad_m }
 }
 
-/// Angle of a slanted plane, and its gradient in the station's frame.
+/// Crossing of a slanted plane and a point, in the station's frame.
 fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
     // d asin(s) = ds / √(1 − s²) with the sine s = z tan t / r, which falls with the radius r.
     let square = u.x * u.x + u.y * u.y;

@@ -14,12 +14,12 @@ pub(super) struct Streams {
 }
 
 impl Streams {
-    /// Noise that differs between drones and flights.
+    /// Noise of a sensor of this drone. It differs between drones and flights.
     pub(super) fn drone_noise(&self, sensor: &str) -> Noise {
         self.noise_of(self.drone, sensor)
     }
 
-    /// The same of another drone, or of the first of two.
+    /// Noise of a sensor of the drone with an index.
     pub(super) fn noise_of(&self, drone: u64, sensor: &str) -> Noise {
         Noise::new(self.seed, drone, sensor)
     }
@@ -39,11 +39,12 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
+    /// A schedule whose first event is due at time 0.
     pub(crate) fn new(rate_hz: f64) -> Self {
         Self { rate_hz, n: 0 }
     }
 
-    /// The number of the next event, from 0, if it is due by `time_s`. It then counts as done.
+    /// Counts the next event if it is due by `time_s`, and returns its number from 0, else `None`.
     pub(crate) fn due(&mut self, time_s: f64) -> Option<usize> {
         (f64::from(self.n) <= time_s * self.rate_hz).then(|| {
             self.n += 1;

@@ -49,8 +49,8 @@ pub(crate) enum Turn {
     Drones(usize, usize),
 }
 
-/// The links of drones with these indices in their turn: those of each drone to its anchors, then
-/// the pairs of drones.
+/// The links of drones with these indices, in the order in which they take turns: those of each
+/// drone to its anchors, then the pairs of drones.
 pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
     let differences = options.positioning == Positioning::UwbTdoa;
     // In the order of the indices, so that the order of the drones does not matter.
@@ -80,12 +80,12 @@ struct Errors {
 
 impl Errors {
     /// A distance with its errors. Outliers are exponential, of either sign for differences.
-    fn added_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
+    fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
         // A Laplace distribution by the inverse of its distribution function, whose upper half is
         // the exponential one. Both numbers are drawn at every range.
         let white_m = self.noise.normal() * options.noise_m;
-        let [chance, size] = [self.outliers.uniform(), self.outliers.uniform()];
-        let quantile = if differences { size } else { 0.5 + 0.5 * size };
+        let [chance, uniform] = [self.outliers.uniform(), self.outliers.uniform()];
+        let quantile = if differences { uniform } else { 0.5 + 0.5 * uniform };
         let outlier_m = match chance < options.outlier_frac {
             true if quantile < 0.5 => OUTLIER_M * libm::log(1.0 - 2.0 * quantile),
             true => -OUTLIER_M * libm::log(2.0 * (1.0 - quantile)),
@@ -115,6 +115,7 @@ pub(super) struct Uwb {
 }
 
 impl Uwb {
+    /// The tag of a drone in a fleet, not read yet.
     pub(super) fn new(options: &SensorOptions, fleet: &Fleet, streams: &Streams) -> Self {
         let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
         let uwb = &options.uwb;
@@ -140,7 +141,7 @@ impl Uwb {
                 outliers: streams.drone_noise("uwb strays"),
             },
             peers: peers.collect(),
-            // A rate of 2 kHz on a control loop of 50 Hz.
+            // Room for a rate of 2 kHz on a control loop of 50 Hz.
             ranges: Vec::with_capacity(64),
             peer_ranges: Vec::new(),
             anchors_m,
@@ -163,8 +164,7 @@ impl Uwb {
                     let distance = |i: usize| (position_m - self.anchors_m[i]).norm();
                     let true_m = distance(anchor) - minus.map_or(0.0, distance);
                     let biased_m = true_m + self.biases[anchor].component(0, position_m);
-                    let distance_m =
-                        self.errors.added_to(biased_m, &self.options, self.differences);
+                    let distance_m = self.errors.add_to(biased_m, &self.options, self.differences);
                     self.ranges.push(Range { anchor, minus, distance_m });
                 }
                 Turn::Drones(i, j) if i == self.place || j == self.place => {
@@ -174,7 +174,7 @@ impl Uwb {
                     let middle_m = (position_m + fleet_m[drone]) * 0.5;
                     let true_m = (position_m - fleet_m[drone]).norm();
                     let biased_m = true_m + bias.component(0, &middle_m);
-                    let distance_m = errors.added_to(biased_m, &self.options, self.differences);
+                    let distance_m = errors.add_to(biased_m, &self.options, self.differences);
                     self.peer_ranges.push(PeerRange { drone, distance_m });
                 }
                 Turn::Anchor { .. } | Turn::Drones(..) => {}

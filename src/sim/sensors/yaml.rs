@@ -13,14 +13,14 @@ pub use self::lighthouse::read_lighthouse_config;
 /// Most letters of a line that a message shows.
 const MOST_SHOWN: usize = 60;
 
-/// Reads a text with one document. `file` is its name in messages.
+/// Parses a YAML text with one document. An error has the line, and `file` as the text's name.
 fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
     // The library refuses duplicate keys, anchors that multiply, and deep nesting.
     serde_saphyr::from_str(text).map_err(|error| {
         let line = error.location().map_or(1, |location| location.line()).max(1);
-        let text = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));
-        let text: String = text.unwrap_or_default().trim().chars().take(MOST_SHOWN).collect();
-        let quoted = format!("`{text}`: {}", error.without_snippet());
+        let faulty = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));
+        let shown: String = faulty.unwrap_or_default().trim().chars().take(MOST_SHOWN).collect();
+        let quoted = format!("`{shown}`: {}", error.without_snippet());
         Error::input("", quoted, "the form that Bitcraze's programs write", hint)
             .in_file(file, line)
     })

@@ -96,7 +96,8 @@ impl Battery {
         }
     }
 
-    /// Thrusts of the motors if the battery cannot give those wanted.
+    /// Thrusts that the motors give if the battery cannot give those wanted. `max_n` is the largest
+    /// thrust of a motor at the present voltage.
     #[inline(never)]
     pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
         // Without compensation each motor is limited by itself. With it, the duty cycles of all
@@ -129,12 +130,12 @@ impl Battery {
         (a + motor_v * (b + motor_v * (c + motor_v * d))).max(0.0)
     }
 
-    /// Voltage of a motor that gives a thrust, by bisection. 0 for no thrust.
+    /// Voltage of a motor that gives a thrust, by bisection, or 0 for no thrust.
     fn motor_v(&self, thrust_n: f64) -> f64 {
-        let [mut below_v, mut above_v] = [0.0, HIGHEST_V * self.voltage_v];
         if thrust_n <= 0.0 {
             return 0.0;
         }
+        let [mut below_v, mut above_v] = [0.0, HIGHEST_V * self.voltage_v];
         for _ in 0..BISECTIONS {
             let middle_v = 0.5 * (below_v + above_v);
             let is_below = self.thrust_n(middle_v) < thrust_n;

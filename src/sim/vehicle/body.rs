@@ -36,7 +36,7 @@ impl RigidBody {
         }
     }
 
-    /// The same place, level and at rest, with the nose turned from world x toward y.
+    /// A body at the same position, level and at rest, with its nose turned from world x toward y.
     pub fn facing(&self, yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
@@ -46,16 +46,16 @@ impl RigidBody {
 
     /// True if the pitch or the roll has come to a quarter turn, at which the thrust does not lift.
     pub(crate) fn is_on_its_back(&self) -> bool {
-        // The cosine of the roll times that of the pitch, and the sine of the pitch.
+        // The cosine of the tilt is that of the roll times that of the pitch.
         let q = &self.world_from_body;
-        let (cos_of_roll, sin_pitch) =
+        let (cos_tilt, sin_pitch) =
             (1.0 - 2.0 * (q.i * q.i + q.j * q.j), 2.0 * (q.w * q.j - q.k * q.i));
-        cos_of_roll <= 0.0 || sin_pitch.abs() >= 1.0
+        cos_tilt <= 0.0 || sin_pitch.abs() >= 1.0
     }
 
-    /// The same position in x and y and the same yaw, level and at rest on a floor.
+    /// A body at the same x, y and yaw, level and at rest at the height `floor_m`.
     pub(super) fn on_floor(&self, floor_m: f64) -> Self {
-        let [y, x] = self.yaw();
+        let [y, x] = self.yaw_direction();
         Self::resting_at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
             .facing(libm::atan2(y, x))
     }
@@ -66,8 +66,8 @@ impl RigidBody {
         self.world_from_body.to_rotation_matrix().into_inner()
     }
 
-    /// A point `(y, x)` in the direction of the yaw.
-    fn yaw(&self) -> [f64; 2] {
+    /// A vector `[y, x]` in the direction of the yaw, for `atan2(y, x)`.
+    fn yaw_direction(&self) -> [f64; 2] {
         let q = &self.world_from_body;
         [2.0 * (q.w * q.k + q.i * q.j), 1.0 - 2.0 * (q.j * q.j + q.k * q.k)]
     }
@@ -76,12 +76,11 @@ impl RigidBody {
     pub fn state(&self) -> State {
         let q = &self.world_from_body;
         let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
-        let roll = [2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j)];
-        let attitude = Attitude {
-            yaw_rad: libm::atan2(self.yaw()[0], self.yaw()[1]),
-            pitch_rad: libm::asin(sin_pitch),
-            roll_rad: libm::atan2(roll[0], roll[1]),
-        };
+        let [y, x] = self.yaw_direction();
+        let roll_rad =
+            libm::atan2(2.0 * (q.w * q.i + q.j * q.k), 1.0 - 2.0 * (q.i * q.i + q.j * q.j));
+        let attitude =
+            Attitude { yaw_rad: libm::atan2(y, x), pitch_rad: libm::asin(sin_pitch), roll_rad };
         state(&self.position_m, attitude, &self.velocity_body_m_s(), &self.rate_rad_s)
     }
 
@@ -90,6 +89,7 @@ impl RigidBody {
         self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
     }
 
+    /// The body as a row for the integrator.
     #[inline(always)]
     pub(super) fn row(&self) -> Row {
         let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);

@@ -60,12 +60,13 @@ pub struct Jet {
 }
 
 impl Jet {
+    /// The stream below a drone whose rotors, `size_m` from its middle, lift `thrust_n` together.
     pub(super) fn new(body: &RigidBody, thrust_n: f64, size_m: f64) -> Self {
         let along = body.world_from_body * -Vector3::z();
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Thrust that each rotor of a drone loses, whose rotors lift `thrust_n` together.
+    /// Thrust that each rotor of another drone, with a total of `thrust_n`, loses in the stream.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);
@@ -75,20 +76,23 @@ impl Jet {
             return Vector4::zeros();
         }
         // Along the axis the speed falls as 1/z from the virtual origin, up to the largest loss.
-        let sizes = below_m / self.size_m - ORIGIN;
-        let lost_frac = if sizes > 0.0 { (LOSS_SIZES / sizes).min(MOST_LOST) } else { MOST_LOST };
+        let from_origin = below_m / self.size_m - ORIGIN;
+        let lost_frac = match from_origin > 0.0 {
+            true => (LOSS_SIZES / from_origin).min(MOST_LOST),
+            false => MOST_LOST,
+        };
         let each_n = 0.25 * lost_frac * (self.thrust_n * thrust_n).max(0.0).sqrt();
         // Across it the speed is a Gaussian. The fraction is that of a drone on the axis, whose
         // rotors are all an arm's diagonal away from it.
         Vector4::from_fn(|motor, _| {
             let [left, back] = [MOTOR_SIGNS[(0, motor)], MOTOR_SIGNS[(1, motor)]];
             let rotor_m = body.world_from_body * Vector3::new(-back * arm_m, left * arm_m, 0.0);
-            let off_m2 = self.squared_offset_m2(&(apart_m + rotor_m)) - 2.0 * arm_m * arm_m;
-            each_n * libm::exp(-0.5 * off_m2 / (sigma_m * sigma_m))
+            let excess_m2 = self.squared_offset_m2(&(apart_m + rotor_m)) - 2.0 * arm_m * arm_m;
+            each_n * libm::exp(-0.5 * excess_m2 / (sigma_m * sigma_m))
         })
     }
 
-    /// Squared distance from the jet's axis.
+    /// Squared distance from the jet's axis of a point that is `apart_m` from the jet's drone.
     fn squared_offset_m2(&self, apart_m: &Vector3<f64>) -> f64 {
         (apart_m - self.along * apart_m.dot(&self.along)).norm_squared()
     }

@@ -28,11 +28,13 @@ pub struct FloorStep {
 }
 
 impl FloorStep {
+    /// True if a point is above the step's extent.
     fn is_below(&self, x_m: f64, y_m: f64) -> bool {
         let ([left, right], [near, far]) = (self.x_m, self.y_m);
         (left..=right).contains(&x_m) && (near..=far).contains(&y_m)
     }
 
+    /// True if both steps cover a common area.
     fn overlaps(&self, other: &Self) -> bool {
         let extents = [(self.x_m, other.x_m), (self.y_m, other.y_m)];
         extents.iter().all(|(a, b)| a[0] < b[1] && b[0] < a[1])
@@ -42,6 +44,7 @@ impl FloorStep {
 impl Described for FloorStep {
     const SHAPE: Shape = Shape::Plain;
 
+    /// Checks the height and the order of the ends.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         self.height_m.check(&joined(place, "height_m"), Some([0.001, 100.0]))?;
         for (key, extent_m) in [("x_m", self.x_m), ("y_m", self.y_m)] {
@@ -68,12 +71,12 @@ impl FloorOptions {
 
     /// Distance from a point to the floor along a downward unit vector.
     pub fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
-        let onto_steps_m = self.steps.iter().filter_map(|step| {
+        let to_steps_m = self.steps.iter().filter_map(|step| {
             let distance_m = (from_m.z - step.height_m) / -down.z;
             let foot_m = from_m + down * distance_m;
             (distance_m >= 0.0 && step.is_below(foot_m.x, foot_m.y)).then_some(distance_m)
         });
-        onto_steps_m.fold(from_m.z / -down.z, f64::min)
+        to_steps_m.fold(from_m.z / -down.z, f64::min)
     }
 
     /// Checks that no two steps overlap.

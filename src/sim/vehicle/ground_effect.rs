@@ -25,8 +25,8 @@ impl Floor {
         }
     }
 
-    /// Thrust relative to that far from the floor at the same rotor speed, for a level drone whose
-    /// origin is `height_m` above the floor.
+    /// Thrust near the floor over thrust far from it at the same rotor speed, for a level drone
+    /// whose origin is `height_m` above the floor. The formulas are at [`GroundEffect`].
     #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
         // A rotor's own image, and those of its two neighbors and the opposite one.

@@ -31,12 +31,14 @@ struct Filtered {
 }
 
 impl Filtered {
+    /// Components with their stages drawn from the stationary distribution.
     fn new(filters: [Filter; 3], noise: Noise) -> Self {
         let mut filtered = Self { filters, noise: Normals::new(noise) };
         filtered.filters.iter_mut().for_each(|filter| filter.settle(&mut filtered.noise));
         filtered
     }
 
+    /// The components in the next step.
     #[inline]
     fn advance(&mut self) -> [f64; 3] {
         self.filters.each_mut().map(|filter| filter.advance(&mut self.noise))
@@ -53,7 +55,7 @@ pub(super) struct Gust {
 }
 
 impl Wind {
-    /// The air about the drone with index `drone`, moved on by steps of `dt_s`.
+    /// The air around the drone with index `drone`, advanced in steps of `dt_s`.
     pub(super) fn new(options: &AirOptions, dt_s: f64, seed: u64, drone: u64) -> Self {
         let mean_m_s = Vector3::from(options.wind_m_s);
         let level_m_s = libm::hypot(mean_m_s.x, mean_m_s.y);
@@ -74,6 +76,7 @@ impl Wind {
             }
             Gusts::Dryden | Gusts::None => {}
         }
+        // The two components draw from streams of their own.
         let streams = [(filters, "gusts"), (torques, "gust torque")];
         let [gusts, torques] = streams.map(|(filters, stream)| {
             filters.map(|filters| Filtered::new(filters, Noise::new(seed, drone, stream)))
@@ -127,25 +130,27 @@ struct Filter {
     parts: [f64; 2],
     stages: [f64; 2],
     /// Decay of each stage in one step, and the coupling of the first into the second.
-    stays: f64,
-    gives: f64,
+    decay: f64,
+    coupling: f64,
     /// Cholesky factor of the noise added in one step: by stationarity `P − F P Fᵀ` with
     /// `P = [[1, ½], [½, ½]]`.
-    adds: [f64; 3],
+    noise_factor: [f64; 3],
 }
 
 impl Filter {
+    /// A filter with the time constant `time_s` in steps of `dt_s`, with both stages at zero.
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
-        // `F = [stays 0; gives stays]`, exact for the step, and the Cholesky factor of P − F P Fᵀ.
-        let stays = libm::exp(-dt_s / time_s);
-        let gives = stays * dt_s / time_s;
-        let first_sq = 1.0 - stays * stays;
-        let both = 0.5 - stays * (gives + 0.5 * stays);
-        let second_sq = 0.5 - gives * gives - stays * gives - 0.5 * stays * stays;
-        let first = first_sq.sqrt();
-        let shared = both / first;
-        let adds = [first, shared, (second_sq - shared * shared).max(0.0).sqrt()];
-        Self { parts, stages: [0.0; 2], stays, gives, adds }
+        // F = [decay 0; coupling decay], exact for the step, and the entries of Q = P − F P Fᵀ.
+        let decay = libm::exp(-dt_s / time_s);
+        let coupling = decay * dt_s / time_s;
+        let q11 = 1.0 - decay * decay;
+        let q21 = 0.5 - decay * (coupling + 0.5 * decay);
+        let q22 = 0.5 - coupling * coupling - decay * coupling - 0.5 * decay * decay;
+        // Cholesky factor of Q: l11, l21, l22.
+        let l11 = q11.sqrt();
+        let l21 = q21 / l11;
+        let noise_factor = [l11, l21, (q22 - l21 * l21).max(0.0).sqrt()];
+        Self { parts, stages: [0.0; 2], decay, coupling, noise_factor }
     }
 
     /// Draws the stages from their stationary distribution, by Cholesky's factor of P.
@@ -154,16 +159,18 @@ impl Filter {
         self.stages = [first, 0.5 * (first + noise.next())];
     }
 
+    /// Advances the filter by a step and returns its output.
     fn advance(&mut self, noise: &mut Normals) -> f64 {
         // A filter of one stage draws one number a step, and one of two stages draws two.
         let [first, second] = self.stages;
         let draw = noise.next();
-        self.stages[0] = self.stays * first + self.adds[0] * draw;
+        let [l11, l21, l22] = self.noise_factor;
+        self.stages[0] = self.decay * first + l11 * draw;
         if self.parts[1] == 0.0 {
             return self.parts[0] * self.stages[0];
         }
-        let added = self.adds[1] * draw + self.adds[2] * noise.next();
-        self.stages[1] = self.stays * second + self.gives * first + added;
+        let added = l21 * draw + l22 * noise.next();
+        self.stages[1] = self.decay * second + self.coupling * first + added;
         self.parts[0] * self.stages[0] + self.parts[1] * self.stages[1]
     }
 }

@@ -28,12 +28,12 @@ impl Mixer {
         }
     }
 
-    /// Commands m1…m4 for a wrench, as a matrix.
+    /// The matrix that makes commands m1…m4 of a wrench.
     pub fn motors_from_wrench(&self) -> Matrix4<f64> {
         self.motors_from_wrench
     }
 
-    /// Commands m1…m4 for a wrench, each clamped to the motors' range, and whether any was clamped.
+    /// Commands m1…m4 for a wrench, each clamped to the motors' range, and true if any was clamped.
     pub fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
@@ -45,14 +45,14 @@ impl Mixer {
         self.motors_from_wrench * wrench
     }
 
-    /// Commands m1…m4 that the firmware distributes for a wrench, none below zero or above `most`,
-    /// and whether any was cut (`power_distribution_quadrotor.c`, `powerDistributionForceTorque`).
+    /// Commands m1…m4 of the firmware for a wrench, see [`capped`] (`powerDistributionForceTorque`,
+    /// `power_distribution_quadrotor.c`).
     pub(crate) fn distributed(&self, wrench: &Wrench, most: f64) -> (Vector4<f64>, bool) {
         capped(&self.unbounded_motors(wrench), most)
     }
 
-    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, likewise
-    /// (`powerDistributionLegacy`).
+    /// Commands m1…m4 of the firmware for roll, pitch, yaw and thrust in the same unit, see
+    /// [`capped`] (`powerDistributionLegacy`).
     pub(crate) fn motors_from_commands(commands: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
         capped(&(MOTOR_SIGNS.transpose() * commands), most)
     }
@@ -63,7 +63,7 @@ impl Mixer {
     }
 }
 
-/// Commands from zero to `most`, and whether any was cut.
+/// The wanted commands limited to zero and `most`, and true if any was changed.
 ///
 /// If a motor would exceed `most`, all four are lowered by the excess: attitude has priority over
 /// thrust (`powerDistributionCap`). With compensation of the battery, which caps the thrust later,

@@ -16,12 +16,12 @@ pub type Motion = SVector<f64, 9>;
 pub(crate) type Wrench = Vector4<f64>;
 
 impl VehicleOptions {
-    /// Thrust that carries the drone, with no torque.
+    /// The wrench at hover: the thrust that carries the drone, and no torque.
     pub(crate) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
 
-    /// `ṡ` of the design model.
+    /// Derivative `ṡ` of the state in the design model.
     pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
         let (rate, j) = (rate(state), Vector3::from(self.inertia_kg_m2));
         let motion = state.fixed_rows::<9>(0).into_owned();
@@ -35,8 +35,8 @@ impl VehicleOptions {
     }
 }
 
-/// First nine rows of `ṡ`, given the body rate and the specific force along body z (thrust per
-/// mass, which is also the accelerometer's reading).
+/// Derivative of the motion, the first nine rows of `ṡ`, given the body rate and the specific force
+/// along body z (thrust per mass, which is also the accelerometer's reading).
 pub(crate) fn motion_derivative(
     motion: &Motion,
     rate: &Vector3<f64>,

@@ -263,12 +263,12 @@ impl BatteryOptions {
         let tenths = charge_frac * 10.0;
         #[expect(clippy::cast_possible_truncation, reason = "0 to 10")]
         let below = (tenths as usize).min(9);
-        let above = tenths - below as f64;
+        let fraction = tenths - below as f64;
         let [low, high] = [self.open_circuit_v[below], self.open_circuit_v[below + 1]];
-        low + (high - low) * above
+        low + (high - low) * fraction
     }
 
-    /// Checks that more charge is more voltage.
+    /// Checks that the open-circuit voltage rises with the charge.
     pub(crate) fn check_curve(&self) -> Result<()> {
         if self.open_circuit_v.is_sorted() {
             return Ok(());

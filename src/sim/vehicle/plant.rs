@@ -53,7 +53,7 @@ pub struct Plant {
     dt_s: f64,
     thrust_per_command_n: f64,
     /// Fraction of its thrust that each motor gives, less than 1 for a damaged one.
-    given: Vector4<f64>,
+    thrust_frac: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
     arm_m: f64,
@@ -75,10 +75,10 @@ impl Plant {
     ) -> Self {
         let PlantOptions { vehicle, battery, air, floor } = options;
         let floor_m = floor.height_m(position_m.x, position_m.y);
-        let carried = if position_m.z > floor_m { 0.25 * GRAVITY_M_S2 } else { 0.0 };
+        let rotor_m_s2 = if position_m.z > floor_m { 0.25 * GRAVITY_M_S2 } else { 0.0 };
         Self {
             row: RigidBody::resting_at(position_m).row(),
-            rotors: Rotors::new(vehicle, carried * vehicle.mass_kg, dt_s),
+            rotors: Rotors::new(vehicle, rotor_m_s2 * vehicle.mass_kg, dt_s),
             battery: Battery::new(battery),
             inertia: Inertia::new(vehicle),
             floor: Floor::new(vehicle),
@@ -87,7 +87,7 @@ impl Plant {
             wind_m_s: air.wind_m_s.into(),
             dt_s,
             thrust_per_command_n: vehicle.k_f_n,
-            given: Vector4::from(vehicle.motor_loss_frac).map(|lost| 1.0 - lost),
+            thrust_frac: Vector4::from(vehicle.motor_loss_frac).map(|lost| 1.0 - lost),
             full_thrust_n: vehicle.full_thrust_n(),
             short_steps: 0,
             arm_m: vehicle.arm_m,
@@ -95,7 +95,7 @@ impl Plant {
         }
     }
 
-    /// The same drone, level and at rest, with its nose turned from world x toward y.
+    /// Makes the drone level and at rest, with its nose turned from world x toward y.
     #[must_use]
     pub fn facing(self, yaw_rad: f64) -> Self {
         Self { row: self.body().facing(yaw_rad).row(), ..self }
@@ -107,16 +107,16 @@ impl Plant {
         Jet::new(&self.body(), self.rotors.thrust_n(), size_m)
     }
 
-    /// Puts the drone into the downwash of others, until the next call.
+    /// Sets the downwash of other drones, which takes thrust from the rotors until the next call.
     pub fn enter<'a>(&mut self, jets: impl Iterator<Item = &'a Jet>) {
         let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
         let lost_n: Vector4<f64> = jets.map(|jet| jet.lost_n(&body, thrust_n, self.arm_m)).sum();
-        // No sum of losses turns a rotor's thrust around.
+        // The sum of losses is at most a rotor's mean thrust.
         let lost_n = lost_n.map(|lost_n| lost_n.min(0.25 * thrust_n));
         self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost(&lost_n));
     }
 
-    /// One step under motor commands m1…m4, each from 0 to the largest.
+    /// Advances the drone by one step under motor commands m1…m4, each from 0 to the largest.
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
@@ -125,7 +125,7 @@ impl Plant {
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
         let ground = self.floor.thrust_ratio(middle_m - floor_m);
         let mut loads = self.rotors.advance(&thrusts_n, ground);
-        // So are the gust, the downwash and the voltage of the battery.
+        // Gust, downwash and the voltage of the battery are held as well.
         if !self.wind.is_steady() {
             let gust = self.wind.advance();
             self.wind_m_s = gust.wind_m_s;
@@ -137,7 +137,7 @@ impl Plant {
         if let Some(battery) = &mut self.battery {
             battery.drain(self.rotors.thrust_n(), self.dt_s);
         }
-        // Only a drone that begins or ends the step on the floor needs a look at its contact.
+        // Contact is computed only for a drone that begins or ends the step on the floor.
         let next = self.inertia.step(&self.row, &loads, &self.wind_m_s, self.dt_s);
         if self.row[2] <= floor_m || next[2] < self.floor_m(next[0], next[1]) {
             self.touch(next, &loads[2]);
@@ -177,13 +177,13 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// Vertical acceleration per throttle at the present voltage, far from the floor.
+    /// Vertical acceleration at full throttle and the present voltage, far from the floor.
     pub fn gain_m_s2(&self) -> f64 {
-        let delivered = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
-        4.0 * self.full_thrust_n * delivered * GRAVITY_M_S2 / self.inertia.weight_n
+        let battery_gain = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
+        4.0 * self.full_thrust_n * battery_gain * GRAVITY_M_S2 / self.inertia.weight_n
     }
 
-    /// Warnings about the battery.
+    /// Warnings about a battery that limited the thrust, or was empty.
     pub fn warnings(&self) -> Vec<Diagnostic> {
         let short_s = f64::from(self.short_steps) * self.dt_s;
         let weak = (short_s > 0.0).then(|| warning::battery_weak(short_s));
@@ -191,13 +191,13 @@ impl Plant {
         weak.into_iter().chain(is_empty.then(warning::battery_empty)).collect()
     }
 
-    /// Thrust toward which each motor is driven.
+    /// Thrust toward which each motor is driven by a command, within what the battery can give.
     #[inline(always)]
     pub(crate) fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
         let Some(battery) = &self.battery else {
             let full_n = thrusts_n.map(|thrust_n| thrust_n.min(self.full_thrust_n));
-            return full_n.component_mul(&self.given);
+            return full_n.component_mul(&self.thrust_frac);
         };
         // The firmware's compensation makes a command a thrust. A motor below the least one idles,
         // and a motor beyond the voltage lowers all four.
@@ -208,7 +208,7 @@ impl Plant {
             self.short_steps += 1;
             wanted_n = battery.lowered(&wanted_n, limit.max_n);
         }
-        wanted_n.component_mul(&self.given)
+        wanted_n.component_mul(&self.thrust_frac)
     }
 
     /// Height of the floor at a place.
@@ -217,7 +217,8 @@ impl Plant {
         self.steps.height_m(x_m, y_m)
     }
 
-    /// Keeps a drone on the floor that does not rise from it, and stops one that comes down to it.
+    /// Sets the state after a step with contact: a drone that rests on the floor stays, one that
+    /// rises goes to `next`, and one that comes down is stopped on the floor.
     #[inline(never)]
     fn touch(&mut self, next: Row, load: &Load) {
         let rests = self.rests(load);

@@ -19,7 +19,7 @@ pub(super) struct Load {
 }
 
 impl Load {
-    /// The load less the thrust, and its torque, of another one.
+    /// The load reduced by the thrust of another one and its torque.
     #[inline(always)]
     pub(super) fn less(&self, lost: &Self) -> Self {
         Self {
@@ -55,10 +55,10 @@ struct Lag {
 }
 
 impl Lag {
-    /// A time constant of 0 means no lag.
+    /// A lag in steps of `dt_s`. A time constant of 0 means no lag.
     fn new(time_constant_s: f64, dt_s: f64) -> Self {
         if time_constant_s > 0.0 {
-            let remaining = [0.0, 0.5, 1.0].map(|part| libm::exp(-part * dt_s / time_constant_s));
+            let remaining = [0.0, 0.5, 1.0].map(|step| libm::exp(-step * dt_s / time_constant_s));
             Self { remaining, per_s: 1.0 / time_constant_s }
         } else {
             Self { remaining: [0.0; 3], per_s: 0.0 }
@@ -96,20 +96,21 @@ impl Rotors {
         self.load_at(&self.speed_rad_s, &Vector4::zeros(), ground)
     }
 
-    /// Follows the commanded thrusts through one step: the loads at its start, middle and end.
+    /// Advances the speeds toward the commanded thrusts by one step. Returns the loads at its
+    /// start, middle and end.
     #[inline(always)]
     pub(super) fn advance(&mut self, command_n: &Vector4<f64>, ground: f64) -> [Load; 3] {
         // Each speed falls exponentially to its target, with one time constant up and another down.
         let start = self.speed_rad_s;
         let target = command_n.map(|thrust_n| (thrust_n * self.per_thrust).sqrt());
         let mut loads = [Load::default(); 3];
-        for (part, load) in loads.iter_mut().enumerate() {
+        for (sample, load) in loads.iter_mut().enumerate() {
             let (mut speed, mut change) = (start, start);
             for i in 0..4 {
                 let lag = if start[i] < target[i] { &self.rise } else { &self.fall };
-                let left = (start[i] - target[i]) * lag.remaining[part];
-                speed[i] = target[i] + left;
-                change[i] = -left * lag.per_s;
+                let difference = (start[i] - target[i]) * lag.remaining[sample];
+                speed[i] = target[i] + difference;
+                change[i] = -difference * lag.per_s;
             }
             *load = self.load_at(&speed, &change, ground);
             self.speed_rad_s = speed;
@@ -125,7 +126,7 @@ impl Rotors {
             (MOTOR_SIGNS * speed.map(|speed| scale * speed * speed)).into();
         // The yaw signs are those of the torque on the body, against which the rotors turn.
         let (spin, spin_up) = (-(MOTOR_SIGNS * speed).z, -(MOTOR_SIGNS * change).z);
-        let [about_x, about_y] = self.tilting_n_m(roll, pitch, thrust_n);
+        let [about_x, about_y] = self.horizontal_torque_n_m(roll, pitch, thrust_n);
         let about_z = self.torque_per_thrust_m * yaw - self.inertia_kg_m2 * spin_up;
         Load {
             thrust_n,
@@ -135,17 +136,18 @@ impl Rotors {
         }
     }
 
-    /// The load of thrusts that the rotors lose at their speeds, which costs no torque about z.
+    /// The load of thrusts that the rotors lose at unchanged speeds. It has no torque about z.
     pub(super) fn lost(&self, lost_n: &Vector4<f64>) -> Load {
         let [roll, pitch, _, thrust_n] = (MOTOR_SIGNS * lost_n).into();
-        let [about_x, about_y] = self.tilting_n_m(roll, pitch, thrust_n);
+        let [about_x, about_y] = self.horizontal_torque_n_m(roll, pitch, thrust_n);
         let torque_n_m = Vector3::new(about_x, about_y, 0.0);
         Load { thrust_n, torque_n_m, ..Load::default() }
     }
 
-    /// Torque about x and y of thrusts that differ, about the center of mass.
+    /// Torque about body x and y, with respect to the center of mass, of the rotors' thrusts:
+    /// `roll` and `pitch` are their sums with the signs of [`MOTOR_SIGNS`].
     #[inline(always)]
-    fn tilting_n_m(&self, roll: f64, pitch: f64, thrust_n: f64) -> [f64; 2] {
+    fn horizontal_torque_n_m(&self, roll: f64, pitch: f64, thrust_n: f64) -> [f64; 2] {
         let [x, y] = self.center_of_mass_m;
         [self.lever_m * roll - y * thrust_n, self.lever_m * pitch + x * thrust_n]
     }

@@ -36,6 +36,7 @@ pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
+/// Parses the text of a file of anchors. `file` is its name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
     let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
     let mut places_m: Vec<[f64; 3]> = Vec::new();

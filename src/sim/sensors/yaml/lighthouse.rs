@@ -79,19 +79,19 @@ pub fn read_lighthouse_config(path: &Path) -> Result<Warned<Vec<Station>>> {
 fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
     // All keys first, so that unknown ones are named whatever follows. Then the known ones.
     let keys: Keys = from_yaml(yaml, file, HINT)?;
-    let mut others = unknown(&keys, &KEYS);
+    let mut unknown = unknown_keys(&keys, &KEYS);
     let config: Config = from_yaml(yaml, file, HINT)?;
-    must_be("type", &config.r#type, &["lighthouse_system_configuration"], file)?;
-    must_be("version", &config.version, &["1"], file)?;
+    check_value("type", &config.r#type, &["lighthouse_system_configuration"], file)?;
+    check_value("version", &config.version, &["1"], file)?;
     let generation = match &config.system_type {
         Some(system_type) => {
-            must_be("systemType", system_type, &["1", "2"], file)?;
+            check_value("systemType", system_type, &["1", "2"], file)?;
             if system_type.value == "1" { Generation::V1 } else { Generation::V2 }
         }
         None => Generation::V2,
     };
     if config.geos.is_empty() {
-        let content = match others.as_slice() {
+        let content = match unknown.as_slice() {
             [] => "no base station under geos".to_owned(),
             keys => format!("no base station under geos, but {}", keys.join(", ")),
         };
@@ -101,15 +101,16 @@ fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
         config.geos.iter().map(|(id, geometry)| station(generation, geometry, file, *id));
     let product = stations.collect::<Result<_>>()?;
     let geometries: Geometries = from_yaml(yaml, file, HINT)?;
-    others.extend(geometries.geos.values().flat_map(|keys| unknown(keys, &GEOMETRY)));
-    let mut warnings = warnings(&config);
-    if !others.is_empty() {
-        warnings.push(format!("{file}: {} is not known and has no effect", others.join(", ")));
+    unknown.extend(geometries.geos.values().flat_map(|keys| unknown_keys(keys, &GEOMETRY)));
+    let mut warnings = calibration_warnings(&config);
+    if !unknown.is_empty() {
+        warnings.push(format!("{file}: {} is not known and has no effect", unknown.join(", ")));
     }
     Ok(Warned { product, warnings: Diagnostic::warnings("base-stations", warnings) })
 }
 
-fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
+/// Checks that the value of a key is one of those wanted.
+fn check_value(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
     if wanted.contains(&value.value.as_str()) {
         return Ok(());
     }
@@ -117,7 +118,7 @@ fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> R
     Err(error.in_file(file, value.referenced.line()))
 }
 
-/// A station from its geometry.
+/// A station from its geometry. An impossible position or rotation is an error.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
     let refused = |line: u64, key: &str, value: String, wanted: &str| {
         Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).in_file(file, line))
@@ -134,19 +135,30 @@ fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> R
         let line = geometry.rotation.referenced.line();
         return refused(line, "rotation", format!("{rows:?}"), "a rotation");
     }
-    Ok(placed(generation, position_m, &rotation))
+    Ok(station_from_rotation(generation, position_m, &rotation))
+}
+
+/// A station from the rotation from its frame to the world's.
+fn station_from_rotation(
+    generation: Generation,
+    position_m: [f64; 3],
+    rotation: &Matrix3<f64>,
+) -> Station {
+    let forward = rotation.column(0).into_owned();
+    let roll_rad = libm::atan2(rotation[(2, 1)], rotation[(2, 2)]);
+    Station::facing(generation, position_m, &forward, roll_rad)
 }
 
 /// The keys of a mapping that are not among those known, with their lines.
-fn unknown(keys: &Keys, known: &[&str]) -> Vec<String> {
-    let others = keys.iter().filter(|(key, _)| !known.contains(&key.as_str()));
-    others.map(|(key, value)| format!("{key} (line {})", value.referenced.line())).collect()
+fn unknown_keys(keys: &Keys, known: &[&str]) -> Vec<String> {
+    let unknown = keys.iter().filter(|(key, _)| !known.contains(&key.as_str()));
+    unknown.map(|(key, value)| format!("{key} (line {})", value.referenced.line())).collect()
 }
 
-fn warnings(config: &Config) -> Vec<String> {
-    // Calibrations of stations with a geometry, and of those without.
-    let [calibrated, unplaced] = [true, false].map(|placed| {
-        let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == placed);
+/// Warnings about calibrations, which have no effect, of stations with a geometry and without.
+fn calibration_warnings(config: &Config) -> Vec<String> {
+    let [calibrated, unplaced] = [true, false].map(|has_geometry| {
+        let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == has_geometry);
         ids.map(u8::to_string).collect::<Vec<_>>().join(", ")
     });
     let mut warnings = Vec::new();
@@ -162,12 +174,6 @@ fn warnings(config: &Config) -> Vec<String> {
         ));
     }
     warnings
-}
-
-/// A station from its rotation matrix.
-fn placed(generation: Generation, position_m: [f64; 3], turn: &Matrix3<f64>) -> Station {
-    let forward = turn.column(0).into_owned();
-    Station::facing(generation, position_m, &forward, libm::atan2(turn[(2, 1)], turn[(2, 2)]))
 }
 
 #[cfg(test)]
@@ -246,7 +252,8 @@ version: '1'
             let generation = Generation::V2;
             let station = Station { generation, position_m, yaw_rad, pitch_rad, roll_rad };
             let r = StationPose::new(&station).world_from_station;
-            let again = StationPose::new(&placed(generation, position_m, &r)).world_from_station;
+            let again = StationPose::new(&station_from_rotation(generation, position_m, &r))
+                .world_from_station;
             assert!((again - r).norm() < 1e-13, "{station:?}");
         }
     }
