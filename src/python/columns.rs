@@ -1,4 +1,4 @@
-//! Arrays of numpy as columns of one table: a row for each time.
+//! Reads numpy arrays as the columns of one table, with a row for each time.
 
 use std::collections::BTreeMap;
 
@@ -9,8 +9,8 @@ use pyo3::types::PyDict;
 use super::{numbers, refused};
 use noctograph::plan::HEADLIGHTS;
 
-/// The columns of a plan or a flight, as long as the times. Their values are checked by the product
-/// that is made of them.
+/// Reads the columns of a plan or a flight, all as long as `times_s`. Their values are checked
+/// later, by `Plan::new` and `Flight::new`.
 pub(super) struct Columns {
     pub(super) times_s: Vec<f64>,
 }
@@ -20,27 +20,26 @@ impl Columns {
         Ok(Self { times_s: numbers(time_s, "time_s", 1)? })
     }
 
-    /// A column with rows of `columns` numbers, by default all `usual`.
+    /// Returns `width` numbers for each time, row by row. All are `default` if `array` is `None`.
     pub(super) fn column(
         &self,
         name: &str,
         array: Option<&Bound<'_, PyAny>>,
-        columns: usize,
-        usual: f64,
+        width: usize,
+        default: f64,
     ) -> PyResult<Vec<f64>> {
-        // A missing column is the usual value in every row.
         let n = self.times_s.len();
-        let Some(array) = array else { return Ok(vec![usual; columns * n]) };
-        let values = numbers(array, name, columns)?;
-        if values.len() == columns * n {
+        let Some(array) = array else { return Ok(vec![default; width * n]) };
+        let values = numbers(array, name, width)?;
+        if values.len() == width * n {
             return Ok(values);
         }
-        let actual = format!("{} rows", values.len() / columns);
+        let actual = format!("{} rows", values.len() / width);
         let hint = "one row for each time";
         Err(refused(array.py(), name, actual, format!("{n} rows, as time_s"), hint))
     }
 
-    /// A column of points or directions, by default all zero.
+    /// Returns a vector for each time. All are zero if `array` is `None`.
     pub(super) fn points(
         &self,
         name: &str,
@@ -50,18 +49,19 @@ impl Columns {
         Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
     }
 
-    /// Levels of lamps by their channels. A single array is that of the headlights.
+    /// Returns the lamps' levels by channel. An array in place of a dict is that of the headlights.
     pub(super) fn lights(
         &self,
         light: Option<&Bound<'_, PyAny>>,
-        usual: f64,
+        default: f64,
     ) -> PyResult<BTreeMap<String, Vec<f64>>> {
+        // Not a dict: one array, or no array at all.
         let Some(Ok(channels)) = light.map(|light| light.cast::<PyDict>()) else {
-            return Ok([(HEADLIGHTS.to_owned(), self.column("light", light, 1, usual)?)].into());
+            return Ok([(HEADLIGHTS.to_owned(), self.column("light", light, 1, default)?)].into());
         };
         let columns = channels.iter().map(|(name, levels)| {
             let name = name.extract::<String>()?;
-            let levels = self.column(&format!("light[{name:?}]"), Some(&levels), 1, usual)?;
+            let levels = self.column(&format!("light[{name:?}]"), Some(&levels), 1, default)?;
             Ok((name, levels))
         });
         columns.collect()

@@ -1,4 +1,4 @@
-//! Flights: simulated, imported, or from anybody's arrays.
+//! Flights: simulated, imported from logs, or made from arrays.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ use noctograph::flight::table::{MAX_DURATION_S, on_grid};
 use noctograph::flight::{Flight, FlightData, FlightSample, Quantity};
 use noctograph::geometry::Attitude;
 use noctograph::logs::{ImportOptions, doubts, import};
-use noctograph::plan::{LightClock, ReferenceKind};
+use noctograph::plan::{LightClock, Plan, ReferenceKind};
 use noctograph::report::{NamedFlight, front_view};
 use noctograph::scene::Scene;
 use noctograph::shoot::{Shoot, Stop, infer_lights_if_dark};
@@ -34,7 +34,7 @@ use noctograph::sim::Session;
 /// position_m : numpy.ndarray
 ///     Position of the body in m, x right, y into the scene, z up, shape (N, 3).
 /// light : numpy.ndarray or dict of str to numpy.ndarray, optional
-///     Level of the headlights, 0 to 1, shape (N,). 1 by default. Of other lamps by their channels, those of
+///     Level of the headlights, 0 to 1, shape (N,). 1 by default. For other lamps a dict by channel, those of
 ///     ``plan.lights``: ``{"headlights": on, "color-led": on}``, and of the ring ``"ring.red"``, ``"ring.green"``
 ///     and ``"ring.blue"``. Colors and lamps are the scene's (``light.color_led_wrgb``, ``light.deck``). A lamp of
 ///     a Crazyflie changes on its firmware's tick, up to 50 ms later: ``set={"light.tick_s": 0}`` in the scene
@@ -42,15 +42,15 @@ use noctograph::sim::Session;
 /// attitude_rad : numpy.ndarray, optional
 ///     Yaw, pitch and roll in rad, in this order, shape (N, 3). 0 by default. Yaw is about the world's z, then pitch
 ///     about y, then roll about x: the angles that ROS and PyBullet call roll, pitch, yaw and give in the opposite
-///     order (``rpy[:, ::-1]``). `attitude_rad` makes them of quaternions.
+///     order (``rpy[:, ::-1]``). `attitude_rad` computes them from quaternions.
 /// design_m : numpy.ndarray, optional
-///     Position that was to be flown in m, shape (N, 3). Without it there is no tracking error. Without a word in
+///     Planned position in m, shape (N, 3). Without it there is no tracking error. Without a word in
 ///     the scene, the camera frames the design where there is light, or else what was flown.
 ///
 /// Notes
 /// -----
-/// The times may begin anywhere: a photograph's exposure begins with the flight. Arrays that a flight gives out are
-/// copies, and NaN in what it lacks. Numbers that look like other units or axes are asked about in ``warnings``, and
+/// The times may begin anywhere: a photograph's exposure begins with the flight. The arrays of a flight are copies.
+/// A quantity that it lacks is NaN. Numbers that look like other units or axes are asked about in ``warnings``, and
 /// as `NoctographWarning`.
 #[pyclass(frozen, name = "Flight", module = "noctograph")]
 #[derive(Debug)]
@@ -63,14 +63,14 @@ impl PyFlight {
         Self { flight }
     }
 
-    /// An array of a quantity, NaN if the flight lacks it.
+    /// Returns a quantity with a row for each sample, all NaN if the flight lacks the quantity.
     fn array<'py>(&self, py: Python<'py>, quantity: Quantity) -> PyResult<Bound<'py, PyAny>> {
-        let (samples, places) = (&self.flight.samples, quantity.places());
+        let (samples, columns) = (&self.flight.samples, quantity.places());
         let values: Vec<f64> = match self.flight.has(quantity) {
-            true => samples.iter().flat_map(|s| s.numbers()[places.clone()].to_vec()).collect(),
-            false => vec![f64::NAN; places.len() * samples.len()],
+            true => samples.iter().flat_map(|s| s.numbers()[columns.clone()].to_vec()).collect(),
+            false => vec![f64::NAN; columns.len() * samples.len()],
         };
-        array(py, &values, places.len())
+        array(py, &values, columns.len())
     }
 }
 
@@ -93,10 +93,11 @@ impl PyFlight {
             let actual = format!("{} times", times_s.len());
             return Err(refused(py, "time_s", actual, "two or more", hint));
         }
-        let lasts_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
-        let step_s = lasts_s / times_s.len().max(2).saturating_sub(1) as f64;
-        if lasts_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
-            let actual = format!("{lasts_s} s with a sample every {step_s:.1} s");
+        // Times in another unit than seconds are recognized by their size.
+        let duration_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
+        let step_s = duration_s / (times_s.len() - 1) as f64;
+        if duration_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
+            let actual = format!("{duration_s} s with a sample every {step_s:.1} s");
             let hint = "times are in seconds: divide milliseconds by 1000";
             let wanted = "at most an hour, and a sample every two seconds";
             return Err(refused(py, "time_s", actual, wanted, hint));
@@ -108,24 +109,24 @@ impl PyFlight {
         let samples = (0..times_s.len()).map(|row| {
             let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
             FlightSample {
-                // On the grid of the file, so that a clock that began at another time changes
-                // nothing.
+                // Rounded as in a file, so that the clock's start has no effect.
                 time_s: on_grid(times_s[row]),
                 position_m: positions_m[row],
                 attitude: Attitude { yaw_rad, pitch_rad, roll_rad },
                 design_m: designs_m[row],
+                // A sample with light belongs to a letter: the number does not matter.
                 letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
                 ..FlightSample::default()
             }
         });
         let samples = samples.collect();
-        // Arrays have no velocity, rate, estimate and motors: they are NaN, and not missed.
+        // The arrays lack these quantities: they are NaN, and there is no warning.
         let mut unlogged: BTreeSet<Quantity> =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
         unlogged.extend(design_m.is_none().then_some(Quantity::Design));
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
         let mut flight = flight.map_err(|error| raised(py, &error))?;
-        // Numbers that look like other units or axes.
+        // Warnings about numbers that look like other units or axes.
         let doubts = doubts(&flight);
         flight.edit(|flight| flight.warnings.extend(doubts.iter().cloned()));
         warn(py, doubts.iter().map(ToString::to_string))?;
@@ -145,18 +146,18 @@ impl PyFlight {
         flight.map(Self::new).map_err(|error| raised(py, &error))
     }
 
-    /// list of str: Warnings: what was guessed of a log, and what was left out, a sentence each.
+    /// list of str: A sentence for each thing that was guessed or ignored in a log.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.flight.warnings.iter().map(ToString::to_string).collect()
     }
 
-    /// The flight with the design of a plan.
+    /// Returns a copy of the flight that has a plan as its design.
     ///
     /// Parameters
     /// ----------
     /// plan : Plan
-    ///     What was to be flown.
+    ///     The plan that was flown.
     /// begins_s : float, optional
     ///     Time of the flight at which the plan begins, s. By default its first time.
     ///
@@ -189,7 +190,7 @@ impl PyFlight {
         self.array(py, Quantity::Position)
     }
 
-    /// numpy.ndarray: Position that was to be flown, in m, shape (N, 3).
+    /// numpy.ndarray: Planned position in m, shape (N, 3).
     #[getter]
     fn design_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Design)
@@ -225,15 +226,13 @@ impl PyFlight {
         self.array(py, Quantity::Motors)
     }
 
-    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel. Each of shape
-    /// (N,).
+    /// dict of str to numpy.ndarray: Light commands in force by channel, 0 to 1, shape (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         arrays(py, &self.flight.lights)
     }
 
-    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...). Each of
-    /// shape (N,).
+    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...), shape (N,).
     #[getter]
     fn extra<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         arrays(py, &self.flight.extra)
@@ -245,19 +244,19 @@ impl PyFlight {
         self.flight.sha256()
     }
 
-    /// The flight as CSV, one row a sample.
+    /// Returns the flight as CSV, with a row for each sample.
     fn to_csv(&self) -> String {
         text_of(|csv| self.flight.write_csv(csv))
     }
 
-    /// Writes ``to_csv`` to a file, which appears when it is whole. A scene stands beside it as
-    /// ``NAME.scene.toml`` then, with the file's digest, as the command line writes them.
+    /// Writes ``to_csv`` to a file, which appears when it is complete. If a scene is given, it is
+    /// written beside it as ``NAME.scene.toml``, with the file's digest, as by the command line.
     #[pyo3(signature = (path, scene=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, scene: Option<&PyScene>) -> PyResult<()> {
         save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
-    /// pandas.DataFrame: The columns of ``to_csv``. Needs pandas.
+    /// Returns the columns of ``to_csv`` as a pandas.DataFrame. Needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data_frame(py, self.to_csv())
     }
@@ -266,7 +265,7 @@ impl PyFlight {
         reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
-    /// Drawing for notebooks: the path from the front, over the design.
+    /// Draws the path from the front, over the design, for notebooks. None without samples.
     fn _repr_svg_(&self) -> Option<String> {
         let samples = self.flight.samples.clone();
         (!samples.is_empty()).then(|| front_view(&[NamedFlight { name: "flown".into(), samples }]))
@@ -283,26 +282,26 @@ impl PyFlight {
     }
 }
 
-/// Longest mean time between samples of somebody's flight: a stroke takes a second or two.
+/// Longest mean time between the samples of a flight: a stroke takes a second or two.
 const LONGEST_STEP_S: f64 = 2.0;
 
-/// A scene without the feedforward and the light timing that are made for its own controller.
+/// Returns the scene without feedforward and light timing, which fit only its own controller.
 pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene.plan.reference = ReferenceKind::Design;
     scene.plan.light_clock = LightClock::Setpoint;
     scene
 }
 
-/// A flight by a controller of Python. `Ok(Err)` is an exception of it.
-fn flown_by(
+/// Flies a session with a Python controller. `Ok(Err)` is an exception that it raised.
+fn fly_with_controller(
     function: &Py<PyAny>,
     takes_time: bool,
     mut session: Session,
     stop: &Stop,
 ) -> Result<PyResult<Flight>> {
-    while let Some(seen) = session.waits() {
+    while let Some(observation) = session.waits() {
         stop.check()?;
-        match motors_by(function, seen, session.time_s(), takes_time) {
+        match call_controller(function, observation, session.time_s(), takes_time) {
             Ok(motors) => session.command(motors)?,
             Err(error) => return Ok(Err(error)),
         }
@@ -310,8 +309,8 @@ fn flown_by(
     Ok(Ok(session.finish()))
 }
 
-/// Motor commands of a controller of Python at a time, which it gets if it takes it.
-fn motors_by(
+/// Calls a Python controller, with `time_s` if it `takes_time`. Returns its four motor commands.
+fn call_controller(
     function: &Py<PyAny>,
     (state, reference): ([f64; 12], [f64; 9]),
     time_s: f64,
@@ -323,6 +322,7 @@ fn motors_by(
             true => function.bind(py).call1((state, reference, time_s))?,
             false => function.bind(py).call1((state, reference))?,
         };
+        // The answer has to be four numbers. The simulator limits them.
         let motors = numbers(&motors, "controller", 1)?;
         let actual = match (motors.iter().position(|motor| motor.is_nan()), motors.try_into()) {
             (None, Ok(motors)) => return Ok(motors),
@@ -334,7 +334,7 @@ fn motors_by(
     })
 }
 
-/// Flies the plans of a scene, or other ones, one for each drone.
+/// Flies the plans of a scene, or the given plans, one for each drone.
 ///
 /// Parameters
 /// ----------
@@ -368,7 +368,7 @@ fn motors_by(
 /// Returns
 /// -------
 /// list of Flight
-///     What is wrong with them stands in their ``warnings``, and is warned of as `NoctographWarning`.
+///     Problems are in their ``warnings``, and are issued as `NoctographWarning`.
 #[pyfunction]
 #[pyo3(signature = (scene, plans = None, *, controller = None, estimator = None, covariance = false))]
 pub(super) fn fly(
@@ -379,56 +379,65 @@ pub(super) fn fly(
     estimator: Option<Py<PyAny>>,
     covariance: bool,
 ) -> PyResult<Vec<PyFlight>> {
-    let estimator = estimator.map(PyEstimator::new);
-    let estimates = estimator.clone();
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
     let (scene, stop) = (scene.0.clone(), Stop::default());
-    let until = stop.clone();
     let takes_time = py.import("noctograph.studies")?.getattr("_takes_time")?;
     let takes_time: bool = takes_time.call1((&controller,))?.extract()?;
-    let flown = run_showing(
-        py,
-        &stop,
-        |_| Ok(()),
-        Ends::Joined,
-        move || {
-            let shoot = match plans {
-                None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
-                None => Shoot::new(scene)?,
-                Some(plans) => Shoot::with_plans(scene, plans)?,
-            };
-            let n = shoot.plans.len();
-            // Without functions of Python the drones fly together.
-            if controller.is_none() && estimates.is_none() && (n > 1 || !covariance) {
-                return shoot.fly(&|_, _| {}).map(Ok);
-            }
-            if n != 1 {
-                let (what, hint) = ("controller or estimator", "fly each plan by itself");
-                return Err(Error::input(what, format!("{n} plans"), "one plan", hint));
-            }
-            let mut session = shoot.session(|avionics| {
-                estimates.iter().for_each(|estimates| estimates.begin(avionics));
-                if covariance {
-                    avionics.log_covariance();
-                }
-            })?;
-            let flight = match &controller {
-                Some(function) => flown_by(function, takes_time, session, &until)?,
-                None => {
-                    session.fly_by_itself()?;
-                    Ok(session.finish())
-                }
-            };
-            Ok(flight.map(|flight| vec![flight]))
-        },
-    );
+    let estimator = estimator.map(PyEstimator::new);
+    let functions = PyFunctions { controller, takes_time, estimator: estimator.clone() };
+    let inner_stop = stop.clone();
+    let stage = move || fly_plans(scene, plans, &functions, covariance, &inner_stop);
+    let flights = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
     // The exception of an estimator is the cause of the loss of its drone.
-    if let Some(thrown) = estimator.and_then(|estimator| estimator.thrown()) {
-        return Err(thrown);
+    if let Some(exception) = estimator.and_then(|estimator| estimator.take_exception()) {
+        return Err(exception);
     }
-    let flown = flown??;
-    warn(py, flown.iter().flat_map(|flight| &flight.warnings).map(ToString::to_string))?;
-    Ok(flown.into_iter().map(PyFlight::new).collect())
+    let flights = flights??;
+    warn(py, flights.iter().flat_map(|flight| &flight.warnings).map(ToString::to_string))?;
+    Ok(flights.into_iter().map(PyFlight::new).collect())
+}
+
+/// The Python functions of a flight.
+struct PyFunctions {
+    controller: Option<Py<PyAny>>,
+    takes_time: bool,
+    estimator: Option<PyEstimator>,
+}
+
+/// Flies plans, those of the scene if `plans` is `None`. `Ok(Err)` is an exception of the controller.
+fn fly_plans(
+    scene: Scene,
+    plans: Option<Vec<Plan>>,
+    PyFunctions { controller, takes_time, estimator }: &PyFunctions,
+    covariance: bool,
+    stop: &Stop,
+) -> Result<PyResult<Vec<Flight>>> {
+    let shoot = match plans {
+        None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
+        None => Shoot::new(scene)?,
+        Some(plans) => Shoot::with_plans(scene, plans)?,
+    };
+    let n = shoot.plans.len();
+    // Without Python functions the drones fly together.
+    if controller.is_none() && estimator.is_none() && (n > 1 || !covariance) {
+        return shoot.fly(&|_, _| {}).map(Ok);
+    }
+    if n != 1 {
+        let (what, hint) = ("controller or estimator", "fly each plan by itself");
+        return Err(Error::input(what, format!("{n} plans"), "one plan", hint));
+    }
+    // A session is the flight of one drone.
+    let mut session = shoot.session(|avionics| {
+        estimator.iter().for_each(|estimator| estimator.install(avionics));
+        if covariance {
+            avionics.log_covariance();
+        }
+    })?;
+    let Some(controller) = controller else {
+        session.fly_by_itself()?;
+        return Ok(Ok(vec![session.finish()]));
+    };
+    Ok(fly_with_controller(controller, *takes_time, session, stop)?.map(|flight| vec![flight]))
 }
 
 /// Reads the log of a real flight: JSON of the AE483 course, CSV of cfclient, µSD card, plain CSV.
@@ -438,8 +447,8 @@ pub(super) fn fly(
 /// path : str or os.PathLike
 ///     The log, or a folder of files that belong together.
 /// scene : Scene, optional
-///     Of a log without lights, its word's letters and lights are inferred from the setpoints, as
-///     ``noctograph import --word`` does.
+///     If the log has no lights, the letters and lights of the scene's word are inferred from the
+///     setpoints, as by ``noctograph import --word``.
 ///
 /// Returns
 /// -------
@@ -453,6 +462,7 @@ pub(super) fn import_log(
 ) -> PyResult<PyFlight> {
     let scene = scene.map(|scene| scene.0.clone());
     let flight = run(py, &Stop::default(), move || {
+        // Used for a log that names no firmware.
         let firmware = scene.as_ref().map(|scene| scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
         let mut flight = import(&path, &options)?;

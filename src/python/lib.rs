@@ -30,10 +30,10 @@ use noctograph_core::files::Output;
 
 use self::scene::PyScene;
 
-/// Time between two looks for Ctrl-C.
-const LOOK: Duration = Duration::from_millis(50);
+/// Time between two checks for Ctrl-C.
+const CHECK_EVERY: Duration = Duration::from_millis(50);
 
-/// What `__reduce__` returns: a function and its arguments, for pickle.
+/// The result of `__reduce__`: a function and its arguments, for pickle.
 type Reduced<T> = (Py<PyAny>, T);
 
 #[pymodule]
@@ -55,11 +55,11 @@ mod _noctograph {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }
 
-/// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
+/// Converts an error to a Python exception: a class of `noctograph.errors`, or `OSError`.
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint, .. } => {
-            // A line of a scene's text that nobody wrote means nothing.
+            // Of a scene without a file only the key is named: nobody has seen its lines.
             let mut place = (**place).clone();
             if place.0.first() == Some(&Segment::File("scene".into())) {
                 place.0.retain(|part| matches!(part, Segment::Key(_) | Segment::Index(_)));
@@ -82,15 +82,15 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
         }
         other => ("InfeasibleError", vec![other.to_string(), other.hint().to_owned()]),
     };
-    // If the class itself fails, its exception is raised.
-    let made = py.import("noctograph.errors").and_then(|errors| {
+    // If the class cannot be created, the reason becomes the exception.
+    let exception = py.import("noctograph.errors").and_then(|errors| {
         let arguments = PyTuple::new(py, arguments)?;
         errors.getattr(class)?.call1(arguments)
     });
-    made.map_or_else(|broken| broken, PyErr::from_value)
+    exception.map_or_else(|reason| reason, PyErr::from_value)
 }
 
-/// The exception of an input that cannot be used.
+/// Returns the Python exception for an input that cannot be used.
 fn refused(
     py: Python<'_>,
     place: &str,
@@ -101,21 +101,21 @@ fn refused(
     raised(py, &Error::input(place, found, wanted, hint))
 }
 
-/// Warns of each text in the name of the caller's line: see `noctograph/errors.py`.
+/// Issues each text as a warning at the line of the user's call: see `noctograph/errors.py`.
 fn warn(py: Python<'_>, texts: impl IntoIterator<Item = String>) -> PyResult<()> {
     let warn = py.import("noctograph.errors")?.getattr("warn")?;
     texts.into_iter().try_for_each(|text| warn.call1((text,)).map(drop))
 }
 
-/// Runs a command of the program: its table, and what it prints with `--json`.
+/// Runs a command of the program. Returns its table, and its `--json` output as Python objects.
 #[pyfunction]
 fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, PyAny>)> {
     let report = run(py, &Stop::default(), move || noctograph::cli::report_of(&words))?;
     Ok((report.text, to_python(py, &report.json)?))
 }
 
-/// The program: runs the command that was typed, and returns its exit code. `program` starts it
-/// again, in a process of its own.
+/// Runs the command line `words` and returns its exit code. `program` is the command that starts
+/// another process of the program.
 #[pyfunction]
 fn main(py: Python<'_>, program: Vec<OsString>, words: Vec<OsString>) -> u8 {
     noctograph::cli::starts_as(program);
@@ -123,33 +123,34 @@ fn main(py: Python<'_>, program: Vec<OsString>, words: Vec<OsString>) -> u8 {
     py.detach(noctograph::cli::main)
 }
 
-/// The text that a writer of CSV makes.
+/// Returns the text that `write` writes.
 fn text_of(write: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> String {
     let mut csv = Vec::new();
     write(&mut csv).expect("memory can be written");
     String::from_utf8(csv).expect("CSV is text")
 }
 
-/// A CSV text as a table of pandas.
+/// Converts a CSV text to a pandas.DataFrame.
 fn data_frame(py: Python<'_>, csv: String) -> PyResult<Bound<'_, PyAny>> {
     let text = py.import("io")?.call_method1("StringIO", (csv,))?;
     py.import("pandas")?.call_method1("read_csv", (text,))
 }
 
-/// An object for pickle: the static method that reads it again, and its text.
+/// Returns what pickle stores of an object: the static method `read`, and the text that it reads.
 fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Reduced<(String,)>> {
     Ok((object.get_type().getattr(read)?.unbind(), (text,)))
 }
 
-/// Writes a file, which appears when it is whole.
+/// Writes a file, which appears when it is complete.
 fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
     let written = Output::create(path).and_then(|file| file.keep(bytes));
     written.map(|_path| ()).map_err(|error| raised(py, &error))
 }
 
-/// Writes a plan or a flight, with its scene beside it if one is given.
+/// Writes the file of a plan or flight. If a scene is given, it is written beside it.
 fn save_with(py: Python<'_>, path: &Path, bytes: &[u8], scene: Option<&PyScene>) -> PyResult<()> {
     let Some(PyScene(scene)) = scene else { return save(py, path, bytes) };
+    // Both files are created before either is named.
     let written = Output::create(path).and_then(|file| {
         let beside = Output::create(&CarriedScene::path_beside(path))?;
         CarriedScene::keep_with(file.write_with(|out| out.write_all(bytes))?, beside, scene)
@@ -157,13 +158,13 @@ fn save_with(py: Python<'_>, path: &Path, bytes: &[u8], scene: Option<&PyScene>)
     written.map(|_paths| ()).map_err(|error| raised(py, &error))
 }
 
-/// Plain data as objects of Python.
+/// Converts plain data to Python dicts, lists, texts and numbers.
 fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
     let json = serde_json::to_string(value).expect("plain data");
     py.import("json")?.call_method1("loads", (json,))
 }
 
-/// Runs a stage without the interpreter. Ctrl-C stops it, and its result is dropped.
+/// Runs a stage with the interpreter released and returns its result. Ctrl-C stops the stage.
 fn run<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -172,16 +173,17 @@ fn run<T: Send + 'static>(
     run_showing(py, stop, |_| Ok(()), Ends::ByItself, stage)
 }
 
-/// The end of a stage that was stopped.
+/// How a stage ends after it was stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ends {
-    /// It calls no Python: it ends when it looks for the stop.
+    /// It calls no Python: it ends by itself when it checks for the stop.
     ByItself,
-    /// It calls functions of Python, and must not do so when the interpreter ends, which waits.
+    /// It calls Python, which it must not while the interpreter ends: it is waited for.
     Joined,
 }
 
-/// As [`run`], with a call of `show` now and then and at the end. Its exception stops the stage.
+/// Runs a stage as [`run`] does, and calls `show` now and then and at the end. An exception of `show`
+/// stops the stage.
 fn run_showing<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -189,22 +191,22 @@ fn run_showing<T: Send + 'static>(
     ends: Ends,
     stage: impl FnOnce() -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let done = py.detach(|| {
+    let result = py.detach(|| {
         let (sender, receiver) = channel();
         let worker = std::thread::spawn(move || {
-            // Nobody listens after Ctrl-C.
+            // After Ctrl-C there is no receiver.
             let _ = sender.send(stage());
         });
         loop {
-            match receiver.recv_timeout(LOOK) {
-                Ok(done) => return Ok(done),
+            match receiver.recv_timeout(CHECK_EVERY) {
+                Ok(result) => return Ok(result),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
                     let text = "the program failed: please report what it printed";
                     return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
                 }
             }
-            // The interpreter only now and then: the stage runs without it.
+            // The interpreter is held only for this check and `show`.
             if let Err(error) = Python::attach(|py| py.check_signals().and_then(|()| show(py))) {
                 stop.now();
                 while ends == Ends::Joined && !worker.is_finished() {
@@ -214,12 +216,12 @@ fn run_showing<T: Send + 'static>(
             }
         }
     });
-    let done = done?.map_err(|error| raised(py, &error))?;
+    let product = result?.map_err(|error| raised(py, &error))?;
     show(py)?;
-    Ok(done)
+    Ok(product)
 }
 
-/// Bytes as an array of numpy, a copy in Python's memory that its owner may write to.
+/// Copies bytes into a writable numpy array of a type and shape.
 fn array_of<'py>(
     py: Python<'py>,
     bytes: &[u8],
@@ -231,14 +233,14 @@ fn array_of<'py>(
     flat.call_method1("reshape", (PyTuple::new(py, shape)?,))
 }
 
-/// Rows of numbers as an array of `(rows, columns)`, or of `(rows,)` for a single column.
+/// Converts rows of numbers to an array of shape `(rows, columns)`, or `(rows,)` for one column.
 fn array<'py>(py: Python<'py>, values: &[f64], columns: usize) -> PyResult<Bound<'py, PyAny>> {
     let rows = values.len() / columns;
     let shape: &[usize] = if columns == 1 { &[rows] } else { &[rows, columns] };
     array_of(py, bytemuck::cast_slice(values), "f8", shape)
 }
 
-/// Columns by their names, each an array of `(rows,)`.
+/// Converts columns by name to arrays of shape `(rows,)`.
 fn arrays<'py>(
     py: Python<'py>,
     columns: &BTreeMap<String, Vec<f64>>,
@@ -246,12 +248,12 @@ fn arrays<'py>(
     columns.iter().map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
 }
 
-/// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column. Other shapes
-/// are refused.
+/// Returns the numbers of an array of shape `(rows, columns)`, or `(rows,)` for one column. Refuses
+/// other shapes, complex numbers and texts.
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
     let py = array.py();
     let array = py.import("numpy")?.call_method1("asarray", (array,))?;
-    // A letter of numpy: `f` is floats, `c` complex numbers, `U` texts, `O` objects.
+    // numpy's code of a type: `f` for floats, `c` for complex numbers, `U` for texts.
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if !"biufO".contains(&*kind) {
         let actual = if kind == "c" { "complex numbers" } else { "no numbers" };

@@ -21,31 +21,32 @@ use noctograph::shoot::{Shoot, Stop};
 /// Parameters
 /// ----------
 /// time_s : numpy.ndarray
-///     Rising times from 0 on in s, shape (N,). Between them the design moves on by velocity and acceleration.
+///     Rising times from 0 on in s, shape (N,). Between them the design follows velocity and acceleration.
 /// position_m : numpy.ndarray
-///     Position of the design in m, x right, y into the scene, z up, shape (N, 3). A z up to 0 asks for motors off.
+///     Position of the design in m, x right, y into the scene, z up, shape (N, 3). A z of 0 or less switches the motors off.
 /// light : numpy.ndarray or dict of str to numpy.ndarray, optional
-///     Level of the headlights from each setpoint on, 0 to 1, shape (N,), or of lamps by their channels. 0 by
+///     Level of the headlights from each setpoint on, 0 to 1, shape (N,), or a dict of levels by channel. 0 by
 ///     default.
 /// velocity_m_s, acceleration_m_s2 : numpy.ndarray, optional
 ///     In the axes of the position, shape (N, 3). 0 by default.
 /// sent_m : numpy.ndarray, optional
 ///     Positions that are sent in place of the design's, shape (N, 3).
 /// yaw_rad : float
-///     Heading of the nose over the whole flight.
+///     Heading during the whole flight.
 #[pyclass(frozen, name = "Plan", module = "noctograph")]
 #[derive(Debug)]
 pub(super) struct PyPlan(pub(super) Plan);
 
 impl PyPlan {
-    /// Position, velocity, acceleration and jerk at a time, from the setpoint in force. The jerk is
-    /// that of a trajectory on board, else the slope of the acceleration to the next setpoint.
+    /// Returns position, velocity, acceleration and jerk at `time_s`, from the setpoint `row`. The jerk
+    /// is that of a trajectory on board, or the slope of the acceleration to the next setpoint.
     fn design(&self, time_s: f64, row: usize) -> [Vector3<f64>; 4] {
         let (from, next) = (&self.0.setpoints[row], self.0.setpoints.get(row + 1));
         let Some(next) = next.filter(|_| time_s >= from.time_s) else {
-            let rests = if time_s == from.time_s { 1.0 } else { 0.0 };
-            let [v, a] = [from.velocity_m_s * rests, from.acceleration_m_s2 * rests];
-            return [from.position_m, v, a, self.0.jerk_m_s3(row) * rests];
+            // Before the plan and after it the design rests.
+            let moving = if time_s == from.time_s { 1.0 } else { 0.0 };
+            let [v, a] = [from.velocity_m_s * moving, from.acceleration_m_s2 * moving];
+            return [from.position_m, v, a, self.0.jerk_m_s3(row) * moving];
         };
         let step_s = next.time_s - from.time_s;
         let jerk_m_s3 = match self.0.jerk_m_s3.is_empty() {
@@ -56,7 +57,7 @@ impl PyPlan {
         [from.design_m(time_s), velocity_m_s, from.acceleration_m_s2, jerk_m_s3]
     }
 
-    /// An array of rows, one for each setpoint.
+    /// Returns an array with the result of `row` for each setpoint.
     fn array<'py, const N: usize>(
         &self,
         py: Python<'py>,
@@ -86,6 +87,7 @@ impl PyPlan {
         let velocities_m_s = columns.points("velocity_m_s", velocity_m_s)?;
         let accelerations_m_s2 = columns.points("acceleration_m_s2", acceleration_m_s2)?;
         let sent_m = sent_m.map(|sent_m| columns.points("sent_m", Some(sent_m))).transpose()?;
+        let sent_m = sent_m.unwrap_or_default();
         let lights = columns.lights(light, 0.0)?;
         // A setpoint with light belongs to a letter.
         let setpoints = (0..columns.times_s.len()).map(|row| Setpoint {
@@ -96,10 +98,9 @@ impl PyPlan {
             letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
         });
         let setpoints = setpoints.collect();
-        let sent_m = sent_m.unwrap_or_default();
         let plan =
             Plan::new(PlanData { setpoints, lights, sent_m, yaw_rad, ..PlanData::default() });
-        // On the grid of the file, so that a plan that is saved and read is the same.
+        // Written and read once, so that a plan from a file is equal, to the last digit.
         Self::from_csv(py, &Self(plan.map_err(|error| raised(py, &error))?).to_csv())
     }
 
@@ -127,8 +128,7 @@ impl PyPlan {
         self.array(py, |row| [self.0.setpoints[row].time_s])
     }
 
-    /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up, shape (N,
-    /// 3).
+    /// numpy.ndarray: Position of each setpoint in m (x right, y into the scene, z up), shape (N, 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.setpoints[row].position_m.data.0[0])
@@ -140,22 +140,20 @@ impl PyPlan {
         self.array(py, |row| self.0.setpoints[row].velocity_m_s.data.0[0])
     }
 
-    /// numpy.ndarray: Acceleration of each setpoint in m/s², in the axes of the position, shape (N,
-    /// 3).
+    /// numpy.ndarray: Acceleration of each setpoint in m/s², axes as for the position, shape (N, 3).
     #[getter]
     fn acceleration_m_s2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.setpoints[row].acceleration_m_s2.data.0[0])
     }
 
-    /// numpy.ndarray: Position that is sent with each setpoint in m: the design's, or one that leads
-    /// the drone's controller, shape (N, 3).
+    /// numpy.ndarray: Position that is sent with each setpoint in m, shape (N, 3): the design's, or
+    /// one ahead of it.
     #[getter]
     fn sent_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.sent_m(row).data.0[0])
     }
 
-    /// dict of str to numpy.ndarray: Light commands sent with each setpoint, 0 to 1, by channel, each
-    /// of shape (N,).
+    /// dict of str to numpy.ndarray: Light commands of each setpoint by channel, 0 to 1, shape (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         arrays(py, &self.0.lights)
@@ -167,31 +165,31 @@ impl PyPlan {
         array(py, &self.0.lit(), 1)
     }
 
-    /// The design at any times: what is to be flown then, as `fly` gives a controller its reference.
+    /// Returns the design at any times, as `fly` passes it to a controller as reference.
     ///
     /// Parameters
     /// ----------
     /// time_s : float or numpy.ndarray
     ///     Times since the first setpoint in s, shape (N,) or one number. Before the plan the design rests at its
-    ///     first place, after it at its last.
+    ///     first position, after it at its last.
     ///
     /// Returns
     /// -------
     /// noctograph.design.Design
     ///     ``position_m``, ``velocity_m_s``, ``acceleration_m_s2`` and ``jerk_m_s3``, shape (N, 3), in the axes of the
-    ///     position, ``yaw_rad`` and ``light``, shape (N,), and ``lights`` by channel, as `Flight` takes them. Of one
-    ///     number, shapes (3,) and ().
+    ///     position, ``yaw_rad`` and ``light``, shape (N,), and ``lights`` by channel, as `Flight` takes them. For one
+    ///     number the shapes are (3,) and ().
     #[pyo3(name = "at")]
     fn design_at<'py>(
         &self,
         py: Python<'py>,
         time_s: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        // One number or an array of times.
+        // One number gives arrays without the axis of times.
         let numpy = py.import("numpy")?;
         let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
         let times = numpy.call_method1("atleast_1d", (time_s,))?;
-        // On the grid of setpoints: a time that is a bit too small is not before the setpoint.
+        // Rounded as setpoints are, so that a rounding error does not select the setpoint before.
         let times_s = numbers(&times, "time_s", 1)?;
         let times_s: Vec<f64> = times_s.into_iter().map(on_grid).collect();
         if let Some(row) = times_s.iter().position(|time_s| !time_s.is_finite()) {
@@ -204,11 +202,11 @@ impl PyPlan {
         let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
         // Arrays with a row for each time: position, velocity, acceleration, jerk, yaw, light.
         let mut arguments = Vec::new();
-        for derivative in 0..4 {
-            let designs = times_s.iter().zip(&rows).map(|(time_s, row)| self.design(*time_s, *row));
-            let numbers: Vec<f64> =
-                designs.flat_map(|design| design[derivative].data.0[0]).collect();
-            arguments.push(array(py, &numbers, 3)?);
+        let times = times_s.iter().zip(&rows);
+        let designs: Vec<_> = times.map(|(time_s, row)| self.design(*time_s, *row)).collect();
+        for order in 0..4 {
+            let numbers = designs.iter().flat_map(|design| design[order].data.0[0]);
+            arguments.push(array(py, &numbers.collect::<Vec<_>>(), 3)?);
         }
         let yaws = vec![self.0.yaw_rad; self.0.setpoints.len()];
         for levels in [&yaws, &self.0.lit()] {
@@ -217,23 +215,22 @@ impl PyPlan {
         let lights = self.0.lights.iter();
         let lights = lights.map(|(name, levels)| Ok((name, rows_of(py, levels, &rows)?)));
         let lights = lights.collect::<PyResult<BTreeMap<_, _>>>()?;
-        let made = py.import("noctograph.design")?.getattr("_design")?;
-        made.call1((is_one, arguments, lights))
+        py.import("noctograph.design")?.call_method1("_design", (is_one, arguments, lights))
     }
 
-    /// The plan as CSV, one row a setpoint.
+    /// Returns the plan as CSV, with a row for each setpoint.
     fn to_csv(&self) -> String {
         text_of(|csv| self.0.write_csv(csv))
     }
 
-    /// Writes ``to_csv`` to a file, which appears when it is whole. A scene stands beside it as
-    /// ``NAME.scene.toml`` then, with the file's digest, as the command line writes them.
+    /// Writes ``to_csv`` to a file, which appears when it is complete. If a scene is given, it is
+    /// written beside it as ``NAME.scene.toml``, with the file's digest, as by the command line.
     #[pyo3(signature = (path, scene=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, scene: Option<&PyScene>) -> PyResult<()> {
         save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
-    /// pandas.DataFrame: The columns of ``to_csv``. Needs pandas.
+    /// Returns the columns of ``to_csv`` as a pandas.DataFrame. Needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data_frame(py, self.to_csv())
     }
@@ -242,7 +239,7 @@ impl PyPlan {
         reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
-    /// Drawing for notebooks: lit strokes colored by speed, dark paths dashed.
+    /// Draws lit strokes colored by speed and dark paths dashed, for notebooks. None if empty.
     fn _repr_svg_(&self) -> Option<String> {
         let plans = [self.0.clone()];
         (!plans[0].setpoints.is_empty()).then(|| plan_view(&plans, "", &[]))
@@ -254,7 +251,7 @@ impl PyPlan {
     }
 }
 
-/// Values of a column in some rows.
+/// Returns the values of a column in the given rows, as an array.
 fn rows_of<'py>(py: Python<'py>, values: &[f64], rows: &[usize]) -> PyResult<Bound<'py, PyAny>> {
     array(py, &rows.iter().map(|row| values[*row]).collect::<Vec<_>>(), 1)
 }

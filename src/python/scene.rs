@@ -1,4 +1,4 @@
-//! Scenes: what fixes a photo.
+//! Scenes: everything that a photo depends on.
 
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ impl PyScene {
                 Scene::find(&name, &borrowed).map(|named| named.scene)
             }
         };
-        // The word last: its letters depend on the font.
+        // The word comes last, since its letters depend on the font.
         let mut loaded = loaded.map_err(|error| raised(py, &error))?;
         if let Some(word) = word {
             loaded.set_word(word);
@@ -90,22 +90,22 @@ impl PyScene {
         array(py, Mixer::new(&self.0.vehicle).motors_from_wrench().transpose().as_slice(), 4)
     }
 
-    /// Gain matrix K of the scene's linear-quadratic regulator, ``u = u_hover - K (x - x_ref)``, by
-    /// the weights ``controller.lqr.q`` and ``.r``: torques about x, y and z (N m) and thrust (N)
-    /// by the twelve states of a controller (further columns for integrals and lagging rotors).
-    /// None for a scene whose controller is no regulator.
+    /// Returns the gain matrix K of the scene's linear-quadratic regulator,
+    /// ``u = u_hover - K (x - x_ref)``, from the weights ``controller.lqr.q`` and ``.r``. Its rows are
+    /// torques about x, y and z (N m) and thrust (N). Its columns are the twelve states of a
+    /// controller, then integrals and rotors. None if the scene's controller has another law.
     fn gain<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let sim = self.0.sim();
         let design = run(py, &Stop::default(), move || design(&sim, MOTOR_LAG_S))?;
         design.k.map(|k| array(py, k.transpose().as_slice(), k.ncols())).transpose()
     }
 
-    /// Value of a key, dotted as in ``set``: a number, a text, a list or a dict.
+    /// Returns the value of a key, dotted as in ``set``: a number, a text, a list or a dict.
     ///
     /// Parameters
     /// ----------
     /// key : str
-    ///     As ``"vehicle.mass_kg"``. A table's name gives its keys.
+    ///     For example ``"vehicle.mass_kg"``. A table's name returns a dict of its keys.
     fn get<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
         let scene = serde_json::to_value(&self.0).expect("a scene is a table");
         // Keys of tables and indices of lists, one after the other.
@@ -119,7 +119,7 @@ impl PyScene {
         }
     }
 
-    /// The whole scene as TOML, every key with its meaning.
+    /// Returns the scene as TOML, every key with its meaning.
     fn to_toml(&self) -> String {
         self.0.to_toml()
     }
@@ -130,10 +130,10 @@ impl PyScene {
         Scene::parse(toml, "scene").map(Self).map_err(|error| raised(py, &error))
     }
 
-    /// Writes ``to_toml`` to a file, which appears when it is whole. ``Scene(FILE)`` reads it
-    /// again.
+    /// Writes ``to_toml`` to a file, which appears when it is complete. ``Scene(FILE)`` reads it.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let scene = self.0.beside(&path).map_err(|error| raised(py, &error))?;
+        // Files that the scene names are copied beside it.
         for (name, bytes) in &scene.copies {
             save(py, &path.with_file_name(name), bytes)?;
         }
@@ -151,31 +151,32 @@ impl PyScene {
     }
 }
 
-/// Dotted keys with their values as the command line takes them.
+/// Appends the dotted keys of a dict with their values, as the command line reads them.
 fn flatten(
     table: &Bound<'_, PyDict>,
     path: &str,
-    into: &mut Vec<(String, String)>,
+    settings: &mut Vec<(String, String)>,
 ) -> PyResult<()> {
     for (key, value) in table.iter() {
         let key = format!("{path}{}", key.extract::<String>()?);
         if let Ok(table) = value.cast::<PyDict>() {
-            flatten(table, &format!("{key}."), into)?;
+            flatten(table, &format!("{key}."), settings)?;
         } else {
-            into.push((key, setting(&value)?));
+            settings.push((key, setting(&value)?));
         }
     }
     Ok(())
 }
 
-/// A value as the command line takes it: a text as it is, everything else as TOML.
+/// Returns a value as the command line reads it: a text unchanged, everything else as TOML.
 #[pyfunction]
 pub(super) fn setting(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.extract::<String>().or_else(|_not_text| toml(value))
 }
 
-/// A value of Python as TOML: numbers, texts, lists, tables, and arrays and scalars of numpy.
+/// Converts a Python value or numpy array to TOML. Refuses other types, such as None.
 fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    // Booleans before integers: a bool of Python is an int.
     if let Ok(flag) = value.cast::<PyBool>() {
         return Ok(flag.is_true().to_string());
     }
@@ -189,7 +190,7 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
     if let Ok(text) = value.extract::<String>() {
         return Ok(serde_json::json!(text).to_string());
     }
-    // Arrays and scalars of numpy, as Python's.
+    // Arrays and scalars of numpy become lists and numbers of Python.
     if value.hasattr("tolist")? {
         return toml(&value.call_method0("tolist")?);
     }
@@ -197,7 +198,7 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         return value.str()?.extract();
     }
     if let Ok(number) = value.cast::<PyFloat>() {
-        // TOML writes them as Rust does: inf, -inf and nan.
+        // TOML has Rust's inf and -inf. Its nan is in lower case.
         return Ok(format!("{:?}", number.value()).to_lowercase());
     }
     if value.cast::<PyList>().is_ok() || value.cast::<PyTuple>().is_ok() {

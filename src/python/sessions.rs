@@ -1,4 +1,4 @@
-//! Flights in step, for reinforcement learning.
+//! Flights that are stepped together, for reinforcement learning and slow controllers.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,31 +18,34 @@ use noctograph::shoot::Stop;
 use noctograph::sim::{Avionics, Session};
 use noctograph::studies::{Conditions, Outcome, Prepared};
 
-/// Commands below which another thread takes longer to start than they take to fly, 5 µs each.
-const FEW_COMMANDS: u32 = 16;
+/// Fewest commands that are flown on several threads. Each takes 5 µs, and a thread's start more.
+const LEAST_PARALLEL_COMMANDS: u32 = 16;
 
-/// One of the flights, and how it was lost.
+/// One of the flights.
 #[derive(Debug, Default)]
-struct Flying {
+struct SeededFlight {
     seed: u64,
+    /// `None` before [`PySessions::reset`] and after the outcome.
     session: Option<Session>,
+    /// How the drone was lost.
     lost: Option<String>,
 }
 
-impl Flying {
-    /// Holds motor commands, or those of the scene's controller, for `n` commands.
+impl SeededFlight {
+    /// Holds `motors`, or flies with the scene's controller if they are `None`, for `n` commands. A
+    /// lost drone does not move.
     fn hold(&mut self, motors: Option<[f64; 4]>, n: u32) {
         if let Some(session) = self.session.as_mut().filter(|_| self.lost.is_none()) {
-            let held = (0..n).try_for_each(|_| match motors {
+            let result = (0..n).try_for_each(|_| match motors {
                 None => session.control(),
                 Some(motors) => session.command(motors),
             });
-            self.lost = held.err().map(|error| error.to_string());
+            self.lost = result.err().map(|error| error.to_string());
         }
     }
 
-    /// The outcome of its photo, and its warning if the drone stood on the floor.
-    fn judged(self, prepared: &Prepared) -> Result<(Outcome, Option<Diagnostic>)> {
+    /// Ends the flight. Returns the outcome of its photo, and a warning if the drone never took off.
+    fn judge(self, prepared: &Prepared) -> Result<(Outcome, Option<Diagnostic>)> {
         match (self.lost, self.session) {
             (None, Some(session)) => {
                 let flight = session.finish();
@@ -58,29 +61,29 @@ impl Flying {
     }
 }
 
-/// N flights of a scene that wait for motor commands: see `VectorEnv` of `noctograph/learning.py`.
+/// N flights of a scene that wait for motor commands: see `VectorEnv` in `noctograph/learning.py`.
 #[pyclass(frozen, name = "Sessions", module = "noctograph._noctograph")]
 #[derive(Debug)]
 pub(super) struct PySessions {
     prepared: Arc<Prepared>,
     estimator: Option<PyEstimator>,
-    flying: Mutex<Vec<Flying>>,
+    flights: Mutex<Vec<SeededFlight>>,
 }
 
 impl PySessions {
-    fn all(&self) -> MutexGuard<'_, Vec<Flying>> {
-        self.flying.lock().unwrap_or_else(PoisonError::into_inner)
+    fn all(&self) -> MutexGuard<'_, Vec<SeededFlight>> {
+        self.flights.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Least flights of a thread's task. Flights with an estimator of Python follow each other, so
-    /// that an estimator that draws random numbers draws the same ones each time.
-    fn at_once(&self) -> usize {
+    /// Returns the least number of flights that a thread begins: all of them with a Python estimator,
+    /// so that one that draws random numbers always draws the same.
+    fn least_flights_per_thread(&self) -> usize {
         if self.estimator.is_some() { usize::MAX } else { 1 }
     }
 
-    /// The exception of an estimator of Python.
-    fn thrown(&self) -> PyResult<()> {
-        self.estimator.as_ref().and_then(PyEstimator::thrown).map_or(Ok(()), Err)
+    /// Returns the exception that a Python estimator raised, if any, as an error.
+    fn check_estimator(&self) -> PyResult<()> {
+        self.estimator.as_ref().and_then(PyEstimator::take_exception).map_or(Ok(()), Err)
     }
 }
 
@@ -97,9 +100,10 @@ impl PySessions {
         by_itself: bool,
     ) -> PyResult<Self> {
         let scene = scene.0.clone();
-        // Another controller gets a plan that is not made for the scene's.
+        // The plan of the scene's own controller does not fit another one.
         let scene = if by_itself { scene } else { for_any_controller(scene) };
         let conditions = conditions.to_owned();
+        // The plan is made once for all flights.
         let prepared = run(py, &Stop::default(), move || {
             let word = scene.word.clone();
             let named = NamedScene::new("scene", scene);
@@ -110,44 +114,44 @@ impl PySessions {
                 n => Err(Error::input("scene", format!("{n} plans"), "one", "fly one drone")),
             }
         })?;
-        let flying = std::iter::repeat_with(Flying::default).take(n).collect();
+        let flights = Mutex::new(std::iter::repeat_with(SeededFlight::default).take(n).collect());
         let (prepared, estimator) = (Arc::new(prepared), estimator.map(PyEstimator::new));
-        Ok(Self { prepared, estimator, flying: Mutex::new(flying) })
+        Ok(Self { prepared, estimator, flights })
     }
 
-    /// Motor commands a second.
+    /// Returns the number of motor commands per second.
     #[getter]
     fn command_hz(&self) -> u32 {
         self.prepared.scene().sim().rates.attitude_hz()
     }
 
-    /// Duration of the plan, s.
+    /// Returns the plan's duration in s.
     #[getter]
     fn duration_s(&self) -> f64 {
         self.prepared.plans().first().map_or(0.0, |plan| plan.duration_s())
     }
 
-    /// Begins flights again: those whose seed is not None.
+    /// Begins each flight again whose entry in `seeds` is not None, with that seed.
     fn reset(&self, py: Python<'_>, seeds: Vec<Option<u64>>) -> PyResult<()> {
-        let begun: Result<()> = py.detach(|| {
+        let result: Result<()> = py.detach(|| {
             let mut flights = self.all();
-            let seeded = flights.par_iter_mut().zip(seeds).with_min_len(self.at_once());
-            seeded.filter_map(|(flying, seed)| Some((flying, seed?))).try_for_each(
-                |(flying, seed)| {
-                    let session = self.prepared.shoot(seed).session(|avionics: &mut Avionics| {
-                        self.estimator.iter().for_each(|estimator| estimator.begin(avionics));
-                    });
-                    *flying = Flying { seed, session: Some(session?), lost: None };
-                    Ok(())
-                },
-            )
+            let seeded =
+                flights.par_iter_mut().zip(seeds).with_min_len(self.least_flights_per_thread());
+            let seeded = seeded.filter_map(|(flight, seed)| Some((flight, seed?)));
+            seeded.try_for_each(|(flight, seed)| {
+                let session = self.prepared.shoot(seed).session(|avionics: &mut Avionics| {
+                    self.estimator.iter().for_each(|estimator| estimator.install(avionics));
+                });
+                *flight = SeededFlight { seed, session: Some(session?), lost: None };
+                Ok(())
+            })
         });
-        self.thrown()?;
-        begun.map_err(|error| raised(py, &error))
+        self.check_estimator()?;
+        result.map_err(|error| raised(py, &error))
     }
 
-    /// Holds motor commands (N, 4), or those of the scene's controller, for `n_commands` (N) commands.
-    /// Drones that have landed or are lost do not move.
+    /// Holds motor commands (N, 4) for `n_commands` (N) commands, or flies with the scene's controller
+    /// if `motors` is None. Drones that have landed or are lost do not move.
     fn step(
         &self,
         py: Python<'_>,
@@ -174,28 +178,33 @@ impl PySessions {
         }
         py.detach(|| {
             let (mut flights, n_all) = (self.all(), n_commands.iter().sum::<u32>());
-            // On this thread if others are not worth it, or if an estimator's order counts.
-            if n_all < FEW_COMMANDS || self.estimator.is_some() {
+            // On this thread if there is little to fly, or if the order of the flights counts.
+            if n_all < LEAST_PARALLEL_COMMANDS || self.estimator.is_some() {
                 let commanded = flights.iter_mut().zip(motors).zip(n_commands);
-                commanded.for_each(|((flying, motors), n)| flying.hold(motors, n));
+                commanded.for_each(|((flight, motors), n)| flight.hold(motors, n));
             } else {
                 let commanded = flights.par_iter_mut().zip(motors).zip(n_commands);
-                commanded.for_each(|((flying, motors), n)| flying.hold(motors, n));
+                commanded.for_each(|((flight, motors), n)| flight.hold(motors, n));
             }
         });
-        self.thrown()
+        self.check_estimator()
     }
 
-    /// Estimates (N, 12), references (N, 9), positions of truth and design (N, 3), times (N,) in s,
-    /// and flags of flights that have landed and that are lost (N,). Estimates and references of
-    /// flights that have landed are 0.
-    fn look<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// Returns a dict of arrays: `state` (N, 12), the estimate, `reference` (N, 9), `position_m` and
+    /// `design_m` (N, 3), `time_s` (N,), and the flags `landed` and `lost` (N,). State and reference
+    /// are 0 for flights that have landed.
+    fn observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (flights, columns) = (self.all(), PyDict::new(py));
-        let sessions: Vec<_> = flights.iter().map(|flying| flying.session.as_ref()).collect();
-        let waits: Vec<_> = sessions.iter().map(|s| s.and_then(Session::waits)).collect();
+        let sessions: Vec<_> = flights.iter().map(|flight| flight.session.as_ref()).collect();
+        // State and reference where a command is awaited, `None` after the landing.
+        let awaiting: Vec<_> = sessions.iter().map(|s| s.and_then(Session::waits)).collect();
         let numbers: [(&str, usize, Vec<f64>); 5] = [
-            ("state", 12, waits.iter().flat_map(|w| w.map_or([0.0; 12], |(x, _)| x)).collect()),
-            ("reference", 9, waits.iter().flat_map(|w| w.map_or([0.0; 9], |(_, r)| r)).collect()),
+            ("state", 12, awaiting.iter().flat_map(|w| w.map_or([0.0; 12], |(x, _)| x)).collect()),
+            (
+                "reference",
+                9,
+                awaiting.iter().flat_map(|w| w.map_or([0.0; 9], |(_, r)| r)).collect(),
+            ),
             ("position_m", 3, vectors(&sessions, Session::position_m)),
             ("design_m", 3, vectors(&sessions, Session::design_m)),
             ("time_s", 1, sessions.iter().map(|s| s.map_or(0.0, Session::time_s)).collect()),
@@ -203,8 +212,8 @@ impl PySessions {
         for (name, n, values) in numbers {
             columns.set_item(name, array(py, &values, n)?)?;
         }
-        let landed = waits.iter().map(|waits| waits.is_none().into()).collect();
-        let lost = flights.iter().map(|flying| flying.lost.is_some().into()).collect();
+        let landed = awaiting.iter().map(|observation| observation.is_none().into()).collect();
+        let lost = flights.iter().map(|flight| flight.lost.is_some().into()).collect();
         for (name, flags) in [("landed", landed), ("lost", lost)] {
             let flags: Vec<u8> = flags;
             columns.set_item(name, array_of(py, &flags, "?", &[flags.len()])?)?;
@@ -212,24 +221,24 @@ impl PySessions {
         Ok(columns)
     }
 
-    /// Ends all flights: the outcomes of their photos, as columns of one row and as JSON, and
-    /// warnings. Lost drones have no photo.
+    /// Ends all flights. Returns the outcomes of their photos as columns with one row and as JSON
+    /// texts, and warnings. A lost drone has an outcome without a photo.
     fn outcomes<'py>(
         &self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyDict>, Vec<String>, Vec<String>)> {
-        let ended: Vec<Flying> = self.all().iter_mut().map(std::mem::take).collect();
+        let ended: Vec<SeededFlight> = self.all().iter_mut().map(std::mem::take).collect();
         let (prepared, stop) = (Arc::clone(&self.prepared), Stop::default());
-        let until = stop.clone();
-        let judged = run(py, &stop, move || {
-            let judged = ended.into_par_iter().map(|flying| {
-                until.check()?;
-                flying.judged(&prepared)
+        let inner_stop = stop.clone();
+        let results = run(py, &stop, move || {
+            let results = ended.into_par_iter().map(|flight| {
+                inner_stop.check()?;
+                flight.judge(&prepared)
             });
-            judged.collect::<Result<Vec<_>>>()
+            results.collect::<Result<Vec<_>>>()
         })?;
-        let (outcomes, grounded): (Vec<Outcome>, Vec<_>) = judged.into_iter().unzip();
-        // One warning for all drones that stood on the floor: that of the first.
+        let (outcomes, grounded): (Vec<Outcome>, Vec<_>) = results.into_iter().unzip();
+        // One warning stands for all drones that never took off.
         let (n, grounded) = (outcomes.len(), grounded.into_iter().flatten().collect::<Vec<_>>());
         let first = grounded.iter().take(1);
         let warnings = first.map(|warning| format!("{} of {n} flights: {warning}", grounded.len()));
@@ -237,20 +246,21 @@ impl PySessions {
         Ok((columns(py, &outcomes, [1, n])?, json, warnings.collect()))
     }
 
-    /// Ends a flight: the outcome of its photo.
+    /// Ends a flight. Returns the outcome of its photo, None if the flight has ended before.
     fn outcome<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
-        let ended = self.all().get_mut(index).and_then(|flying| {
-            let (seed, lost) = (flying.seed, flying.lost.clone());
-            Some(Flying { seed, lost, session: Some(flying.session.take()?) })
+        // The flight's flag of a lost drone stays for `observations`.
+        let ended = self.all().get_mut(index).and_then(|flight| {
+            let (seed, lost) = (flight.seed, flight.lost.clone());
+            Some(SeededFlight { seed, lost, session: Some(flight.session.take()?) })
         });
-        let Some(flying) = ended else { return Ok(py.None().into_bound(py)) };
+        let Some(flight) = ended else { return Ok(py.None().into_bound(py)) };
         let prepared = Arc::clone(&self.prepared);
-        let stage = move || Ok(flying.judged(&prepared)?.0);
+        let stage = move || Ok(flight.judge(&prepared)?.0);
         to_python(py, &run(py, &Stop::default(), stage)?)
     }
 }
 
-/// A vector of each session, zeros of those that have ended.
+/// Returns `vector` of each session one after the other, zeros for those that have ended.
 fn vectors(sessions: &[Option<&Session>], vector: fn(&Session) -> [f64; 3]) -> Vec<f64> {
     sessions.iter().flat_map(|session| session.map_or([0.0; 3], vector)).collect()
 }

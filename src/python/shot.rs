@@ -1,4 +1,4 @@
-//! Shots: photographs with their verdicts.
+//! Shots: photographs, each with its flights and verdict.
 
 use std::path::PathBuf;
 
@@ -21,28 +21,30 @@ use noctograph::scene::Scene;
 use noctograph::score::{Reader, Reason, View};
 use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop, infer_lights_if_dark, is_dark};
 
-/// A photograph with what was flown for it and whether it reads.
+/// A photograph, its flights and its verdict.
 #[pyclass(frozen, name = "Shot", module = "noctograph")]
 #[derive(Debug)]
 pub(super) struct PyShot {
     shot: Shot,
     image: Py<PyAny>,
-    /// Warnings of its flights and of their files.
+    /// Warnings about its flights and their files.
     warnings: Vec<Diagnostic>,
 }
 
-/// Largest picture in a notebook, bytes. As text it is a third more.
+/// Largest picture in a notebook, in bytes. Base64 adds a third: 200 kB.
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
+    /// Returns the film, which `photograph` always keeps.
     fn film(&self) -> &Film {
         self.shot.film.as_ref().expect("its shoot keeps it")
     }
 
-    /// The photo as JPEG of at most [`MOST_BYTES`]: of lower quality, and then halved, until it is.
-    fn small(&self) -> Vec<u8> {
+    /// Returns the photo as a JPEG of at most [`MOST_BYTES`], with a lower quality or a smaller size.
+    fn small_jpeg(&self) -> Vec<u8> {
         let mut photo = self.shot.photo.clone();
         loop {
+            // With less quality than 60 blocks would show: the sides are halved.
             for quality in [90, 75, 60] {
                 let bytes = photo::jpeg(&photo, quality);
                 if bytes.len() <= MOST_BYTES || photo.width_px.min(photo.height_px) < 2 {
@@ -76,8 +78,8 @@ impl PyShot {
         self.shot.verdict.as_ref().is_some_and(|verdict| verdict.legible)
     }
 
-    /// list of str: What ``noctograph expose`` warns of, a sentence each: light outside the picture, lamps that are
-    /// dark or face away, a shutter that misses the word, and the warnings of the flights.
+    /// list of str: The warnings of the flights, and those of ``noctograph expose``: light outside the picture,
+    /// lamps that are dark or face away, a shutter that misses the word. A sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         let of_flights = self.warnings.iter().map(ToString::to_string);
@@ -90,7 +92,7 @@ impl PyShot {
         self.shot.flights.iter().cloned().map(PyFlight::new).collect()
     }
 
-    /// Scene: What the photo depends on, with the exposure that the light meter set.
+    /// Scene: The photo's scene, with the exposure that the light meter set.
     #[getter]
     fn scene(&self) -> PyScene {
         PyScene(self.shot.shoot.scene.clone())
@@ -102,44 +104,44 @@ impl PyShot {
         self.film().sha256()
     }
 
-    /// numpy.ndarray: Luminous exposure by the lamps in lx s, linear sRGB, without the room's light
-    /// and the sensor's noise and limits, shape (height, width, 3), float32.
+    /// numpy.ndarray: Luminous exposure from the lamps in lx s, linear sRGB, shape (height, width, 3),
+    /// float32. Without the room's light and the sensor's noise and limits.
     #[getter]
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let film = self.film();
-        let n = film.counts.len() / 3;
-        let lx_s =
-            (0..n).flat_map(|pixel| [0, 1, 2].map(|channel| film.exposure_lx_s(channel, pixel)));
+        let n_pixels = film.counts.len() / 3;
+        let lx_s = (0..n_pixels)
+            .flat_map(|pixel| [0, 1, 2].map(|channel| film.exposure_lx_s(channel, pixel)));
         #[expect(clippy::cast_possible_truncation, reason = "24 bits are finer than a photo needs")]
         let lx_s: Vec<f32> = lx_s.map(|lx_s| lx_s as f32).collect();
         let shape = [film.height_px as usize, film.width_px as usize, 3];
         array_of(py, bytemuck::cast_slice(&lx_s), "f4", &shape)
     }
 
-    /// bytes: The photo as PNG with its scene, the same bytes as those of ``noctograph preview``.
+    /// Returns the photo as PNG with its scene, the same bytes as ``noctograph preview`` writes.
     fn to_png<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, self.shot.file.as_deref().unwrap_or_default())
     }
 
-    /// Writes ``to_png`` to a file, which appears when it is whole.
+    /// Writes ``to_png`` to a file, which appears when it is complete.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         save(py, &path, self.shot.file.as_deref().unwrap_or_default())
     }
 
-    /// The photo is taken again, of the same flights.
+    /// For pickle: the photo is taken again from the same flights.
     fn __reduce__(&self, py: Python<'_>) -> PyResult<Reduced<(PyScene, Vec<PyFlight>)>> {
         let photograph = py.import("noctograph")?.getattr("photograph")?;
         Ok((photograph.unbind(), (self.scene(), self.flights())))
     }
 
-    /// Picture for notebooks, at most 200 kB: ``to_png`` and ``save`` have the photo itself.
+    /// Returns a JPEG for notebooks, at most 200 kB. ``to_png`` and ``save`` have the photo itself.
     fn _repr_jpeg_<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.small())
+        PyBytes::new(py, &self.small_jpeg())
     }
 
-    /// The photo, at most 200 kB, and the verdict as ``noctograph score`` prints it.
+    /// Returns HTML with the photo, at most 200 kB, and the verdict as ``noctograph score`` prints it.
     fn _repr_html_(&self) -> String {
-        let jpeg = BASE64_STANDARD.encode(self.small());
+        let jpeg = BASE64_STANDARD.encode(self.small_jpeg());
         let table = self.shot.verdict.as_ref().map_or_else(String::new, verdict_table);
         format!(
             "<img width=\"100%\" src=\"data:image/jpeg;base64,{jpeg}\"><pre>{}</pre>",
@@ -157,21 +159,21 @@ impl PyShot {
     }
 }
 
-/// Photographs flights, or what a scene flies.
+/// Photographs the given flights, or those of a scene's plans.
 ///
 /// Parameters
 /// ----------
 /// scene : Scene
 ///     Word, lamps, camera and seed. Without a word the photo is not read.
 /// flights : Flight, str or os.PathLike, or list of them, optional
-///     One for each drone, from any simulator, or files: flights, logs, and light traces (a lamp's places,
-///     directions and candela, as ``noctograph expose`` takes them). By default the scene's plans are flown. The
-///     exposure begins with the first of them. A log without lights has those of the scene's word.
+///     One for each drone, from any simulator, or files: flights, logs, and light traces (a lamp's positions,
+///     directions and candela, as ``noctograph expose`` reads them). By default the scene's plans are flown. The
+///     exposure begins with the first of them. A log without lights gets those of the scene's word.
 ///
 /// Returns
 /// -------
 /// Shot
-///     What is wrong or doubtful stands in its ``warnings``, and is warned of as `NoctographWarning`.
+///     Problems and doubts are in its ``warnings``, and are issued as `NoctographWarning`.
 #[pyfunction]
 #[pyo3(signature = (scene, flights = None))]
 pub(super) fn photograph(
@@ -183,13 +185,13 @@ pub(super) fn photograph(
     let recordings = flights.map(|flights| recordings_of(py, &flights, &scene)).transpose()?;
     let (recordings, warnings) = recordings
         .map_or((None, Vec::new()), |Warned { product, warnings }| (Some(product), warnings));
-    // A log without lights gets those of the scene's word.
     let stop = Stop::default();
-    let until = stop.clone();
+    let inner_stop = stop.clone();
     let shot = run(py, &stop, move || {
         let shoot = match recordings {
             None => Shoot::new(scene)?,
             Some(mut recordings) => {
+                // A log without lights gets those of the scene's word.
                 for recording in &mut recordings {
                     if let Recording::Flight(flight) = recording {
                         infer_lights_if_dark(flight, &mut scene)?;
@@ -198,34 +200,33 @@ pub(super) fn photograph(
                 Shoot::with_recordings(scene, recordings)?
             }
         };
-        Shoot { format: Some(Format::Png), stop: until, ..shoot }.take(&|_, _| {})
+        Shoot { format: Some(Format::Png), stop: inner_stop, ..shoot }.take(&|_, _| {})
     })?;
     warn(py, problems(&shot))?;
     let shape = [shot.photo.height_px as usize, shot.photo.width_px as usize, 3];
     let image = array_of(py, &shot.photo.rgb8, "u1", &shape)?;
-    // It is the shot's, not a copy.
+    // Read-only, since every caller gets the same array.
     image.call_method1("setflags", (false,))?;
     Ok(PyShot { image: image.unbind(), shot, warnings })
 }
 
-/// Problems of a shot, a sentence each.
+/// Returns the problems of a shot, a sentence each.
 fn problems(shot: &Shot) -> impl Iterator<Item = String> {
     shot.problems.iter().map(|problem| problem.sentence(Change::to_string))
 }
 
-/// The recordings of a flight or of several, with their warnings. Those of files are shown here,
-/// those of flights were shown when these were made.
+/// Returns the recordings in `flights`, one or an iterable of them, with all their warnings. Issues
+/// the warnings about files: those about flights were issued when the flights were made.
 fn recordings_of(
     py: Python<'_>,
     flights: &Bound<'_, PyAny>,
     scene: &Scene,
 ) -> PyResult<Warned<Vec<Recording>>> {
-    // A single flight or file, or any iterable of them.
+    // A path may be a text, which is iterable, too.
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
-    let flights: Vec<Bound<'_, PyAny>> = if is_one {
-        vec![flights.clone()]
-    } else {
-        flights.try_iter()?.collect::<PyResult<_>>()?
+    let flights: Vec<Bound<'_, PyAny>> = match is_one {
+        true => vec![flights.clone()],
+        false => flights.try_iter()?.collect::<PyResult<_>>()?,
     };
     if flights.is_empty() {
         let hint = "leave it out to fly the scene's plans";
@@ -241,7 +242,7 @@ fn recordings_of(
             recordings.product.push(Recording::Flight(flight.clone()));
             continue;
         }
-        // Everything else is a file's path.
+        // Everything else has to be the path of a file.
         let path = flight.extract::<PathBuf>().map_err(|_no_path| {
             let actual = flight.get_type().to_string();
             let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
@@ -258,7 +259,7 @@ fn recordings_of(
     Ok(recordings)
 }
 
-/// Scores a photo of a word as its camera sees it.
+/// Scores the photo of a scene's word, taken by its camera.
 ///
 /// Parameters
 /// ----------
@@ -281,6 +282,7 @@ pub(super) fn score<'py>(
     let (width_px, height_px) = (photo.width_px, photo.height_px);
     let mut scene = scene.0.clone();
     (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
+    // The camera tells where the word is in the photo.
     let stage = move || {
         let strokes = scene.strokes()?;
         let camera = scene.camera.camera(strokes.bounds_m(), 0.0)?;
@@ -294,8 +296,8 @@ pub(super) fn score<'py>(
     to_python(py, &run(py, &Stop::default(), stage)?)
 }
 
-/// The mean FLIP difference of a photo from a file's, 1 where they are of different sizes, and the
-/// difference as PNG: see `noctograph/testing.py`.
+/// Returns the mean FLIP difference between a photo and that of a file, and the difference as PNG: 1
+/// and nothing if their sizes differ. See `noctograph/testing.py`.
 #[pyfunction]
 pub(super) fn flip<'py>(
     py: Python<'py>,
@@ -330,13 +332,13 @@ pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String>
         false => Err(photo.extract::<PathBuf>()?),
     };
     run(py, &Stop::default(), move || {
-        // The photo may be turned: the reading of the likeliest side counts.
+        // The photo may be rotated: the likeliest of the four readings counts.
         let photo = photo.or_else(|path| photo::read(&path))?;
         Ok(noctograph::score::read_any_way_up(&photo, "").0.of_writing().text)
     })
 }
 
-/// A photo of an array's pixels.
+/// Converts an array of uint8 and shape (height, width, 3) to a photo. Refuses other arrays.
 fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
     let py = image.py();
     let image = py.import("numpy")?.call_method1("ascontiguousarray", (image,))?;

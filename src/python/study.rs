@@ -21,7 +21,8 @@ use noctograph::studies::{
     TuneOptions, Unranked, acuity, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
 };
 
-/// Runs a stage that counts its flights, and calls `progress(done, total)` of Python meanwhile.
+/// Runs a stage that counts its flights, and calls the Python function `progress(done, total)`
+/// meanwhile. Returns the stage's result.
 fn counted<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -29,15 +30,16 @@ fn counted<T: Send + 'static>(
     stage: impl FnOnce(&Stop, &AtomicUsize) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
     let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
-    let (until, counter) = (stop.clone(), Arc::clone(&done));
+    let (inner_stop, counter) = (stop.clone(), Arc::clone(&done));
     let show = |py: Python<'_>| match &progress {
         Some(progress) => progress.call1(py, (done.load(Ordering::Relaxed), total)).map(drop),
         None => Ok(()),
     };
-    run_showing(py, &stop, show, Ends::ByItself, move || stage(&until, &counter))
+    run_showing(py, &stop, show, Ends::ByItself, move || stage(&inner_stop, &counter))
 }
 
-/// Flies every scene with every seed: see `fly_many` of `noctograph/studies.py`.
+/// Flies every scene with every seed and returns the outcomes: see `fly_many` in
+/// `noctograph/studies.py`.
 #[pyfunction]
 pub(super) fn outcomes<'py>(
     py: Python<'py>,
@@ -48,14 +50,15 @@ pub(super) fn outcomes<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let scenes: Vec<_> = scenes.iter().map(|scene| scene.0.clone()).collect();
     let (shape, conditions) = ([scenes.len(), seeds.len()], conditions.to_owned());
-    let judged = counted(py, progress, shape[0] * shape[1], move |until, counter| {
+    let outcomes = counted(py, progress, shape[0] * shape[1], move |stop, counter| {
         let conditions = Conditions::find(&conditions)?;
+        // A row for each scene, with an outcome for each seed.
         let rows = scenes.into_par_iter().map(|scene| {
-            until.check()?;
+            stop.check()?;
             let word = scene.word.clone();
             let prepared = Prepared::new(&NamedScene::new("scene", scene), &word, &conditions)?;
             let outcomes = seeds.par_iter().map(|seed| {
-                until.check()?;
+                stop.check()?;
                 let outcome = prepared.outcome(*seed)?;
                 counter.fetch_add(1, Ordering::Relaxed);
                 Ok(outcome)
@@ -64,17 +67,18 @@ pub(super) fn outcomes<'py>(
         });
         Ok(rows.collect::<Result<Vec<_>>>()?.concat())
     })?;
-    columns(py, &judged, shape)
+    columns(py, &outcomes, shape)
 }
 
-/// Outcomes as arrays of (scenes, seeds): those of `Outcomes` of `noctograph/studies.py`.
+/// Returns the columns of outcomes as arrays of shape (scenes, seeds), under the names of `Outcomes`
+/// in `noctograph/studies.py`.
 pub(super) fn columns<'py>(
     py: Python<'py>,
     outcomes: &[Outcome],
     shape: [usize; 2],
 ) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
-    // A lost drone has no figures: NaN.
+    // The figures of a lost drone are NaN.
     let figures = Flown::<f64>::NAMES.into_iter().enumerate().map(|(index, name)| {
         let values = outcomes.iter().map(|outcome| outcome.flown.map(|it| it.values()[index]));
         (name, values.map(|value| value.unwrap_or(f64::NAN)).collect())
@@ -86,7 +90,7 @@ pub(super) fn columns<'py>(
     for (name, values) in numbers.into_iter().chain(figures) {
         columns.set_item(name, array_of(py, bytemuck::cast_slice(&values), "f8", &shape)?)?;
     }
-    // Flags are bytes to numpy.
+    // numpy stores a flag as a byte.
     let flags: [(&str, Vec<u8>); 2] = [
         ("legible", outcomes.iter().map(|outcome| outcome.legible.into()).collect()),
         ("lost", outcomes.iter().map(|outcome| outcome.lost.is_some().into()).collect()),
@@ -100,34 +104,36 @@ pub(super) fn columns<'py>(
     Ok(columns)
 }
 
-/// A study: scenes by name, words with their numbers of seeds, and a seed.
+/// Returns the study of scenes with their names, words with their numbers of seeds, and a seed. Its
+/// conditions are still.
 fn study(scenes: Vec<(String, PyRef<'_, PyScene>)>, words: Vec<(String, u32)>, seed: u64) -> Study {
     let contenders =
         scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
     Study { contenders, words, conditions: Conditions::still(), seed }
 }
 
-/// Flights of a ranking: contender, word and seed.
-type Flights = Vec<(usize, usize, u64)>;
+/// Trials of a study: indices of contender and word, and seed.
+type Trials = Vec<(usize, usize, u64)>;
 
-/// The flights of a ranking, in their order.
+/// Returns the trials of a ranking, in their order.
 #[pyfunction]
 pub(super) fn trials(
     py: Python<'_>,
     scenes: Vec<(String, PyRef<'_, PyScene>)>,
     words: Vec<(String, u32)>,
     seed: u64,
-) -> PyResult<Flights> {
+) -> PyResult<Trials> {
     let study = study(scenes, words, seed);
     study.check().map_err(|error| raised(py, &error))?;
-    Ok(flights(&study))
+    Ok(trials_of(&study))
 }
 
-fn flights(study: &Study) -> Flights {
+fn trials_of(study: &Study) -> Trials {
     study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect()
 }
 
-/// The rungs on which scenes write faster and faster, with n seeds of each word: scenes and trials.
+/// Returns the rungs of a ladder, with `n` seeds for each word: on each the scenes with their speed,
+/// and the trials.
 #[pyfunction]
 pub(super) fn ladder(
     py: Python<'_>,
@@ -135,53 +141,54 @@ pub(super) fn ladder(
     words: Vec<(String, u32)>,
     seed: u64,
     n: u32,
-) -> PyResult<Vec<(Vec<PyScene>, Flights)>> {
+) -> PyResult<Vec<(Vec<PyScene>, Trials)>> {
     let ladder = rungs(&study(scenes, words, seed), n).map_err(|error| raised(py, &error))?;
     let rungs = ladder.into_iter().map(|rung| {
-        let trials = flights(&rung);
+        let trials = trials_of(&rung);
         (rung.contenders.into_iter().map(|named| PyScene(named.scene)).collect(), trials)
     });
     Ok(rungs.collect())
 }
 
-/// The study with n seeds of each word on each rung of its ladder.
+/// Returns the study on each rung of its ladder, with `n` seeds for each word.
 fn rungs(study: &Study, n: u32) -> Result<Vec<Study>> {
     let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
     let ladder = Study { words, ..study.clone() }.ladder();
     ladder.iter().try_for_each(Study::check).map(|()| ladder)
 }
 
-/// The records of a study. `flown` has the outcomes of trials that were flown elsewhere, as JSON by
-/// the trial's index.
+/// Flies the trials of a study that are not in `flown`, and returns the records of all of them.
+/// `flown` has the outcomes of trials that Python flew, as JSON by the trial's index.
 fn records(
     study: &Study,
     flown: &BTreeMap<usize, String>,
     store: Option<&Store>,
-    until: &Stop,
-    count: &(dyn Fn(usize) + Sync),
+    stop: &Stop,
+    done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let trials: Vec<Trial> = study.trials().collect();
-    let rest = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
-    let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
+    let unflown = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
+    let unflown: Vec<Trial> = unflown.map(|(_, trial)| *trial).collect();
+    let evaluated = evaluate(study, &study.prepare()?, &unflown, store, stop, done)?;
     // The two lists are merged in the order of the trials.
-    let mut rest = evaluate(study, &study.prepare()?, &rest, store, until, count)?.into_iter();
+    let mut evaluated = evaluated.into_iter();
     let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
-        None => rest.next().expect("a record for each trial"),
+        None => evaluated.next().expect("a record for each trial"),
         Some(outcome) => Record {
             scene: "a controller of Python".into(),
             contender: study.contenders[trial.contender].name.clone(),
             word: study.words[trial.word].0.clone(),
             seed: trial.seed,
-            outcome: serde_json::from_str(outcome).expect("it was made here"),
+            outcome: serde_json::from_str(outcome).expect("an outcome of `Sessions`"),
         },
     });
     Ok(records.collect())
 }
 
-/// Ranks scenes: see `rank` of `noctograph/studies.py`. Returns the table, and the keys of
-/// `ranking.json` with the flights. `flown` has the outcomes of trials that were flown elsewhere, as
-/// JSON, by their index among [`trials`]. `faster` has the number of seeds on each rung of
-/// [`ladder`], and such outcomes for each.
+/// Ranks scenes: see `rank` in `noctograph/studies.py`. Returns the table, and the keys of
+/// `ranking.json` with the flights. `flown` has the outcomes of trials that Python flew, as JSON by
+/// their index in [`trials`]. `faster` has the number of seeds on each rung of [`ladder`], and such
+/// outcomes for each rung.
 #[pyfunction]
 #[pyo3(signature = (scenes, words, conditions, seed, folder, flown, unranked, progress, faster = None))]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
@@ -201,33 +208,32 @@ pub(super) fn ranking<'py>(
     let conditions = conditions.to_owned();
     let ladder = faster.as_ref().map(|(n, _)| rungs(&study, *n)).transpose();
     let ladder = ladder.map_err(|error| raised(py, &error))?.unwrap_or_default();
-    let faster = faster.map_or_else(Vec::new, |(_, flown)| flown);
+    let flown_on_rungs = faster.map_or_else(Vec::new, |(_, flown)| flown);
     let n_flights: usize = ladder.iter().chain([&study]).map(Study::n_trials).sum();
-    let n_flown = faster.iter().chain([&flown]).map(BTreeMap::len).sum::<usize>();
-    let total = n_flights - n_flown;
-    let (text, json) = counted(py, progress, total, move |until, counter| {
+    let n_flown = flown_on_rungs.iter().chain([&flown]).map(BTreeMap::len).sum::<usize>();
+    let (text, json) = counted(py, progress, n_flights - n_flown, move |stop, counter| {
         study.conditions = Conditions::find(&conditions)?;
         if unranked.is_empty() || !study.contenders.is_empty() {
             study.check()?;
         }
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         // The study itself, then the rungs of its ladder, under one count of flights.
-        let rungs = ladder.iter().zip(&faster).map(|(rung, flown)| {
+        let rungs = ladder.iter().zip(&flown_on_rungs).map(|(rung, flown)| {
             (Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
         });
-        let (mut n_done, mut of_rungs) = (0, Vec::new());
+        let (mut n_done, mut records_by_study) = (0, Vec::new());
         for (study, flown) in std::iter::once((study.clone(), &flown)).chain(rungs) {
-            let count = &|n| counter.store(n_done + n, Ordering::Relaxed);
-            let records = records(&study, flown, store.as_ref(), until, count)?;
+            let done = &|n| counter.store(n_done + n, Ordering::Relaxed);
+            let records = records(&study, flown, store.as_ref(), stop, done)?;
             n_done += records.len() - flown.len();
-            of_rungs.push(records);
+            records_by_study.push(records);
         }
-        let records = of_rungs.remove(0);
+        let records = records_by_study.remove(0);
         let mut ranking = rank(&study, &records);
-        ranking.acuity = (!ladder.is_empty()).then(|| acuity(&ladder, &of_rungs));
+        ranking.acuity = (!ladder.is_empty()).then(|| acuity(&ladder, &records_by_study));
         let unranked = unranked.into_iter();
         ranking.unranked = unranked.map(|(contender, note)| Unranked { contender, note }).collect();
-        // The keys of the command line, with all flights and tables.
+        // The keys that the command line prints, and all flights and tables.
         let report = ranking_report(&study, &ranking, records.len());
         let mut json = report.json;
         json["flights"] = json!(records);
@@ -240,7 +246,8 @@ pub(super) fn ranking<'py>(
     Ok((text, to_python(py, &json)?))
 }
 
-/// A task's scene with the allowed keys of a submission: see `noctograph/grade.py`.
+/// Returns a task's scene with the settings of the submission at `path`. Refuses settings that are not
+/// in `may`. See `noctograph/grade.py`.
 #[pyfunction]
 pub(super) fn submission(
     py: Python<'_>,
@@ -252,13 +259,13 @@ pub(super) fn submission(
     task.submission(&path).map(PyScene).map_err(|error| raised(py, &error))
 }
 
-/// Flights of each of some contenders below which no two can be told apart.
+/// Returns the least number of flights per contender with which any two can be told apart.
 #[pyfunction]
 pub(super) fn least_flights(n_contenders: usize) -> u32 {
     noctograph::studies::least_flights(n_contenders)
 }
 
-/// Tunes a scene: see `tune` of `noctograph/studies.py`. Returns the table, the keys of
+/// Tunes a scene: see `tune` in `noctograph/studies.py`. Returns the table, the keys of
 /// `noctograph tune --json` with all candidates, and the tuned scene.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
@@ -274,9 +281,9 @@ pub(super) fn tuning<'py>(
     callback: Option<Py<PyAny>>,
 ) -> PyResult<(String, Bound<'py, PyAny>, PyScene)> {
     let (base, stop) = (scene.0.clone(), Stop::default());
-    let (until, conditions) = (stop.clone(), conditions.to_owned());
-    let thrown = Arc::new(Mutex::new(None));
-    let failed = Arc::clone(&thrown);
+    let (inner_stop, conditions) = (stop.clone(), conditions.to_owned());
+    let exception = Arc::new(Mutex::new(None));
+    let inner_exception = Arc::clone(&exception);
     let result = run_showing(
         py,
         &stop,
@@ -287,40 +294,38 @@ pub(super) fn tuning<'py>(
                 None => Knob::usual(&base),
                 Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
             };
-            let conditions = Conditions::find(&conditions)?;
-            let options = TuneOptions {
-                knobs,
-                words,
-                budget,
-                test_seeds: 40,
-                longest_s: None,
-                conditions,
-                seed,
-            };
+            let (conditions, test_seeds) = (Conditions::find(&conditions)?, TEST_SEEDS);
+            let options =
+                TuneOptions { knobs, words, budget, test_seeds, longest_s: None, conditions, seed };
             let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-            let tuned = tune(&base, &options, store.as_ref(), &until, &mut |n_flights, best| {
-                let Some(callback) = &callback else { return true };
-                // An exception of the callback ends the search.
-                goes_on(callback, n_flights, best).unwrap_or_else(|error| {
-                    *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-                    until.now();
-                    false
-                })
-            })?;
+            let tuned =
+                tune(&base, &options, store.as_ref(), &inner_stop, &mut |n_flights, best| {
+                    let Some(callback) = &callback else { return true };
+                    // An exception of the callback ends the search.
+                    call_back(callback, n_flights, best).unwrap_or_else(|error| {
+                        *inner_exception.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some(error);
+                        inner_stop.now();
+                        false
+                    })
+                })?;
             let mut report = tuning_report(&options, &tuned, None);
             report.json["candidates"] = json!(tuned.candidates);
             report.json["front"] = json!(tuned.front);
             Ok((report, tuned.scene))
         },
     );
-    // It is the cause of the end, whatever the search itself says.
-    let thrown = thrown.lock().unwrap_or_else(PoisonError::into_inner).take();
-    let (report, scene) = thrown.map_or(result, Err)?;
+    // The exception is the cause of the end. The search itself only says that it was stopped.
+    let exception = exception.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let (report, scene) = exception.map_or(result, Err)?;
     Ok((report.text, to_python(py, &report.json)?, PyScene(scene)))
 }
 
-/// The answer of a callback of Python after a candidate.
-fn goes_on(callback: &Py<PyAny>, n_flights: usize, best: &Candidate) -> PyResult<bool> {
+/// Seeds of each word in the test of a tuned scene.
+const TEST_SEEDS: u32 = 40;
+
+/// Calls a Python callback after a candidate. Returns true to go on: its answer is true or None.
+fn call_back(callback: &Py<PyAny>, n_flights: usize, best: &Candidate) -> PyResult<bool> {
     Python::attach(|py| {
         let best = to_python(py, best)?;
         let answer = callback.bind(py).call1((n_flights, best))?;

@@ -1,17 +1,17 @@
-//! Acuity: how fast a contender writes so that its words still read, as an eye chart asks for the
-//! smallest letters.
+//! Acuity: the highest speed at which a contender's words still read. An eye chart likewise asks
+//! for the smallest letters.
 //!
 //! In: a study. Every contender flies its words on a ladder of stroke speeds, from four times the
 //! slowest of the scenes up. Each rung has seeds of its own, the same for all contenders. Out:
 //! [`Acuity`].
 //!
 //! If words read below a speed and not above it, the mean of P(read) over the ladder is the
-//! fraction of rungs below that speed (method of Spearman 1908 and Kärber 1931). So that mean and
-//! its interval are a speed and its interval, without a model of how P(read) falls. The ladder is a
-//! study whose words are its rungs, and [`rank`] compares two contenders flight against flight.
+//! fraction of rungs below that speed (method of Spearman 1908 and Kärber 1931). So the mean and
+//! its interval give a speed and its interval, without a model of how P(read) falls. The ladder is
+//! a study whose words are its rungs, and [`rank`] compares two contenders flight by flight.
 //!
-//! The other axis, smaller letters, is bounded by the lamp: at 8 cm a true state and an estimate
-//! differ by 0.12 in P(read), at 2.5 m/s by 0.37. Not done: limits beyond the ladder.
+//! Smaller letters would be limited by the lamp: at 8 cm, flights on the true state and on an
+//! estimate differ by 0.12 in P(read), at 2.5 m/s by 0.37. Not done: limits beyond the ladder.
 
 use serde::Serialize;
 
@@ -21,21 +21,21 @@ use noctograph_core::error::Result;
 use noctograph_pipeline::shoot::Stop;
 use noctograph_plan::Style;
 
-/// Rungs of the ladder.
+/// Number of rungs of the ladder.
 pub const RUNGS: u32 = 8;
-/// The first rung, as a multiple of the scene's speed.
-const FIRST: f64 = 4.0;
-/// Octaves of speed from rung to rung: strokes of 0.2 m/s begin at 0.8 m/s, and end at 2.7 m/s.
-const OCTAVES: f64 = 0.25;
+/// Speed of the first rung, as a multiple of the scene's speed.
+const FIRST_TIMES: f64 = 4.0;
+/// Octaves between two rungs: a scene with strokes of 0.2 m/s is flown at 0.8 to 2.7 m/s.
+const OCTAVES_PER_RUNG: f64 = 0.25;
 /// Greatest acceleration of a plan.
 const MOST_M_S2: f64 = 100.0;
 
 /// How fast the contenders of a study write, the fastest first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Acuity {
-    /// One a contender.
+    /// One for each contender.
     pub limits: Vec<SpeedLimit>,
-    /// Every two of them, by their mean P(read) over the ladder.
+    /// All pairs of contenders, compared by their mean P(read) over the ladder.
     pub pairs: Vec<Pair>,
 }
 
@@ -44,11 +44,11 @@ pub struct Acuity {
 pub struct SpeedLimit {
     /// Its name.
     pub contender: String,
-    /// 1 for the fastest, as in a ranking.
+    /// Its place, 1 for the fastest, as in a ranking.
     pub place: Option<usize>,
     /// Flights on the whole ladder.
     pub n_flights: usize,
-    /// Stroke speed at which its words read half of the time.
+    /// Stroke speed at which half of its words read.
     pub stroke_speed_m_s: Estimate,
     /// Mean P(read) on each rung.
     pub rungs: Vec<Rung>,
@@ -64,15 +64,16 @@ pub struct Rung {
 }
 
 impl Study {
-    /// The study on each rung of the ladder, the slowest first: strokes, and their acceleration in
-    /// proportion.
+    /// Returns the study on each rung of the ladder, the slowest first. The acceleration of the
+    /// strokes rises in proportion to their speed.
     pub fn ladder(&self) -> Vec<Self> {
         let speeds_m_s = self.contenders.iter().map(|named| named.scene.plan.stroke_speed_m_s);
         let slowest_m_s = speeds_m_s.fold(f64::INFINITY, f64::min);
         let rungs = (0..RUNGS).map(|rung| {
-            // Seeds of its own, so that rungs are independent.
+            // Each rung has other seeds, so that rungs are independent.
             let mut study = Self { seed: self.seed ^ u64::from(rung + 1) << 40, ..self.clone() };
-            let speed_m_s = slowest_m_s * FIRST * libm::exp2(OCTAVES * f64::from(rung));
+            let speed_m_s =
+                slowest_m_s * FIRST_TIMES * libm::exp2(OCTAVES_PER_RUNG * f64::from(rung));
             for plan in study.contenders.iter_mut().map(|named| &mut named.scene.plan) {
                 if let Style::Even(even) = &mut plan.style {
                     let scaled = even.acceleration_m_s2 * speed_m_s / plan.stroke_speed_m_s;
@@ -87,26 +88,26 @@ impl Study {
     }
 }
 
-/// Flies the rungs of a [`Study::ladder`] with the scenes of each ([`Study::prepare`]), as
-/// [`evaluate`] does.
+/// Flies the rungs of a [`Study::ladder`] as [`evaluate`] does, and returns the records of each.
+/// `prepared` has the result of [`Study::prepare`] for each rung.
 pub fn fly_ladder(
     ladder: &[Study],
-    ready: &[Vec<Prepared>],
+    prepared: &[Vec<Prepared>],
     store: Option<&Store>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Vec<Record>>> {
-    // One rung after the other: the count of flights goes on.
+    // One rung after the other, with one count of flights.
     let (mut n_done, stop) = (0, Stop::default());
-    let rungs = ladder.iter().zip(ready).map(|(study, ready)| {
+    let rungs = ladder.iter().zip(prepared).map(|(study, prepared)| {
         let trials: Vec<_> = study.trials().collect();
-        let records = evaluate(study, ready, &trials, store, &stop, &|n| done(n_done + n))?;
+        let records = evaluate(study, prepared, &trials, store, &stop, &|n| done(n_done + n))?;
         n_done += records.len();
         Ok(records)
     });
     rungs.collect()
 }
 
-/// The limits of contenders by the records of each rung of a [`Study::ladder`].
+/// Returns the speed limits of contenders, from the records of each rung of a [`Study::ladder`].
 pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
     // One study whose words are those of all rungs: its records come contender by contender.
     let contenders = &ladder[0].contenders;
@@ -116,10 +117,10 @@ pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
     let ranking = rank(&Study { words, ..ladder[0].clone() }, &by_contender);
     let limits = ranking.measures.iter().map(|measures| {
         let rungs = ladder.iter().zip(records).map(|(study, records)| {
-            let flown = records.iter().filter(|record| record.contender == measures.contender);
+            let own = records.iter().filter(|record| record.contender == measures.contender);
             Rung {
                 stroke_speed_m_s: study.contenders[0].scene.plan.stroke_speed_m_s,
-                legibility: mean(flown.map(|record| record.outcome.probability)),
+                legibility: mean(own.map(|record| record.outcome.probability)),
             }
         });
         let rungs: Vec<Rung> = rungs.collect();
@@ -134,12 +135,13 @@ pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
     Acuity { limits: limits.collect(), pairs: ranking.pairs }
 }
 
-/// Spearman and Kärber's estimate: of n rungs the first `n · mean P(read)` read, and the limit is
-/// half a rung above the last of them.
-fn limit_m_s(first_m_s: f64, legibility: Estimate) -> Estimate {
+/// Returns the speed limit by Spearman and Kärber: the first `n · mean P(read)` of n rungs read,
+/// and the limit is half a rung above the last of these.
+fn limit_m_s(first_rung_m_s: f64, legibility: Estimate) -> Estimate {
     let Estimate { value, low, high } = legibility;
-    let [value, low, high] = [value, low, high]
-        .map(|mean| first_m_s * libm::exp2(OCTAVES * (mean * f64::from(RUNGS) - 0.5)));
+    let [value, low, high] = [value, low, high].map(|mean| {
+        first_rung_m_s * libm::exp2(OCTAVES_PER_RUNG * (mean * f64::from(RUNGS) - 0.5))
+    });
     Estimate { value, low, high }
 }
 

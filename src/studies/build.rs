@@ -1,11 +1,11 @@
-//! Names the source that decides the outcome of a flight, in `NOCTOGRAPH_SOURCE`: two builds of one
-//! source have the same name, from a clone or an archive, on every system.
+//! Sets `NOCTOGRAPH_SOURCE` to a digest of the source that decides a flight's outcome. Builds of
+//! one source have the same digest, from a clone or an archive, on every system.
 
 #![expect(clippy::disallowed_methods, reason = "the source")]
 
 use std::path::{Path, PathBuf};
 
-/// Folders from this one: the crates that decide an outcome, letters' shapes and shaders.
+/// Paths relative to this crate: the crates that decide an outcome, the fonts and the shaders.
 const FOLDERS: [&str; 10] = [
     "../core",
     "../letters",
@@ -26,12 +26,12 @@ fn main() {
         walk(Path::new(folder), &mut files);
     }
     files.sort();
-    // FNV-1a of 64 bits: against mistakes, not against an adversary.
+    // 64-bit FNV-1a: it detects mistakes, not attacks.
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     for path in files {
         let name = path.to_string_lossy().replace('\\', "/");
         let bytes = std::fs::read(&path).expect("a file of the source can be read");
-        // Git on Windows may have given lines other ends.
+        // Git on Windows may have changed the line endings to CR LF.
         for byte in name.bytes().chain(bytes).filter(|byte| *byte != b'\r') {
             digest = (digest ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
@@ -39,7 +39,7 @@ fn main() {
     println!("cargo::rustc-env=NOCTOGRAPH_SOURCE={digest:016x}");
 }
 
-/// Adds the files in a folder and below: code and what is built in, no hidden file of an editor.
+/// Appends the files in a folder and its subfolders, except Cargo.toml and editors' hidden files.
 fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
     let entries = std::fs::read_dir(folder).expect("a folder of the source can be read");
     for path in entries.map(|entry| entry.expect("an entry can be read").path()) {

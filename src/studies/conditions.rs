@@ -1,8 +1,8 @@
 //! Conditions: how much a real drone differs from its scene, flight by flight.
 //!
-//! A controller is made for the scene, and the flying drone departs from it, anew for each seed and
-//! drone. Departures are constant over a flight. Only gusts and the noise of the sensors vary
-//! within one. The same seed draws the same departure under every controller (common random
+//! A controller is designed for the scene. The flying drone departs from the scene, differently for
+//! each seed and drone. Departures are constant during a flight. Only gusts and sensor noise vary
+//! within a flight. The same seed draws the same departure under every controller (common random
 //! numbers), and each factor has a separate stream, so that adding a factor changes no other.
 
 use std::f64::consts::TAU;
@@ -21,14 +21,14 @@ use noctograph_sim::SimOptions;
 use noctograph_sim::sensors::LighthouseOptions;
 use noctograph_sim::vehicle::{GustOptions, Gusts, VehicleOptions};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), which gusts act on if the scene
-/// has none.
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), used with gusts if the scene has
+/// no drag.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
-/// Mean time from one outage of the radio to the next.
+/// Mean time between two radio outages.
 pub(super) const OUTAGE_EVERY_S: f64 = 10.0;
 
-/// Gusts of a ventilated room.
+/// Standard deviation of gusts in a ventilated room.
 pub(super) const ROOM_GUST_M_S: f64 = 0.08;
 
 settings! {
@@ -42,12 +42,13 @@ settings! {
     /// %. Of other flights it holds nine tenths under PID, and fewer in y without an integral
     /// (`docs/model.md`).
     pub struct Conditions {
-        /// Mass, σ as a fraction of the scene's: half a gram of 35 for tape and another battery.
+        /// Mass: σ as a fraction of the scene's mass. 0.5 g of 35 g, for tape or a different
+        /// battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
-        /// Center of mass in body x and y, σ, m: a battery of 7 g that slides half a millimeter in
-        /// its holder. Unequal motors act alike: of 3 %, σ, by 0.5 mm.
+        /// Center of mass in body x and y: σ, m. A battery of 7 g slides half a millimeter in its
+        /// holder. Unequal motors have the same effect: 3 % (σ) act like 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
-        /// Moments of inertia, σ as a fraction of the scene's: published values for one drone
+        /// Moments of inertia: σ as a fraction of the scene's. Published values for one drone
         /// differ by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
         /// Time constant of the rotors on top of the scene's, uniform from 0 to this, s: the lower
@@ -57,39 +58,39 @@ settings! {
         /// distortion where `sensors.positioning` is `position`, misplaced stations where it is
         /// Lighthouse. Half of the 13 mm rms in Bitcraze's `positioning_dataset`.
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
-        /// Turn of the Lighthouse's frame about each axis, rad, and error of its scale, σ. The
-        /// drone is put by hand on the origin and one meter off, on the x-axis and on the floor,
-        /// when the geometry is estimated (cflib, `multi_bs_geometry_estimation.py`). Each place is
-        /// known to the distortion of 7.5 mm of that data set, which makes 0.0075 √2 of a meter.
-        /// The data set itself was turned onto its reference first, so that its error has no part
-        /// of this.
+        /// Rotation of the Lighthouse's frame about each axis, rad, and error of its scale: σ. For
+        /// the estimation of the geometry (cflib, `multi_bs_geometry_estimation.py`) the drone is
+        /// placed by hand at the origin, one meter along the x-axis, and on the floor. Each
+        /// position has an error of 7.5 mm, the distortion in that data set: 0.0075 √2 of a meter.
+        /// The data set itself was first rotated onto its reference, so it does not contain this
+        /// error.
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
-        /// Moment of the air per airspeed on top of the scene's, uniform from 0 to this, N m/(m/s):
-        /// the drone rears up against its motion. As much as the log of the reference flight shows
-        /// ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is measured on
-        /// other drones.
+        /// Moment of the air per airspeed, added to the scene's, uniform from 0 to this, N m/(m/s):
+        /// it pitches the drone up against its motion. As large as in the log of the reference
+        /// flight ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is
+        /// measured on other drones.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
-        /// Gusts, σ, m/s (Ornstein–Uhlenbeck), of a ventilated room, or the scene's if these are
-        /// stronger. Uneven air turns the drone in proportion, as measured at 0.08.
+        /// Gusts: σ, m/s (Ornstein–Uhlenbeck). Those of a ventilated room, or the scene's if these
+        /// are stronger. Uneven air rotates the drone in proportion, as measured at 0.08.
         gust_m_s: f64 = 0.08, in 0.0..=30.0;
         /// Delay of the light commands on top of the scene's, uniform from 0 to this, s: one
         /// repeated radio packet.
         led_delay_s: f64 = 0.05, in 0.0..=5.0;
-        /// Charge that the battery lacks, uniform from 0 to this fraction, if the scene has a
-        /// battery.
+        /// Fraction of the charge that the battery has lost, uniform from 0 to this, if the scene
+        /// has a battery.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
-        /// Mean duration of an outage of the radio, one in 10 s (`[radio]`), s. 0: none. An
-        /// evening's: six in a minute then have a longest of 0.73 s, as the log of the reference
-        /// flight has.
+        /// Mean duration of a radio outage, one in 10 s (`[radio]`), s. 0: none. With the value of
+        /// `evening` the longest of six in a minute lasts 0.73 s, as in the log of the reference
+        /// flight.
         radio_outage_s: f64 = 0.0, in 0.0..=100.0;
-        /// Drift of the heading by the gyroscope, σ, rad/s, which nothing corrects without a
-        /// magnetometer or a deck that sees directions. An evening's: 0.015 °/s/K (data sheet of
+        /// Heading drift from the gyroscope: σ, rad/s. Only a magnetometer or a deck that measures
+        /// directions would correct it. Value of `evening`: 0.015 °/s/K (data sheet of
         /// the BMI088) times 10 K from calibration to flight.
         yaw_drift_rad_s: f64 = 0.0, in 0.0..=1.0;
-        /// Thrust that one motor lacks, uniform from 0 to this fraction. An evening's: a millimeter
-        /// off one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a blade's lift grows
-        /// with r². Small faults begin at 5 % of a blade's length (Baldini et al. 2026, doi
-        /// 10.1007/s10846-026-02369-x).
+        /// Fraction of its thrust that one motor loses, uniform from 0 to this. Value of `evening`:
+        /// a millimeter less on one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a
+        /// blade's lift grows with r². Small faults begin at 5 % of a blade's length (Baldini et
+        /// al. 2026, doi 10.1007/s10846-026-02369-x).
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
         /// Age of the battery, uniform from 0 to this. At 1 it has 80 % of its capacity, where
         /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996). It
@@ -102,14 +103,15 @@ settings! {
 }
 
 impl Conditions {
-    /// An ordinary room with any drone of the scene's make: a gram of 35 more or less, and motors
-    /// that differ by 3 %, which acts like half the center of mass of the reference flight.
+    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. Its
+    /// mass differs by a gram of 35, and its motors by 3 %, half of what the reference flight's
+    /// trim shows.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
 
-    /// An evening among people with worn drones: an ordinary room, and the faults of radio,
-    /// heading, propellers and batteries.
+    /// Returns the conditions `evening`: an ordinary room with many people and worn drones, with
+    /// faults of radio, heading, propellers and batteries.
     pub fn evening() -> Self {
         Self {
             radio_outage_s: 0.3,
@@ -120,34 +122,34 @@ impl Conditions {
         }
     }
 
-    /// Conditions by their name, `room`, `drone`, `evening` or `still`, or of a TOML file.
+    /// Returns conditions by name (`room`, `drone`, `evening` or `still`), or reads a TOML file.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] for another name, and those of the file.
     pub fn find(named: &str) -> Result<Self> {
-        type Make = fn() -> Conditions;
-        let known: [(&str, Make); 4] = [
+        type Constructor = fn() -> Conditions;
+        let by_name: [(&str, Constructor); 4] = [
             ("room", Self::default),
             ("drone", Self::any_drone),
             ("evening", Self::evening),
             ("still", Self::still),
         ];
-        if let Some((_, make)) = known.iter().find(|(name, _)| *name == named) {
-            return Ok(make());
+        if let Some((_, constructor)) = by_name.iter().find(|(name, _)| *name == named) {
+            return Ok(constructor());
         }
-        // A known name goes before a file of that name.
+        // A name in the table has precedence over a file with that name.
         if Path::new(named).exists() {
             let hint = "leave out what is no condition";
             let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
             return Self::parse(&limit.read_text(named.as_ref())?, named);
         }
-        let names = known.map(|(name, _)| name);
+        let names = by_name.map(|(name, _)| name);
         let hint = suggestion(named, names, || "name a file that exists".into());
         Err(Error::input("conditions", named, names.join(", ") + ", or a TOML file", hint))
     }
 
-    /// Every flight is as its scene says. Only noise differs.
+    /// Returns conditions in which no flight differs from its scene except in noise.
     pub fn still() -> Self {
         let keys = Self::SHAPE.settings().iter();
         let zeros: toml::Table = keys.map(|setting| (setting.key.to_owned(), 0.0.into())).collect();
@@ -187,9 +189,9 @@ impl Conditions {
         Ok(conditions)
     }
 
-    /// The drone and the lamps of one flight: of a seed, and a drone counted from 0.
+    /// Draws the actual drone and lamps of one flight, for a seed and the drone's index.
     pub fn draw(&self, scene: &Scene, seed: u64, drone: u64) -> Actual {
-        let chance = Chance { seed, drone };
+        let chance = FlightDraw { seed, drone };
         let (mut sim, mut light) = (scene.sim(), scene.light.clone());
         self.draw_body(&mut sim.vehicle, &chance);
         self.draw_lighthouse(&mut sim.sensors.lighthouse, &chance);
@@ -197,7 +199,7 @@ impl Conditions {
         let used_frac = self.charge_used_frac * chance.factor("charge").uniform();
         sim.battery.charge_frac = (sim.battery.charge_frac - used_frac).max(0.0);
         let age = self.battery_age * chance.factor("battery age").uniform();
-        // At age 1 the sag is 0.70 V in place of 0.57 V, and a fifth of the capacity is gone.
+        // At age 1 the sag is 0.70 V instead of 0.57 V, and 80 % of the capacity is left.
         sim.battery.resistance_ohm *= 1.0 + (0.70 / 0.57 - 1.0) * age;
         sim.battery.capacity_ah *= (1.0 - 0.2 * age).max(0.05);
         let drift_rad_s = self.yaw_drift_rad_s * chance.factor("yaw drift").normal();
@@ -214,10 +216,10 @@ impl Conditions {
         Actual { sim, light }
     }
 
-    /// Mass, center of mass, inertia, lag, moment of the air, and one weak propeller.
-    fn draw_body(&self, body: &mut VehicleOptions, chance: &Chance) {
+    /// Draws mass, center of mass, inertia, rotor lag, moment of the air, and one weak propeller.
+    fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
-        // Each factor has a stream, which is drawn even if its width is 0.
+        // At least a tenth of the mass and of each moment of inertia remains.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();
@@ -235,23 +237,25 @@ impl Conditions {
         let lost_frac = self.motor_loss_frac * propeller.uniform();
         #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let motor = (4.0 * propeller.uniform()) as usize;
-        // The scene's loss and this one act one after the other.
+        // The remaining fractions of the scene's loss and of this one multiply.
         let loss_frac = &mut body.motor_loss_frac[motor];
         *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
     }
 
-    fn draw_lighthouse(&self, sensors: &mut LighthouseOptions, chance: &Chance) {
+    /// Adds the distortion of positions, and the errors of the frame's rotation and scale.
+    fn draw_lighthouse(&self, sensors: &mut LighthouseOptions, chance: &FlightDraw) {
         for error_m in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *error_m = libm::hypot(*error_m, self.lighthouse_distortion_m);
         }
-        // All drones of a room have one frame: it is drawn as that of the first one.
-        let mut frame = Chance { drone: 0, ..*chance }.factor("lighthouse frame");
+        // All drones in a room have one frame, so it is drawn for drone 0.
+        let mut frame = FlightDraw { drone: 0, ..*chance }.factor("lighthouse frame");
         for turn_rad in &mut sensors.frame_turn_rad {
             *turn_rad += self.lighthouse_frame_frac * frame.normal();
         }
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
     }
 
+    /// Raises gusts to at least those of the conditions, and adds drag if the drone has none.
     fn draw_gusts(&self, sim: &mut SimOptions) {
         if self.gust_m_s <= 0.0 {
             return;
@@ -265,21 +269,21 @@ impl Conditions {
         gusts.sigma_m_s = gusts.sigma_m_s.map(|sigma_m_s| sigma_m_s.max(self.gust_m_s));
         sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         if sim.vehicle.body_drag_n_s_m == [0.0; 3] {
-            // Faint gusts bring little drag, so that 0 leaves the scene as it is.
+            // In proportion to the gusts, so that weaker ones change the scene continuously less.
             let fraction = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
             sim.vehicle.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * fraction);
         }
     }
 }
 
-/// A flight whose factors are drawn.
-struct Chance {
+/// Identifies the flight and drone whose factors are drawn.
+struct FlightDraw {
     seed: u64,
     drone: u64,
 }
 
-impl Chance {
-    /// The stream of a factor: a function of seed, drone and the factor's name.
+impl FlightDraw {
+    /// Returns the random stream of a factor, which depends on seed, drone and the factor's name.
     fn factor(&self, factor: &str) -> Stream {
         let drone = if self.drone == 0 { String::new() } else { format!("{}:", self.drone) };
         Stream(stream(self.seed, format!("study:{drone}{factor}").bytes()))
@@ -290,12 +294,12 @@ impl Chance {
 struct Stream(ChaCha8Rng);
 
 impl Stream {
-    /// Uniform in `[0, 1)`.
+    /// Draws a number uniformly from `[0, 1)`.
     fn uniform(&mut self) -> f64 {
         self.0.random()
     }
 
-    /// Normal with mean 0 and variance 1 (Box, Muller 1958).
+    /// Draws a normal number with mean 0 and variance 1 (Box, Muller 1958).
     fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         radius * libm::cos(TAU * self.uniform())

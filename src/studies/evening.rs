@@ -1,12 +1,12 @@
-//! Evening: drones and air by the logs of an evening's flights, and the [`super::Conditions`] that
-//! these make.
+//! Evening: identifies drones and air from the logs of an evening's flights, and derives their
+//! [`super::Conditions`].
 //!
-//! In: a folder of logs, and the scene's drone, since logs do not have the mass. Out: a row for
-//! each log, with its figures and flaws, and the widths of conditions. Each log is identified by
-//! itself ([`identify`]). Its thrust per command is relative to the weight, so that a heavy drone
-//! and a weak one are the same.
+//! In: a folder of logs, and the scene's drone, since logs do not contain the mass. Out: a row for
+//! each log, with its figures and flaws, and the widths of conditions. Each log is identified
+//! separately ([`identify`]). Its thrust per command is relative to the weight, so that a heavy
+//! drone and a weak one look the same.
 //!
-//! Not found: distortion of the Lighthouse and turn of its frame, which take a second source of
+//! Not identified: distortion and rotation of the Lighthouse's frame, which need a second source of
 //! position, inertia, delay of the lamps, charge and age of the battery.
 
 use std::collections::HashMap;
@@ -31,34 +31,34 @@ use noctograph_pipeline::preflight::MAX_SATURATED_S;
 use noctograph_pipeline::scene::Scene;
 use noctograph_sim::vehicle::GustOptions;
 
-/// Least sample rate of a log as a flight: a command that is shown 5 ms late looks like a lag that
-/// is 20 ms shorter.
+/// Least sample rate of a flight made from a log: a command that appears 5 ms late looks like a lag
+/// that is 20 ms shorter.
 const LEAST_RATE_HZ: f64 = 500.0;
-/// Shortest flight that is used: the trim's error falls with its root.
+/// Shortest flight that is used: the trim's error falls with the square root of the duration.
 const LEAST_AIR_S: f64 = 10.0;
 /// Largest fraction of a flight that may be missing from its log.
-const MOST_UNKNOWN: f64 = 0.1;
-/// Least gusts of a log: the quietest sensor's noise is more.
+const MAX_MISSING_FRAC: f64 = 0.1;
+/// Least gusts in a log: the noise of the quietest sensor looks like more.
 const LEAST_GUST_M_S: f64 = 1e-6;
-/// Flights from which a spread is taken.
+/// Least number of flights with a spread.
 const LEAST_FLIGHTS: usize = 3;
 /// Standard deviation of an evening's mean ratio of thrust to weight. Its error is common to all
 /// flights. In nine simulated flights of known thrust it was below three standard deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
-/// Logs of an evening: thirty flights of ten minutes with fifty variables at 100 Hz.
-const LOGS: Limit = Limit {
+/// Largest size of an evening's logs: thirty flights of ten minutes, fifty variables at 100 Hz.
+const LOGS_LIMIT: Limit = Limit {
     bytes: 512 << 20,
     what: "the logs of an evening",
     hint: "import a part of the folder at a time, or log fewer variables",
 };
-/// Logs that are read at once: each may take 240 MiB of its
-/// [`Budget`](noctograph_core::files::Budget).
+/// Number of logs that are read at the same time: each may use 240 MiB
+/// ([`Budget`](noctograph_core::files::Budget)).
 const AT_ONCE: usize = 3;
 
 /// The logs of a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evening {
-    /// One for each flight, in the order of the drones' names and of their own: 2 before 10.
+    /// One for each flight, by the drone's name and then the log's, with 2 before 10.
     pub logs: Vec<EveningLog>,
 }
 
@@ -73,35 +73,36 @@ pub struct EveningLog {
     pub flaws: Vec<Flaw>,
     /// Figures of its drone. `None` if nothing is identified.
     pub figures: Option<LogFigures>,
-    /// What was guessed, mended or left out as it was read. JSON has the sentences.
+    /// Guesses, repairs and omissions while the log was read. JSON has the sentences.
     #[serde(serialize_with = "sentences")]
     pub warnings: Vec<Diagnostic>,
 }
 
+/// Serializes warnings as a list of sentences.
 fn sentences<S: Serializer>(
     warnings: &[Diagnostic],
-    to: S,
+    serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {
-    to.collect_seq(warnings.iter().map(ToString::to_string))
+    serializer.collect_seq(warnings.iter().map(ToString::to_string))
 }
 
 /// A reason not to use a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Flaw {
-    /// It is the file of this other log: a link to it, or a name of the same.
+    /// It is the same file as this other log: a link, or another name.
     Again(String),
     /// It cannot be read, for this reason.
     Unreadable(String),
     /// Nothing is identified, for this reason: no motor commands, or a drone on the floor.
     Silent(String),
-    /// Seconds in the air: too few.
+    /// Too few seconds in the air.
     Short(f64),
-    /// Fraction of the flight that the log does not cover: too large.
+    /// Too large a fraction of the flight is missing.
     Gaps(f64),
-    /// Seconds with a motor at its limit: too many.
+    /// Too many seconds with a motor at its limit.
     Saturated(f64),
-    /// Nothing turns the drone: its rows are one repeated.
+    /// The drone never rotates: all rows repeat one.
     Frozen,
 }
 
@@ -119,7 +120,7 @@ impl fmt::Display for Flaw {
     }
 }
 
-/// Figures of a drone and its air by one log.
+/// Figures of a drone and its air, from one log.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LogFigures {
     /// Time in the air.
@@ -130,29 +131,29 @@ pub struct LogFigures {
     pub thrust_frac: f64,
     /// Center of mass in body x and y.
     pub trim_m: [f64; 2],
-    /// Its standard deviation by uneven air. `None` for a flight too short.
+    /// Standard deviation of the trim that uneven air causes. `None` for too short a flight.
     pub trim_sigma_m: Option<[f64; 2]>,
     /// Lag of the rotors. `None` if the log does not show it.
     pub lag_s: Option<f64>,
-    /// Its standard deviation.
+    /// Standard deviation of the lag.
     pub lag_sigma_s: Option<f64>,
-    /// Gusts that turn a drone as its air did, σ. `None` for a flight too short.
+    /// Gusts (σ) that would rotate the drone as its air did. `None` for too short a flight.
     pub gust_m_s: Option<f64>,
 }
 
-/// A width of the conditions, with the figures that it was found from.
+/// A width of the conditions, with the figures from which it was derived.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FoundCondition {
     /// Key of [`super::Conditions`].
     pub key: &'static str,
     /// Its value.
     pub value: f64,
-    /// The figures behind it.
+    /// The figures from which it was derived.
     pub from: String,
 }
 
-/// Mean of the sound flights' figures, for a scene of these drones. A figure within three of its
-/// standard deviations of the scene's is the scene's.
+/// Means of the sound flights' figures, for a scene with these drones. A figure within three
+/// standard deviations of the scene's value is replaced by it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MeanDrone {
     /// Thrust of a motor per unit of its command, with the scene's mass.
@@ -164,11 +165,12 @@ pub struct MeanDrone {
 }
 
 impl Evening {
-    /// Reads and identifies the logs of a folder ([`logs_in`]). `done` gets their number so far.
+    /// Reads and identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of
+    /// logs so far.
     ///
     /// # Errors
     ///
-    /// Those of [`logs_in`] and of options out of range. A log that cannot be read is a row.
+    /// Those of [`logs_in`], and options out of range. A log that cannot be read becomes a row.
     pub fn import(
         folder: &Path,
         options: &ImportOptions,
@@ -179,17 +181,17 @@ impl Evening {
         let sample_rate_hz = options.sample_rate_hz.max(LEAST_RATE_HZ);
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
         let (logs, count) = (logs_in(folder)?.0, counter(done));
-        LOGS.check_all(logs.iter().map(|log| &log.path))?;
-        // Links may lead to one file several times: it is one flight, and is read once.
-        let mut firsts = HashMap::new();
+        LOGS_LIMIT.check_all(logs.iter().map(|log| &log.path))?;
+        // Several links may lead to one file: it is read once, under its first name.
+        let mut first_names = HashMap::new();
         for log in logs.iter().rev() {
-            firsts.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
+            first_names.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
         }
         let mut rows: Vec<EveningLog> = Vec::new();
-        // A few at a time, which bounds the memory.
+        // A few at a time, which limits the memory.
         for at_once in logs.chunks(AT_ONCE) {
             rows.par_extend(at_once.par_iter().map(|log| {
-                let first = log.path.canonicalize().ok().and_then(|file| firsts.get(&file));
+                let first = log.path.canonicalize().ok().and_then(|file| first_names.get(&file));
                 let row = match first.filter(|first| **first != log.name) {
                     Some(&first) => EveningLog::flawed(log, Flaw::Again(first.to_owned())),
                     None => EveningLog::new(log, import(&log.path, options), scene),
@@ -202,25 +204,25 @@ impl Evening {
         Ok(Self { logs: rows })
     }
 
-    /// The drones with their logs.
+    /// Returns the drones' names, each with its logs.
     pub fn drones(&self) -> Vec<(&str, &[EveningLog])> {
         let drones = self.logs.chunk_by(|a, b| a.drone == b.drone);
         drones.map(|logs| (&logs[0].drone[..], logs)).collect()
     }
 
-    /// Figures of the sound flights.
+    /// Returns the figures of the flights without flaws.
     pub fn sound(&self) -> impl Iterator<Item = &LogFigures> {
         self.logs.iter().filter(|log| log.flaws.is_empty()).filter_map(|log| log.figures.as_ref())
     }
 
-    /// The mean of the sound flights. `None` if there are none.
+    /// Returns the mean drone of the sound flights. `None` if there are none.
     pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
         self.sound().next()?;
         let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
-            // Standard error of the mean, from that of each flight.
+            // Standard error of the mean. Flights too short for a sigma are taken as average ones.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
@@ -233,20 +235,20 @@ impl Evening {
         })
     }
 
-    /// The widths of conditions that the sound flights show, about their mean. What they do not
-    /// show is a room's. In the order of a conditions file.
+    /// Returns the widths of conditions that the sound flights show about their mean, in the order
+    /// of a conditions file. Widths that they do not show are omitted, and remain those of a room.
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
         let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
-        // Uneven air moves the mean command of a short flight: its variance is taken off.
+        // Uneven air changes the mean command of a short flight: its variance is subtracted.
         let trims_m = [0, 1].map(|axis: usize| {
             let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
             spread(&figures.iter().map(|f| f.trim_m[axis]).zip(sigmas_m).collect::<Vec<_>>())
         });
         let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
-        // The width of a uniform law is √12 of its standard deviation. The mean is of no use: it
-        // has the errors that all logs of an evening have in common.
+        // The width of a uniform distribution is √12 standard deviations. The mean is not used: it
+        // contains the errors that all logs of an evening have in common.
         let lags_s: Vec<(f64, f64)> =
             figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
         let lag_s = 12_f64.sqrt() * spread(&lags_s);
@@ -262,15 +264,16 @@ impl Evening {
             ("gust_m_s", n_gusts, 1, gust_m_s, "torque of uneven air"),
             ("radio_outage_s", n_gaps, 1, mean(&outages_s), "longest gaps, of one in 10 s"),
         ];
-        let shown = conditions.into_iter().filter(|(_, n, least, ..)| n >= least);
-        let shown = shown.map(|(key, n, _, value, from)| {
+        // With too few flights a width is omitted.
+        let enough = conditions.into_iter().filter(|(_, n, least, ..)| n >= least);
+        let conditions = enough.map(|(key, n, _, value, from)| {
             let flights = if key == "radio_outage_s" { "" } else { &format!(", {n} flights") };
             FoundCondition { key, value, from: format!("{from}{flights}") }
         });
-        shown.collect()
+        conditions.collect()
     }
 
-    /// A conditions file (TOML) with what was found.
+    /// Returns a conditions file (TOML) with the given widths and their origin.
     pub fn conditions_toml(&self, conditions: &[FoundCondition]) -> String {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(
@@ -286,8 +289,8 @@ impl Evening {
 }
 
 impl LogFigures {
-    /// The mean of its outages from the longest. The longest of n exponential times is on average 1
-    /// + 1/2 + … + 1/n times their mean.
+    /// Returns the mean outage, estimated from the longest: the longest of n exponential times is
+    /// on average 1 + 1/2 + … + 1/n times their mean.
     fn mean_outage_s(&self) -> f64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
         let n = (self.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
@@ -296,18 +299,19 @@ impl LogFigures {
 }
 
 impl EveningLog {
-    /// A log without figures.
+    /// Returns the row of a log without figures.
     fn flawed(log: &GatheredLog, flaw: Flaw) -> Self {
         let (drone, log) = (log.drone.clone(), log.name.clone());
         Self { drone, log, flaws: vec![flaw], figures: None, warnings: Vec::new() }
     }
 
+    /// Returns the row of a log: the figures of its flight, its flaws and warnings.
     fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
         let flight = match flight {
             Ok(flight) => flight,
             Err(error) => return Self::flawed(log, Flaw::Unreadable(error.to_string())),
         };
-        // Figures need the motors and the body's rates: what else is not logged is not missed.
+        // Figures need only motors and body rates: other columns may be missing.
         let mut warnings = flight.warnings.clone();
         warnings.retain(|warning| warning.code != UNLOGGED);
         let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
@@ -316,15 +320,15 @@ impl EveningLog {
             Err(flaw) => return Self { warnings, ..Self::flawed(log, flaw) },
         };
         let LogFigures { air_s, gust_m_s, .. } = figures;
-        let unknown = gaps_s(&flight, samples).iter().sum::<f64>() / air_s;
+        let missing_frac = gaps_s(&flight, samples).iter().sum::<f64>() / air_s;
         let saturated_s = saturated_s(samples, scene.vehicle.motor_max);
         let flaws = [
             (air_s < LEAST_AIR_S).then_some(Flaw::Short(air_s)),
-            (unknown > MOST_UNKNOWN).then_some(Flaw::Gaps(unknown)),
+            (missing_frac > MAX_MISSING_FRAC).then_some(Flaw::Gaps(missing_frac)),
             (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
             gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
         ];
-        // The lag shows as a command that turns the drone along its path.
+        // The lag appears only in commands that rotate the drone along a path.
         if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
             let message = "its setpoints stay at one place, or are not logged: it does not show \
                            the rotors' lag";
@@ -336,14 +340,15 @@ impl EveningLog {
     }
 }
 
-/// Gaps of a log while the drone is in the air.
+/// Returns the durations of the log's gaps within `air`, the samples in the air.
 fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
     let (from_s, to_s) = (air[0].time_s, air[air.len() - 1].time_s);
     let within = flight.gaps.iter().filter(|[start_s, end_s]| from_s <= *start_s && *end_s <= to_s);
     within.map(|[start_s, end_s]| end_s - start_s).collect()
 }
 
-/// The figures of a flight by its samples in the air, or its flaw if it has none.
+/// Returns the figures of a flight from `air`, its samples in the air, or the flaw that prevents
+/// it.
 fn figures(
     flight: &Flight,
     air: &[FlightSample],
@@ -352,48 +357,50 @@ fn figures(
     if flight.has(Quantity::Motors) && !air.is_empty() && is_frozen(air) {
         return Err(Flaw::Frozen);
     }
-    // The scene's mass turns thrust per weight into newtons.
+    // The scene's mass converts thrust per weight to newtons.
     let vehicle = &scene.vehicle;
     let identified = identify(flight, vehicle).map_err(|error| Flaw::Silent(error.to_string()))?;
     let lag = identified.lag.filter(RotorLag::is_identifiable);
     let weight_n = identified.k_f_n * identified.mean_motors.iter().sum::<f64>();
-    let room = GustOptions::default().torque_sigma_n_m;
+    let room_sigma_n_m = GustOptions::default().torque_sigma_n_m;
     Ok(LogFigures {
         air_s: air[air.len() - 1].time_s - air[0].time_s,
         longest_gap_s: gaps_s(flight, air).into_iter().fold(0.0, f64::max),
         thrust_frac: identified.k_f_n / vehicle.k_f_n,
         trim_m: identified.center_of_mass_m,
-        // A torque about y shifts the center of mass in x, and the other way around.
+        // A torque about y acts like a shift of the center of mass in x, and about x in y.
         trim_sigma_m: identified
             .air
             .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),
         lag_s: lag.map(|lag| lag.lag_s),
         lag_sigma_s: lag.map(|lag| lag.half_width_s / T_95),
         gust_m_s: identified.air.map(|air| {
-            let [x, y] = [0, 1].map(|axis: usize| air.torque_sigma_n_m[axis] / room[axis]);
+            let [x, y] =
+                [0, 1].map(|axis: usize| air.torque_sigma_n_m[axis] / room_sigma_n_m[axis]);
             ROOM_GUST_M_S * 0.5 * (x + y)
         }),
     })
 }
 
-/// A figure if it differs from the scene's by more than three standard deviations, else the
-/// scene's.
+/// Returns `figure` if it differs from the scene's value by more than three standard deviations,
+/// else the scene's value.
 fn significant(figure: f64, sigma: f64, scene: f64) -> f64 {
     if (figure - scene).abs() > 3.0 * sigma { figure } else { scene }
 }
 
-/// Standard deviation of values beyond that of their errors, whose σ are given beside them. 0 for
-/// fewer than two.
+/// Returns the standard deviation of values, given as (value, σ of its error), after the variance
+/// of the errors is subtracted. 0 for fewer than two values.
 fn spread(values: &[(f64, f64)]) -> f64 {
     let n = values.len() as f64;
     let middle = mean(values.iter().map(|(value, _)| value));
-    let square: f64 = values.iter().map(|(value, _)| (value - middle) * (value - middle)).sum();
-    let of_errors: f64 = values.iter().map(|(_, sigma)| sigma * sigma).sum();
-    (square / (n - 1.0) - of_errors / n).max(0.0).sqrt()
+    let squares: f64 = values.iter().map(|(value, _)| (value - middle) * (value - middle)).sum();
+    let error_squares: f64 = values.iter().map(|(_, sigma)| sigma * sigma).sum();
+    // For fewer than two values this is NaN, which `max` replaces by 0.
+    (squares / (n - 1.0) - error_squares / n).max(0.0).sqrt()
 }
 
-/// Sort key of a name that orders its numbers by value: numbers before other characters, and the
-/// name itself last.
+/// Returns the sort key of a name that orders the numbers in it by value: numbers before other
+/// characters, and the name itself last.
 fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
     let mut parts: Vec<(bool, u64)> = Vec::new();
     for c in name.chars() {

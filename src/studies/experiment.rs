@@ -1,4 +1,4 @@
-//! The design of a study: which contender flies which word with which seed, and flying it.
+//! Experimental design: which contender flies which word with which seed. [`evaluate`] flies it.
 
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -12,15 +12,15 @@ use noctograph_core::random::PUBLIC_SEEDS;
 use noctograph_pipeline::scene::NamedScene;
 use noctograph_pipeline::shoot::Stop;
 
-/// Most flights of a study: a week of one core.
+/// Most flights in a study: a week on one core.
 pub(super) const MAX_TRIALS: usize = 500_000;
 
-/// Seeds of a search's finals and tests are its seed exclusive-or one of these.
+/// Finals and tests of a search have the search's seed, exclusive-or one of these, as seed.
 pub(super) const FINALS: u64 = u64::MAX;
 pub(super) const TESTS: u64 = 0x5eed << 48;
 
-/// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
-/// any part of them can be flown anywhere.
+/// A study: every contender flies every word with the same seeds. Its trials have a fixed order, so
+/// that any part of them can be flown on any machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
     /// Scenes under comparison.
@@ -29,7 +29,7 @@ pub struct Study {
     pub words: Vec<(String, u32)>,
     /// How flights differ from their scene.
     pub conditions: Conditions,
-    /// Seed of all seeds.
+    /// Seed from which the flights' seeds are derived.
     pub seed: u64,
 }
 
@@ -45,11 +45,12 @@ pub struct Trial {
 }
 
 impl Study {
-    /// Checks that there is something to compare, that names are distinct and that it is feasible.
+    /// Checks that there are flights, not too many, with distinct names and words and valid
+    /// conditions.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the missing part.
+    /// [`Error::Input`] with the part that is missing or wrong.
     pub fn check(&self) -> Result<()> {
         let (contenders, n_trials) = (&self.contenders, self.n_trials());
         if n_trials == 0 {
@@ -60,18 +61,19 @@ impl Study {
             };
             return Err(Error::input("study", counts, "at least one of each, and a seed", hint));
         }
-        // A name is the key of a row, a word that of a stratum.
+        // Results have rows by contender and strata by word, so both are unique.
         let mut names = HashSet::new();
-        if let Some(again) = contenders.iter().find(|contender| !names.insert(&contender.name)) {
+        if let Some(duplicate) = contenders.iter().find(|contender| !names.insert(&contender.name))
+        {
             let wanted = "scenes of different names";
-            return Err(Error::input("study", &again.name, wanted, "rename the file"));
+            return Err(Error::input("study", &duplicate.name, wanted, "rename the file"));
         }
         let mut words = HashSet::new();
-        if let Some((again, _)) = self.words.iter().find(|(word, _)| !words.insert(word)) {
+        if let Some((duplicate, _)) = self.words.iter().find(|(word, _)| !words.insert(word)) {
             let hint = "name each word once, with its number of seeds: NOOR:200";
-            return Err(Error::input("words", again, "each word once", hint));
+            return Err(Error::input("words", duplicate, "each word once", hint));
         }
-        // A store takes no more.
+        // A store accepts no more.
         if n_trials > MAX_TRIALS {
             let wanted = format!("at most {MAX_TRIALS} flights");
             return Err(Error::input("study", n_trials, wanted, "fewer words or seeds"));
@@ -79,13 +81,13 @@ impl Study {
         self.conditions.check()
     }
 
-    /// Flights in all.
+    /// Returns the total number of flights.
     pub fn n_trials(&self) -> usize {
-        let of_words: usize = self.words.iter().map(|(_, n)| *n as usize).sum();
-        of_words.saturating_mul(self.contenders.len())
+        let n_each: usize = self.words.iter().map(|(_, n)| *n as usize).sum();
+        n_each.saturating_mul(self.contenders.len())
     }
 
-    /// All flights in their order: contender by contender, word by word.
+    /// Returns all trials in order: contender by contender, word by word.
     pub fn trials(&self) -> impl Iterator<Item = Trial> + '_ {
         (0..self.contenders.len()).flat_map(move |contender| {
             self.words.iter().enumerate().flat_map(move |(word, (name, n))| {
@@ -95,27 +97,27 @@ impl Study {
         })
     }
 
-    /// Seed of the flight number `index` of a word. Below 2^31 for a public seed of the study, as
-    /// in every release. A secret seed has a keyed hash, so that nobody finds seeds by trial or one
-    /// from another, of the 63 bits that a scene file takes.
+    /// Returns the seed of a word's flight number `index`. If the study's seed is public, this is
+    /// below 2^31, as in every release. If it is secret, a keyed hash of 63 bits, as many as a
+    /// scene file holds, so that nobody can find seeds by trial or derive one from another.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
-        // The word is part of the name, so that words differ in their gusts.
-        let name = index.to_le_bytes().into_iter().chain(word.bytes());
+        // The word is part of the hashed bytes, so that words have different gusts.
+        let bytes = index.to_le_bytes().into_iter().chain(word.bytes());
         if self.is_secret() {
-            let hash = hmac_sha256(&self.seed.to_le_bytes(), name);
+            let hash = hmac_sha256(&self.seed.to_le_bytes(), bytes);
             let first = u64::from_le_bytes(*hash.first_chunk().expect("32 bytes"));
             return (first >> 1).max(PUBLIC_SEEDS);
         }
-        fnv_1a(self.seed.to_le_bytes().into_iter().chain(name)) >> 33
+        fnv_1a(self.seed.to_le_bytes().into_iter().chain(bytes)) >> 33
     }
 
-    /// True unless the seed is a number that people type, or one that a search draws from such.
+    /// True unless the seed is small enough to be typed or guessed, or derived from such a seed.
     fn is_secret(&self) -> bool {
-        let drawn_from = [self.seed, FINALS ^ self.seed, TESTS ^ self.seed];
-        drawn_from.iter().all(|seed| *seed >= PUBLIC_SEEDS)
+        let origins = [self.seed, FINALS ^ self.seed, TESTS ^ self.seed];
+        origins.iter().all(|seed| *seed >= PUBLIC_SEEDS)
     }
 
-    /// Every contender made ready for every word, contender by contender.
+    /// Prepares every contender for every word. Returns them contender by contender.
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
         let prepared = self.contenders.par_iter().flat_map(|contender| {
             let words = self.words.par_iter();
@@ -125,11 +127,11 @@ impl Study {
     }
 }
 
-/// Flies trials with the scenes of [`Study::prepare`] on the threads of rayon's pool. Trials in the
-/// store are not flown again, and new ones go into it at once. `done` gets the number of trials
-/// that are done, from any thread. `stop` ends the study between two flights.
+/// Flies trials on rayon's threads and returns their records in the order of `trials`, which depend
+/// only on the study. `prepared` is the result of [`Study::prepare`].
 ///
-/// The records come in the order of the trials and depend on nothing but the study.
+/// Trials in the store are not flown again, and new ones are stored at once. `done` is called with
+/// the number of finished trials, from any thread. `stop` ends the study between two flights.
 ///
 /// # Errors
 ///
@@ -143,14 +145,14 @@ pub fn evaluate(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let count = counter(done);
-    // Each record goes into the store before it counts, so that no flight is lost.
+    // A record is stored before it is counted, so that no counted flight is lost.
     let records = trials.par_iter().map(|trial| {
         stop.check()?;
-        let ready = &prepared[trial.contender * study.words.len() + trial.word];
-        let known = store.and_then(|store| store.get(ready.digest(), trial.seed));
-        let outcome = known.clone().map_or_else(|| ready.outcome(trial.seed), Ok)?;
-        let record = ready.record(&study.contenders[trial.contender].name, trial.seed, outcome);
-        if let Some(store) = store.filter(|_| known.is_none()) {
+        let scene = &prepared[trial.contender * study.words.len() + trial.word];
+        let stored = store.and_then(|store| store.get(scene.digest(), trial.seed));
+        let outcome = stored.clone().map_or_else(|| scene.outcome(trial.seed), Ok)?;
+        let record = scene.record(&study.contenders[trial.contender].name, trial.seed, outcome);
+        if let Some(store) = store.filter(|_| stored.is_none()) {
             store.put(&record)?;
         }
         count();
@@ -159,7 +161,7 @@ pub fn evaluate(
     records.collect()
 }
 
-/// Passes on the number of its calls, from any thread.
+/// Returns a function that calls `done` with the number of its own calls so far, from any thread.
 pub(super) fn counter(done: &(dyn Fn(usize) + Sync)) -> impl Fn() + Sync {
     let finished = AtomicUsize::new(0);
     move || done(finished.fetch_add(1, Ordering::Relaxed) + 1)

@@ -1,4 +1,4 @@
-//! Knobs: the settings of a scene that a search varies, named by their keys.
+//! Knobs: the parameters of a search, each one or several settings of a scene.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -7,27 +7,28 @@ use noctograph_core::error::{Error, Result};
 use noctograph_pipeline::scene::{Scene, reason};
 use noctograph_sim::ControllerKind;
 
-/// One setting that a search turns, or several by one factor.
+/// A setting that a search varies, or several that it varies together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
     /// Keys of the scene, such as `controller.lqr.q[0]`.
     pub keys: Vec<String>,
-    /// How far it turns.
+    /// The range or choice of its values.
     pub turn: Turn,
 }
 
-/// How far a knob turns.
+/// The values of a knob.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Turn {
-    /// The scene's own value times a factor, evenly in its logarithm.
+    /// The scene's own value times a factor from this range, on a logarithmic scale.
     Times([f64; 2]),
-    /// A value, evenly in its logarithm.
+    /// A value from this range, on a logarithmic scale.
     To([f64; 2]),
     /// One of several words.
     Choice(Vec<String>),
 }
 
-/// The usual knobs of controllers by regulators, if their gain is designed.
+/// The usual knobs of linear-quadratic regulators whose gain is designed, then of other
+/// controllers.
 const LQR: &str = "
     controller.kind=lqr|lqr-feedforward|lqr-integral
     controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
@@ -57,16 +58,17 @@ const PID: &str = "
     controller.pid.vel_z[0]*=0.3..3
     controller.pid.vel_z[1]*=0.1..10
     controller.pid.roll[0]+controller.pid.pitch[0]*=0.5..2";
-/// Those of the observer and of the plan.
+/// The usual knobs of the observer and the plan.
 const OBSERVER_AND_SPEED: &str = "
     observer.luenberger.q[0]+observer.luenberger.q[1]+observer.luenberger.q[2]*=0.05..5
     plan.stroke_speed_m_s=0.12..0.4";
 
 impl Knob {
-    /// The usual knobs of a scene that have an effect in it: weights, in groups of one meaning,
-    /// feed-forward, weights of the measured position, speed.
+    /// Returns the usual knobs that have an effect in a scene: weights or gains of its controller,
+    /// the observer's weights of the measured position, and the stroke speed.
     pub fn usual(scene: &Scene) -> Vec<Self> {
-        let of_controller = match scene.controller.kind {
+        let controller = match scene.controller.kind {
+            // A fixed gain depends on no weights.
             _ if scene.controller.lqr.k.is_some() => "",
             ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
                 LQR
@@ -75,18 +77,18 @@ impl Knob {
             ControllerKind::Geometric => GEOMETRIC,
             ControllerKind::Pid => PID,
         };
-        let texts = [of_controller, OBSERVER_AND_SPEED].map(str::split_whitespace);
-        let knobs = texts.into_iter().flatten().map(|text| text.parse().expect("a knob of ours"));
+        let texts = [controller, OBSERVER_AND_SPEED].map(str::split_whitespace);
+        let knobs = texts.into_iter().flatten().map(|text| text.parse().expect("a valid knob"));
         let mut knobs: Vec<Self> = knobs.collect();
-        // Knobs without effect would only spread the search.
+        // Knobs without effect would only waste flights.
         let unused = without_effect(scene, &knobs);
         knobs.retain(|knob| !unused.iter().any(|(key, _why)| knob.keys.contains(key)));
         knobs
     }
 
-    /// Sets the knob in a scene to a fraction of its range, 0 to 1.
+    /// Sets the knob's keys in a scene to the value at `fraction` of its range, 0 to 1. Refuses a
+    /// key that the scene lacks or whose value is of another kind.
     fn set(&self, scene: &mut toml::Table, fraction: f64) -> Result<()> {
-        // All keys of a knob turn together.
         for key in &self.keys {
             let value = find(scene, key)?;
             *value = match (&self.turn, value.as_float()) {
@@ -96,6 +98,7 @@ impl Knob {
                 (Turn::To(range), Some(_)) => toml::Value::Float(log_between(*range, fraction)),
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
+                    // Equal parts of the range for the words. A fraction of 1 is the last.
                     let index = (fraction * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }
@@ -109,7 +112,7 @@ impl Knob {
     }
 }
 
-/// The value at a fraction of a range, evenly in its logarithm.
+/// Returns the value at a fraction of a range on a logarithmic scale.
 fn log_between([least, most]: [f64; 2], fraction: f64) -> f64 {
     libm::exp(libm::log(least) + fraction * libm::log(most / least))
 }
@@ -117,11 +120,11 @@ fn log_between([least, most]: [f64; 2], fraction: f64) -> f64 {
 const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q[2]*=0.1..10 or \
                     controller.kind=lqr|lqr-feedforward";
 
-/// A scene with its knobs set to a point of the unit cube.
+/// Returns a scene with its knobs set to a point of the unit cube.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a key that the scene lacks or whose value is of another kind, and as
+/// [`Error::Input`] for a key that the scene lacks or whose value is of another kind. Those of
 /// [`Scene::check`].
 pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     let mut values = scene.to_table();
@@ -133,21 +136,23 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Keys of knobs that have no effect in a scene, whatever its choices are turned to, each with the
-/// reason.
+/// Returns the keys of knobs that have no effect in a scene, whatever its choices are set to, each
+/// with the reason.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
     // The scene under every combination of the choices.
     let mut scenes = vec![scene.clone()];
     for knob in knobs {
         let Turn::Choice(words) = &knob.turn else { continue };
-        let unchosen = scenes.clone();
-        for fraction in (0..words.len()).map(|step| (step as f64 + 0.5) / words.len() as f64) {
+        let before = scenes.clone();
+        // The middle of each word's part of the range.
+        for fraction in (0..words.len()).map(|index| (index as f64 + 0.5) / words.len() as f64) {
             let knob = std::slice::from_ref(knob);
-            scenes.extend(unchosen.iter().flat_map(|scene| turned(scene, knob, &[fraction])));
+            scenes.extend(before.iter().flat_map(|scene| turned(scene, knob, &[fraction])));
         }
     }
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     keys.filter_map(|key| {
+        // Reasons are known by key without an index.
         let named = key.split('[').next().unwrap_or(key);
         let mut reasons = scenes.iter().map(|scene| reason(scene, named));
         let first = reasons.next()??;
@@ -156,7 +161,7 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     .collect()
 }
 
-/// The scene's values of the keys that knobs turn, by key.
+/// Returns the scene's values of the knobs' keys, by key.
 ///
 /// # Errors
 ///
@@ -167,7 +172,7 @@ pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::
     keys.map(|key| Ok((key.clone(), find(&mut values, key)?.clone()))).collect()
 }
 
-/// The value of a key such as `controller.lqr.q[0]`.
+/// Returns the value of a key such as `controller.lqr.q[0]`. Refuses a key that the scene lacks.
 fn find<'a>(scene: &'a mut toml::Table, key: &str) -> Result<&'a mut toml::Value> {
     // `a.b[2]` is the parts a, b and 2.
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
@@ -184,21 +189,21 @@ impl FromStr for Knob {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
-        let broken = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
-        let (keys, turn) = text.split_once('=').ok_or_else(broken)?;
-        let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
-        // Two numbers are a range, anything else a list of words.
+        let invalid = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
+        let (keys, turn) = text.split_once('=').ok_or_else(invalid)?;
+        let (keys, is_factor) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
+        // Two numbers are a range. Everything else is a list of words.
         let keys = keys.split('+').map(str::to_owned).collect();
         let turn = if let Some((low, high)) = turn.split_once("..") {
             let range @ [low, high] = [low, high].map(|end| end.parse().unwrap_or(f64::NAN));
             if !(0.0 < low && low < high && high.is_finite()) {
-                return Err(broken());
+                return Err(invalid());
             }
-            if times { Turn::Times(range) } else { Turn::To(range) }
+            if is_factor { Turn::Times(range) } else { Turn::To(range) }
         } else {
             let words: Vec<String> = turn.split('|').map(str::to_owned).collect();
-            if times || words.len() < 2 || words.iter().any(String::is_empty) {
-                return Err(broken());
+            if is_factor || words.len() < 2 || words.iter().any(String::is_empty) {
+                return Err(invalid());
             }
             Turn::Choice(words)
         };

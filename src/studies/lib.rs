@@ -1,9 +1,9 @@
-//! Study: which controller paints the most legible word, with confidence intervals.
+//! Studies: which controller writes the most legible word, with confidence intervals.
 //!
 //! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene.
 //!
-//! 1. A scene made ready for a word ([`Prepared`]) flies seed after seed. Each flight is exposed at
-//!    the reader's resolution on a small film and read: one [`Outcome`].
+//! 1. A scene that is prepared for a word ([`Prepared`]) flies one seed after the other. Each
+//!    flight is exposed on a small film, at the reader's resolution, and read: one [`Outcome`].
 //! 2. Only the seed decides gusts, noise and how the drone departs from its scene. So controllers
 //!    are compared flight by flight under common random numbers.
 //! 3. Every outcome goes into a [`Store`] at once, and trials in it are never flown again. An
@@ -40,8 +40,8 @@ mod tables;
 mod trial;
 mod tune;
 
-/// Names the source that decides an outcome, in 16 hexadecimal digits: the same from a clone and
-/// from an archive, on every system. Two builds of one version are told apart by it.
+/// Digest of the source that decides an outcome, in 16 hexadecimal digits: the same for a clone and
+/// an archive, on every system. It distinguishes builds of one version.
 pub const SOURCE: &str = env!("NOCTOGRAPH_SOURCE");
 
 pub use acuity::{Acuity, RUNGS, Rung, SpeedLimit, acuity, fly_ladder};

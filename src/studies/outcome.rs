@@ -9,10 +9,10 @@ use noctograph_plan::tracking::{Part, track};
 use noctograph_score::Verdict;
 use noctograph_sim::SimOptions;
 
-/// Log-odds are limited to ± this: those of an illegible word are infinite.
+/// Log-odds are limited to ± this, since those of an illegible word are infinite.
 const MAX_LOG_ODDS: f64 = 10.0;
 
-/// Largest figure of a flight: the energy of a large battery, in J, is far below.
+/// Largest figure of a flight. The energy of a large battery, in J, is far below it.
 const MAX_FIGURE: f64 = 1e12;
 
 /// The result of one trial: a line of a [`super::Store`].
@@ -27,9 +27,10 @@ pub struct Outcome {
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
     /// [`Verdict::read_probability`].
     pub probability: f64,
-    /// Its log-odds, −10 to 10: they have a slope where the probability is flat.
+    /// Its log-odds, −10 to 10: they still change where the probability hardly does.
     pub log_odds: f64,
-    /// Mean probability of the intended letters, 0 to 1. It has a slope where the word's has none.
+    /// Mean probability of the intended letters, 0 to 1. It changes even while the word is
+    /// illegible.
     pub similarity: f64,
     /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]
@@ -38,11 +39,11 @@ pub struct Outcome {
     pub lost: Option<String>,
 }
 
-/// Declares [`Flown`] with the list of its figures.
+/// Declares [`Flown`] and the names of its figures.
 macro_rules! figures {
     ($($(#[$doc:meta])* $name:ident,)*) => {
-        /// Figures of a flight, over the letters unless stated otherwise. Of several drones: the
-        /// mean, but the largest drift, tilt and duration, and the sum of the energy.
+        /// Figures of a flight, over the letters unless stated otherwise. For several drones: the
+        /// mean, except for the largest drift, tilt and duration, and the total energy.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         pub struct Flown<T = f64> {
             $($(#[$doc])* pub $name: T,)*
@@ -52,12 +53,12 @@ macro_rules! figures {
             /// Names of the figures in files.
             pub const NAMES: [&str; 10] = [$(stringify!($name)),*];
 
-            /// All figures in the order of [`Self::NAMES`].
+            /// Returns all figures in the order of [`Self::NAMES`].
             pub fn values(self) -> [T; 10] {
                 [$(self.$name),*]
             }
 
-            /// Figures in the order of [`Self::NAMES`].
+            /// Creates the figures from values in the order of [`Self::NAMES`].
             pub(super) fn from_values([$($name),*]: [T; 10]) -> Self {
                 Self { $($name),* }
             }
@@ -90,19 +91,19 @@ figures! {
 }
 
 impl Outcome {
-    /// Objective of a search: the log-odds of the word, and the mean similarity of its letters in
-    /// case these are flat (ten for perfect letters, to be of the same size).
+    /// Returns the objective of a search: the log-odds of the word, plus the mean similarity of its
+    /// letters, which changes where the log-odds are at their limit and is scaled to the same size.
     pub fn merit(&self) -> f64 {
         self.log_odds + MAX_LOG_ODDS * self.similarity
     }
 
-    /// Checks figures that were read from a file at a place.
+    /// Checks figures that were read from a file. `place` is the file's name and line.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] with the figure that is out of range.
     pub(super) fn check(&self, place: &str) -> Result<()> {
-        // Rounding may take a similarity a little beyond 1.
+        // Rounding may make a similarity slightly larger than 1.
         let scores = [
             ("probability", self.probability, 0.0..=1.0),
             ("log_odds", self.log_odds, -MAX_LOG_ODDS..=MAX_LOG_ODDS),
@@ -122,6 +123,7 @@ impl Outcome {
         Ok(())
     }
 
+    /// Creates the outcome of a photo's verdict and its flights' figures.
     pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
         let (p, letters) = (verdict.read_probability(), &verdict.letters);
         Self {
@@ -136,7 +138,7 @@ impl Outcome {
         }
     }
 
-    /// The outcome of a lost drone: no photo, and how it was lost.
+    /// Returns the outcome of a lost drone, which has no photo. `how` says how it was lost.
     pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
@@ -152,7 +154,8 @@ impl Outcome {
 }
 
 impl Flown {
-    /// Figures of the flights of one photo.
+    /// Computes the figures of the flights for one photo. `believed` has the scene's drone and
+    /// battery.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;
@@ -166,7 +169,7 @@ impl Flown {
         })))
     }
 
-    /// Figures of a flight: tracking, tilt, saturation, duration and energy.
+    /// Computes the figures of one flight: tracking, tilt, saturation, duration and energy.
     fn from_flight(flight: &Flight, believed: &SimOptions) -> Result<Self> {
         let tracking = track(flight, Part::Letters)?;
         let tilt_rad =
@@ -181,7 +184,7 @@ impl Flown {
             tilt_rad,
             saturated_frac: saturated_frac(flight),
             duration_s: flight.samples.last().map_or(0.0, |last| last.time_s),
-            // A scene without a battery counts the energy of a full one.
+            // Without a simulated battery the energy is modeled from the motor commands.
             energy_j: flight
                 .at_end(ENERGY_J)
                 .unwrap_or_else(|| modeled_energy_j(&flight.samples, believed)),
@@ -189,21 +192,22 @@ impl Flown {
     }
 }
 
-/// Fraction of the time over the letters in which a motor is saturated.
+/// Returns the fraction of the letters' time in which a motor is saturated. 0 if it is not logged.
 fn saturated_frac(flight: &Flight) -> f64 {
-    let Some(so_far_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
-    // The column is the saturated time so far: its differences count over letters.
+    let Some(total_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
+    // The column has the saturated time since the start: its differences over letters are added.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
-    for (pair, so_far_s) in flight.samples.windows(2).zip(so_far_s.windows(2)) {
+    for (pair, total_s) in flight.samples.windows(2).zip(total_s.windows(2)) {
         if pair[0].letter.is_some() {
             written_s += pair[1].time_s - pair[0].time_s;
-            saturated_s += so_far_s[1] - so_far_s[0];
+            saturated_s += total_s[1] - total_s[0];
         }
     }
     if written_s > 0.0 { saturated_s / written_s } else { 0.0 }
 }
 
-/// `∫ V (I_idle + I per N · thrust) dt` at the open-circuit voltage of the battery as charged.
+/// Returns the energy `∫ V (I_idle + I per N · thrust) dt`, with the open-circuit voltage V at the
+/// battery's initial charge.
 fn modeled_energy_j(samples: &[FlightSample], options: &SimOptions) -> f64 {
     let battery = &options.battery;
     let volts = battery.open_circuit_v(battery.charge_frac);

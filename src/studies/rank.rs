@@ -1,4 +1,4 @@
-//! Ranking: contenders in order of legibility, and which of them cannot be told apart.
+//! Ranking: contenders in order of legibility, and which of them are distinguishable.
 
 use serde::Serialize;
 
@@ -11,15 +11,15 @@ use super::{Acuity, Flown, Record, Study};
 /// Contenders in order of their mean probability of being read, the best first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranking {
-    /// One a contender.
+    /// One for each contender.
     pub measures: Vec<Measures>,
-    /// Every two of them.
+    /// All pairs of contenders.
     pub pairs: Vec<Pair>,
-    /// Flights of each contender below which no two can be told apart, however they differ.
+    /// Least number of flights per contender with which any two can be told apart.
     pub least_flights: u32,
-    /// Those that are not ranked.
+    /// Contenders that are not ranked.
     pub unranked: Vec<Unranked>,
-    /// How fast they write, if that was asked for.
+    /// Speed limits of the contenders, if they were measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acuity: Option<Acuity>,
 }
@@ -33,56 +33,56 @@ pub struct Unranked {
     pub note: String,
 }
 
-/// How a contender did over all its flights.
+/// Results of a contender over all its flights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measures {
     /// Its name.
     pub contender: String,
-    /// 1 for the best. Contenders that cannot be told from the first of a place have the same.
-    /// `None` if no flight was read, as after the loss of every drone.
+    /// 1 for the best. Contenders that cannot be told from the first of a place have its place too.
+    /// `None` if no flight was read, for example because every drone was lost.
     pub place: Option<usize>,
-    /// Flights.
+    /// Number of flights.
     pub n_flights: usize,
-    /// Flights in which the drone was lost.
+    /// Number of flights in which a drone was lost.
     pub n_lost: usize,
     /// Mean probability that a viewer reads the word and no other at first sight
     /// ([`Verdict::read_probability`](noctograph_score::Verdict::read_probability)).
     pub legibility: Estimate,
     /// Fraction of flights whose photo is legible.
     pub legible: Estimate,
-    /// Mean of its worst tenth.
+    /// Mean probability of the worst tenth of flights.
     pub worst_decile: Estimate,
     /// Fraction of flights in which every letter was read as it should.
     pub all_read: Estimate,
-    /// Mean of the figures of the flights that were not lost. `None` if every one was.
+    /// Mean figures of the flights that were not lost. `None` if all were.
     pub flown: Option<Flown<Estimate>>,
-    /// A contender before it with the same flights, to the last bit.
+    /// An earlier contender with exactly the same flights.
     pub equal_to: Option<String>,
-    /// Trials whose photo is the median and the worst, as indices into the records.
+    /// Indices of the records with the median and the worst photo.
     #[serde(skip)]
     pub median_and_worst: [usize; 2],
 }
 
-/// Two contenders, flight against flight of the same word and seed.
+/// Comparison of two contenders, by flights with the same word and seed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Pair {
     /// The better one.
     pub better: String,
     /// The other.
     pub worse: String,
-    /// Mean difference of probability, with an interval at a level that holds for all pairs
-    /// together (Bonferroni): by typical values, from -1 to 1 if the flights are too few.
+    /// Mean difference in probability. The interval is at a level that holds for all pairs together
+    /// (Bonferroni), from -1 to 1 if there are too few flights.
     pub difference: Estimate,
     /// True if the two differ at a level that holds for all pairs together (Holm, Scandinavian
     /// Journal of Statistics 6, 1979).
     pub distinguishable: bool,
 }
 
-/// Least P(read) of a place: less is printed as 0.000.
+/// Least P(read) with a place. Smaller ones are printed as 0.000.
 const LEAST_READ: f64 = 0.0005;
 
-/// Ranks the contenders of a study by its records, which are those of all its trials in order.
-/// Panics if there is not a record for every trial.
+/// Ranks the contenders of a study. `records` has one for each of its trials, in their order.
+/// Panics if the number differs.
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
     let n_each = (records.len() / study.contenders.len().max(1)).max(1);
@@ -91,8 +91,8 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     for (index, records) in by_contender.iter().enumerate() {
         let mut measures = measure(study, records, index * n_each);
         if measures.flown.is_some() {
-            let equal = by_contender[..index].iter().find(|before| flew_alike(before, records));
-            measures.equal_to = equal.map(|before| before[0].contender.clone());
+            let equal = by_contender[..index].iter().find(|earlier| flew_alike(earlier, records));
+            measures.equal_to = equal.map(|earlier| earlier[0].contender.clone());
         }
         let probabilities = records.iter().map(|record| record.outcome.probability);
         ranked.push((measures, probabilities.collect()));
@@ -116,38 +116,40 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     Ranking { measures, pairs, least_flights, unranked: Vec::new(), acuity: None }
 }
 
-/// True if two contenders have the same outcomes, to the last bit.
+/// Returns true if two contenders have exactly the same outcomes.
 fn flew_alike(a: &[Record], b: &[Record]) -> bool {
     a.iter().map(|record| &record.outcome).eq(b.iter().map(|record| &record.outcome))
 }
 
-/// Flights of each of some contenders below which no two can be told apart, however they differ.
+/// Returns the least number of flights per contender with which any two can be told apart.
 pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
 
-/// Level of the interval of one pair, so that those of all pairs hold together (Bonferroni).
+/// Returns the confidence level of one pair's interval with which `n_pairs` intervals hold together
+/// (Bonferroni).
 fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
 
-/// Every two contenders, by their probabilities flight by flight, the better ones first.
+/// Compares every two of `contenders`, given as names with the probabilities of their flights, in
+/// the order of their means.
 fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
-    let (mut pairs, mut differences) = (Vec::new(), Vec::new());
+    let (mut pairs, mut differences_by_pair) = (Vec::new(), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {
         for (worse, b) in &contenders[place + 1..] {
-            let apart: Vec<f64> = a.iter().zip(*b).map(|(a, b)| a - b).collect();
+            let differences: Vec<f64> = a.iter().zip(*b).map(|(a, b)| a - b).collect();
             pairs.push(Pair {
                 better: (*better).to_owned(),
                 worse: (*worse).to_owned(),
-                difference: Estimate { value: mean(&apart), low: -1.0, high: 1.0 },
+                difference: Estimate { value: mean(&differences), low: -1.0, high: 1.0 },
                 distinguishable: false,
             });
-            differences.push(apart);
+            differences_by_pair.push(differences);
         }
     }
-    // Holm's procedure: pairs that are told apart leave a milder level for the rest, until no more
-    // are. The first round is Bonferroni's, and has the intervals.
+    // Holm's procedure: the pairs that are told apart lower the level for the rest, round by round
+    // until no more are. The first round is Bonferroni's. Its intervals are kept.
     let (n_pairs, mut n_before) = (pairs.len(), 0);
     loop {
         let n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
@@ -155,9 +157,9 @@ fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
             return pairs;
         }
         n_before = n_open;
-        let open = pairs.iter_mut().zip(&differences).filter(|(pair, _)| !pair.distinguishable);
-        for (pair, apart) in open {
-            let Some(interval) = center(apart, level(n_open)) else { continue };
+        let open = pairs.iter_mut().zip(&differences_by_pair);
+        for (pair, differences) in open.filter(|(pair, _)| !pair.distinguishable) {
+            let Some(interval) = center(differences, level(n_open)) else { continue };
             pair.distinguishable = interval.low > 0.0 || interval.high < 0.0;
             if n_open == n_pairs {
                 pair.difference = interval;
@@ -166,7 +168,8 @@ fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     }
 }
 
-/// The values of one contender's records that have one, word by word.
+/// Returns `value` of one contender's records, word by word, without the records where it is
+/// `None`.
 fn strata(
     study: &Study,
     mut records: &[Record],
@@ -179,10 +182,11 @@ fn strata(
     words.collect()
 }
 
-/// Measures of one contender, without its place. `first` is the index of its first record.
+/// Computes the measures of one contender from its records, without its place. `first` is the index
+/// of its first record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
-    // A lost drone leaves no photo.
+    // Photos from the worst to the best. A lost drone has none.
     let mut photos: Vec<usize> =
         (0..records.len()).filter(|index| records[*index].outcome.flown.is_some()).collect();
     photos.sort_by(|a, b| {

@@ -2,8 +2,8 @@
 //!
 //! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
 //! candidate is planned, flown, exposed on the scene's film and read with the scene's seed. Those
-//! that gain are flown with two seeds more, and one that loses under any is dropped. What nobody
-//! sets, such as gusts or the delay of the radio, is left as it is.
+//! that gain are flown with two more seeds, and dropped if they lose with one of these. Settings
+//! that nobody can choose, such as gusts or the radio's delay, are not changed.
 
 use rayon::prelude::*;
 
@@ -23,24 +23,24 @@ use noctograph_sim::ControllerKind;
 pub struct Remedy {
     /// Keys with their new values.
     pub changes: Vec<Change>,
-    /// Gain in the probability of being read, the mean over [`SEEDS`] flights.
+    /// Mean gain in the probability of being read, over [`SEEDS`] flights.
     pub gain: f64,
 }
 
-/// Flights of the scene and of a remedy.
+/// Number of seeds with which the scene and a remedy are flown.
 pub const SEEDS: u64 = 3;
 /// Most remedies.
-const MOST: usize = 3;
-/// Gains below this are no reason for advice.
+const MAX_REMEDIES: usize = 3;
+/// Smaller gains are not advised.
 const LEAST_GAIN: f64 = 0.02;
-/// Cap height and luminance of the room that are good, as in the default scene.
+/// Good cap height and room luminance, those of the default scene.
 const GOOD_CAP_HEIGHT_M: f64 = 0.5;
 const DARK_ROOM_CD_M2: f64 = 0.008;
-/// Speed from which strokes are flown slower.
-const SLOW_M_S: f64 = 0.05;
+/// Slowest stroke speed that is advised.
+const SLOWEST_M_S: f64 = 0.05;
 
-/// Remedies of a shot. None if its word reads, or if its plans come from elsewhere or are flights
-/// of exported ones, which are not planned anew.
+/// Returns remedies for a shot. Empty if its word reads, or if its plans were given or exported
+/// rather than planned here.
 pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
     let is_read = shot.verdict.as_ref().is_none_or(|verdict| verdict.legible);
     if is_read || !shot.shoot.is_planned || !shot.shoot.designs.is_empty() {
@@ -49,39 +49,39 @@ pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
     remedies(&shot.shoot)
 }
 
-/// The changes that gain most, the most gainful first.
+/// Returns the changes with the largest gains, the largest first.
 ///
 /// # Errors
 ///
-/// Those of the stages for the scene itself. A change that cannot be flown is left out.
+/// Those of the stages for the scene itself. A change that cannot be flown is ignored.
 pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
     let before = read_probability(scene, scene.seed)?;
-    let wanted = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
-    let candidates = wanted.map(|(_, changes)| Ok((changed(scene, &changes)?, changes)));
+    let sensible = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
+    let candidates = sensible.map(|(_, changes)| Ok((changed(scene, &changes)?, changes)));
     let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
-    // Candidates that gain with the scene's seed, the most gainful first.
-    let gains = candidates.into_par_iter().filter_map(|(scene, changes)| {
+    // Candidates that gain with the scene's seed, the largest gain first.
+    let gainful = candidates.into_par_iter().filter_map(|(scene, changes)| {
         let gain = read_probability(&scene, scene.seed).ok()? - before;
         (gain >= LEAST_GAIN).then_some((gain, changes, scene))
     });
-    let mut gains: Vec<_> = gains.collect();
-    gains.sort_by(|a, b| b.0.total_cmp(&a.0));
-    // Of these, the first that gain with further seeds, too: the luckiest of many is not the best.
+    let mut gainful: Vec<_> = gainful.collect();
+    gainful.sort_by(|(a, ..), (b, ..)| b.total_cmp(a));
+    // The first that also gain with further seeds, since the luckiest of many is not the best.
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
     let before: Vec<f64> =
         further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
     let mut remedies: Vec<Remedy> = Vec::new();
-    for (first, changes, scene) in gains {
+    for (first_gain, changes, scene) in gainful {
         let after = further.par_iter().map(|seed| read_probability(&scene, *seed));
         let Ok(after) = after.collect::<Result<Vec<f64>>>() else { continue };
         let mut gains: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
-        gains.push(first);
+        gains.push(first_gain);
         let gain = mean(&gains);
         if gain >= LEAST_GAIN && gains.iter().all(|gain| *gain >= 0.0) {
             remedies.push(Remedy { changes, gain });
         }
-        if remedies.len() == MOST {
+        if remedies.len() == MAX_REMEDIES {
             break;
         }
     }
@@ -89,7 +89,7 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     Ok(remedies)
 }
 
-/// Probability that the scene's word is read with a seed. 0 if nothing is read.
+/// Returns the probability that the scene's word is read with a seed. 0 if nothing is read.
 fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
     let mut shoot = Shoot::new(Scene { seed, ..scene.clone() })?;
     (shoot.judging, shoot.backend) = (Judging::Scored, BackendChoice::Cpu);
@@ -97,7 +97,8 @@ fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
     Ok(verdict.map_or(0.0, |verdict| verdict.read_probability()))
 }
 
-/// A scene after some changes. A style of flying brings its own defaults, and leaves the lamps.
+/// Returns a scene with changes applied. A change of the plan's style also resets the plan to that
+/// style's defaults, except for its lamps.
 fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     let mut scene = scene.clone();
     if changes.iter().any(|change| change.key == "plan.style") {
@@ -107,19 +108,20 @@ fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     Scene::parse_with(&scene.to_toml(), "scene", &values.collect::<Vec<_>>())
 }
 
-/// True if a change makes sense in a scene, and the keys that it sets.
+/// A change of one or several keys, after true if it makes sense in the scene.
 type Candidate = (bool, Vec<Change>);
 
+/// Returns the candidate that sets one key.
 fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
     (wanted, vec![Change::new(key, value)])
 }
 
-/// Changes of letters, plan, drone and lamps.
+/// Returns candidates that change letters, plan, drone or lamps.
 fn writing(scene: &Scene) -> Vec<Candidate> {
     let Scene { plan, letters, light, controller, .. } = scene;
-    // Half the speed, rounded to a centimeter a second.
+    // Half the speed, rounded to centimeters per second.
     let slower_m_s = (50.0 * plan.stroke_speed_m_s).round() / 100.0;
-    let is_slower = slower_m_s >= SLOW_M_S && slower_m_s < plan.stroke_speed_m_s;
+    let is_slower = slower_m_s >= SLOWEST_M_S && slower_m_s < plan.stroke_speed_m_s;
     let is_word = letters.drawing.is_empty();
     let is_low = is_word && letters.cap_height_m < GOOD_CAP_HEIGHT_M;
     let other_lights = plan.lights != ["headlights"] && light.deck == Deck::LedRing;
@@ -138,17 +140,17 @@ fn writing(scene: &Scene) -> Vec<Candidate> {
     ]
 }
 
-/// Changes of camera and room.
+/// Returns candidates that change camera or room.
 fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
     let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
-    // The exposure of the complete flight, focused on the word.
+    // The exposure of the complete flight, in whole seconds, focused on the word.
     let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
-    let away_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
-    let away_m = (100.0 * away_m).round() / 100.0;
-    let is_near = camera.focus_m.is_some_and(|focus_m| focus_m != away_m) && away_m > 0.0;
+    let word_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();
+    let word_m = (100.0 * word_m).round() / 100.0;
+    let is_unfocused = camera.focus_m.is_some_and(|focus_m| focus_m != word_m) && word_m > 0.0;
     let shutter =
         vec![Change::new("camera.shutter_open_s", 0), Change::new("camera.shutter_close_s", end_s)];
     let size = vec![
@@ -160,7 +162,7 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
         set(!matches!(camera.framing, Framing::Word(_)), "camera.framing", "word"),
         set(camera.metering == Metering::Off, "camera.metering", "trail"),
         (camera.shutter_open_s > 0.0 || camera.shutter_close_s.is_some(), shutter),
-        set(is_near, "camera.focus_m", away_m),
+        set(is_unfocused, "camera.focus_m", word_m),
         (camera.width_px < good.width_px, size),
         set(is_bright, "photo.ambient_cd_m2", DARK_ROOM_CD_M2),
     ])
@@ -198,7 +200,7 @@ mod tests {
     fn a_scene_that_reads_needs_none() {
         let remedies = remedies_after(|_| {});
         assert!(
-            remedies.len() <= MOST && remedies.iter().all(|r| r.gain >= LEAST_GAIN),
+            remedies.len() <= MAX_REMEDIES && remedies.iter().all(|r| r.gain >= LEAST_GAIN),
             "{remedies:?}"
         );
         let scene = Scene { word: "HI".into(), seed: 1, ..Scene::preset(Preset::default()) };

@@ -1,7 +1,7 @@
-//! Search: proposes points of a unit cube and learns from their costs.
+//! Search: proposes points in a unit cube and learns from their costs.
 //!
 //! Tree-structured Parzen estimation (Bergstra et al., "Algorithms for Hyper-Parameter
-//! Optimization", NIPS 2011) by the crate `tpe`, one estimator a coordinate.
+//! Optimization", NIPS 2011) by the crate `tpe`, with one estimator for each coordinate.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
@@ -12,41 +12,42 @@ use tpe::{TpeOptimizer, TpeOptimizerBuilder, parzen_estimator, range};
 pub(super) struct Search {
     rng: ChaCha8Rng,
     coordinates: Vec<TpeOptimizer>,
-    n_told: usize,
+    n_points: usize,
 }
 
-/// Fraction of the points that count as good, γ of Bergstra et al.
-const GOOD: f64 = 0.15;
+/// Fraction of the points that count as good: γ of Bergstra et al.
+const GOOD_FRAC: f64 = 0.15;
 
 impl Search {
-    /// A search over `n_coordinates`. Panics if there is no coordinate.
+    /// Creates a search over `n_coordinates`. Panics if there is no coordinate.
     pub(super) fn new(n_coordinates: usize, seed: u64) -> Self {
         assert!(n_coordinates > 0, "a search along at least one coordinate");
         let unit = range(0.0, 1.0).expect("a range");
         let coordinates = (0..n_coordinates).map(|_| {
             let mut builder = TpeOptimizerBuilder::new();
-            builder.gamma(GOOD).build(parzen_estimator(), unit).expect("within 0 to 1")
+            builder.gamma(GOOD_FRAC).build(parzen_estimator(), unit).expect("within 0 to 1")
         });
         let coordinates = coordinates.collect();
-        Self { rng: ChaCha8Rng::seed_from_u64(seed), coordinates, n_told: 0 }
+        Self { rng: ChaCha8Rng::seed_from_u64(seed), coordinates, n_points: 0 }
     }
 
-    /// The next point to try.
+    /// Returns the next point to try.
     pub(super) fn ask(&mut self) -> Vec<f64> {
         let rng = &mut self.rng;
-        // Too few points for a density: drawn evenly.
-        if self.n_told < 2 * self.coordinates.len() {
+        // With too few points to estimate a density, points are drawn uniformly.
+        if self.n_points < 2 * self.coordinates.len() {
             return self.coordinates.iter().map(|_| rng.random()).collect();
         }
         let values = self.coordinates.iter_mut().map(|coordinate| {
+            // Below 1, since the cube excludes its upper faces.
             coordinate.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12)
         });
         values.collect()
     }
 
-    /// Adds the cost of a point. Panics if the cost is no number, or the point not one of the cube.
+    /// Adds a point with its cost. Panics if the cost is NaN or the point lies outside the cube.
     pub(super) fn tell(&mut self, point: &[f64], cost: f64) {
-        self.n_told += 1;
+        self.n_points += 1;
         // Coordinates are estimated independently, as Bergstra et al. do.
         for (coordinate, value) in self.coordinates.iter_mut().zip(point) {
             coordinate.tell(*value, cost).expect("a number, within the cube");

@@ -1,8 +1,8 @@
 //! Shard: a part of a study's flights, flown by any process on any machine.
 //!
-//! Its file is named by the study and the part, depends on nothing else, and appears whole or not
-//! at all. So a shard may be flown twice, killed and flown again, or be cut otherwise the next
-//! time.
+//! Its file is named by the study and the part, depends on nothing else, and appears complete or
+//! not at all. So a shard may be flown twice, or killed and flown again, and the next study may be
+//! divided differently.
 
 use std::path::{Path, PathBuf};
 
@@ -16,9 +16,9 @@ use noctograph_pipeline::shoot::Stop;
 /// Part `index` of `count`, counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Which part, 1 to `count`.
+    /// Number of this part, 1 to `count`.
     pub index: usize,
-    /// Of how many.
+    /// Number of all parts.
     pub count: usize,
 }
 
@@ -36,8 +36,8 @@ impl std::str::FromStr for Shard {
 }
 
 impl Shard {
-    /// Flies every `count`th trial of a study into a file of a folder, unless that is there
-    /// already. Returns the file, and the number of its flights.
+    /// Flies every `count`th trial of a study and writes the records to a file in `folder`, unless
+    /// it exists already. Returns the file's path and its number of flights.
     pub fn fly(
         self,
         study: &Study,
@@ -45,7 +45,7 @@ impl Shard {
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(PathBuf, usize)> {
         let prepared = study.prepare()?;
-        // Every part has flights of all contenders and words.
+        // Trials one by one, so that every part has flights of all contenders and words.
         let trials: Vec<Trial> = study.trials().skip(self.index - 1).step_by(self.count).collect();
         let name = format!("{}-{}-of-{}.jsonl", digest(study, &prepared), self.index, self.count);
         let path = folder.join(name);
@@ -58,18 +58,18 @@ impl Shard {
     }
 }
 
-/// The files of a study's shards in a folder, however they were cut, for [`Store::take`].
-/// `prepared` is that of [`Study::prepare`].
+/// Returns the files of a study's shards in a folder, however it was divided, for [`Store::take`].
+/// `prepared` is the result of [`Study::prepare`].
 pub fn shards(study: &Study, prepared: &[Prepared], folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut files, stem) = (files_in(folder)?, digest(study, prepared));
     files.retain(|path| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(&stem)));
     Ok(files)
 }
 
-/// Digest of a study: its scenes, words and conditions, this version, and the seeds.
+/// Returns a digest of a study's scenes, words, conditions and seeds, and of this version.
 fn digest(study: &Study, prepared: &[Prepared]) -> String {
     let mut digest = Digest::default();
-    prepared.iter().for_each(|ready| digest.add(ready.digest()));
+    prepared.iter().for_each(|scene| digest.add(scene.digest()));
     study.trials().for_each(|trial| digest.add(trial.seed.to_le_bytes()));
     digest.hex()[..16].to_owned()
 }

@@ -1,10 +1,10 @@
-//! Spread: how far flights of one plan lie apart, and if their photos read.
+//! Spread: how much the flights of one plan differ, and whether their photos read.
 //!
 //! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
-//! and two [`Band`]s for each drone: of flights that differ in room and drone, and of flights of
-//! one drone in one room. What [`Conditions`] draw is constant over a flight: the drone's mass,
-//! trim, rotors and charge, and the geometry of the room's base stations. Gusts and the noise of
-//! sensors differ within a flight.
+//! and two [`Band`]s for each drone: one over flights that differ in room and drone, one over
+//! flights of one drone in one room. [`Conditions`] are drawn once for a flight: the drone's mass,
+//! trim, rotors and charge, and the geometry of the base stations. Gusts and sensor noise vary
+//! within it.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -20,15 +20,15 @@ use noctograph_picture::photo::Photo;
 use noctograph_pipeline::shoot::{Judging, Shoot};
 use noctograph_score::{Verdict, is_judged};
 
-/// Fraction of flights that a band holds at every moment.
+/// Fraction of flights inside a band at each time.
 pub const BAND_FRAC: f64 = 0.9;
-/// Fewest flights whose band can hold that fraction: two of twenty lie outside.
+/// Fewest flights whose band can hold that fraction: two of twenty intervals lie outside it.
 pub const LEAST_FLIGHTS: usize = 19;
-/// Time between two moments of a band.
+/// Time step of a band.
 const STEP_S: f64 = 0.1;
-/// Largest distance in time between a moment and its nearest sample.
+/// Largest difference between a band's time and that of the nearest sample.
 const NEAR_S: f64 = 0.02;
-/// Height of a capital in the photos.
+/// Height of capitals in the photos.
 const CAP_HEIGHT_PX: f64 = 64.0;
 
 /// Flights of one plan under conditions.
@@ -36,9 +36,9 @@ const CAP_HEIGHT_PX: f64 = 64.0;
 pub struct Spread {
     /// Flights that differ in room and drones.
     pub flights: Vec<SpreadFlight>,
-    /// Their band, for each drone.
+    /// Band of these flights, for each drone.
     pub all: Vec<Band>,
-    /// The band of as many flights of the first one's drone in its room, for each drone.
+    /// Band of as many flights with the drones and the room of the first seed, for each drone.
     pub within: Vec<Band>,
 }
 
@@ -47,7 +47,7 @@ pub struct Spread {
 pub struct SpreadFlight {
     /// Seed of its noise and of its departures from the scene.
     pub seed: u64,
-    /// Flights of all drones, photo and verdict, or how a drone was lost.
+    /// Flights, photo and verdict, or how a drone was lost.
     pub shot: std::result::Result<SpreadShot, String>,
 }
 
@@ -56,88 +56,95 @@ pub struct SpreadFlight {
 pub struct SpreadShot {
     /// Flights, one for each drone.
     pub flights: Vec<Flight>,
-    /// The photo, on a small film.
+    /// The photo, from a small film.
     pub photo: Photo,
-    /// The verdict. `None` if the reader does not know the letters.
+    /// The verdict. `None` if the reader cannot judge the letters.
     pub verdict: Option<Verdict>,
 }
 
-/// The band that holds [`BAND_FRAC`] of flights, axis by axis and moment by moment. With fewer than
-/// [`LEAST_FLIGHTS`] it holds all of them ([`Band::holds_frac`]).
+/// The band that holds [`BAND_FRAC`] of flights on each axis at each time. With fewer than
+/// [`LEAST_FLIGHTS`] flights it holds all of them ([`Band::holds_frac`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
-    /// Number of flights behind it.
+    /// Number of flights from which it is made.
     pub n_flights: usize,
-    /// Moments.
+    /// Times, every 0.1 s.
     pub time_s: Vec<f64>,
-    /// Lower end, median and upper end of the positions, at each.
+    /// Lower end, median and upper end of the positions at each time.
     pub ends_m: Vec<[Vector3<f64>; 3]>,
-    /// Design at each.
+    /// Design at each time.
     pub design_m: Vec<Vector3<f64>>,
-    /// True where a letter is written.
+    /// True while a letter is written.
     pub writes: Vec<bool>,
 }
 
-/// How a flight lies in a band.
+/// How well a band holds a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
-    /// Fraction of its moments inside, on each axis.
+    /// Fraction of the times at which the flight is inside the band, on each axis.
     pub inside: Vector3<f64>,
-    /// Width of the band, relative to a band about the same median with [`BAND_FRAC`] of them.
+    /// Width of the band, relative to one that is inside for [`BAND_FRAC`] of the times.
     pub width: Vector3<f64>,
 }
 
 impl Band {
-    /// The band of flights of one plan.
+    /// Creates the band of `position_m` over flights of one plan, with a time every 0.1 s.
     pub fn new(flights: &[&Flight], position_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
         let mut band = Self { n_flights: flights.len(), ..Self::default() };
         let Some(first) = flights.first() else { return band };
         let mut next_s = f64::NEG_INFINITY;
         for (index, sample) in first.samples.iter().enumerate() {
+            // Thinned to the step. The margin is for rounding errors.
             if sample.time_s < next_s - 1e-9 {
                 continue;
             }
             next_s = sample.time_s.max(next_s) + STEP_S;
-            // Flights of one plan have their samples at equal times.
+            // Flights of one plan have samples at equal times.
             let samples = flights.iter().filter_map(|flight| flight.samples.get(index));
             let positions_m: Vec<Vector3<f64>> = samples.map(&position_m).collect();
-            let axes = [0, 1, 2].map(|axis| ends(positions_m.iter().map(|p| p[axis]).collect()));
+            let quantiles_m =
+                [0, 1, 2].map(|axis| band_quantiles(positions_m.iter().map(|p| p[axis]).collect()));
             band.time_s.push(sample.time_s);
-            band.ends_m.push([0, 1, 2].map(|end| Vector3::from(axes.map(|ends| ends[end]))));
+            let [x_m, y_m, z_m] = quantiles_m;
+            band.ends_m.push([0, 1, 2].map(|end| Vector3::new(x_m[end], y_m[end], z_m[end])));
             band.design_m.push(sample.design_m);
             band.writes.push(sample.letter.is_some());
         }
         band
     }
 
-    /// Fraction of further flights that it holds at every moment: [`BAND_FRAC`]. With fewer than
-    /// [`LEAST_FLIGHTS`] flights, the fraction between the least and the most of n flights:
-    /// `(n − 1) / (n + 1)`.
+    /// Returns the fraction of further flights that the band holds: [`BAND_FRAC`], or with fewer
+    /// than [`LEAST_FLIGHTS`] flights that between the extremes of n flights, `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
     }
 
-    /// Mean of half its width while letters are written, or over all moments if none are known.
+    /// Returns half its width on each axis: the mean while letters are written, or over all times
+    /// if none are.
     pub fn half_width_m(&self) -> Vector3<f64> {
-        let any = self.writes.contains(&true);
-        let writes = self.ends_m.iter().zip(&self.writes).filter(|(_, writes)| **writes || !any);
+        let has_letters = self.writes.contains(&true);
+        let ends_m = self.ends_m.iter().zip(&self.writes);
+        let counted = ends_m.filter(|(_, writes)| **writes || !has_letters);
         let widths_m: Vec<Vector3<f64>> =
-            writes.map(|([low, _, high], _)| 0.5 * (high - low)).collect();
+            counted.map(|([low, _, high], _)| 0.5 * (high - low)).collect();
         let n = widths_m.len().max(1) as f64;
         widths_m.iter().sum::<Vector3<f64>>() / n
     }
 
-    /// How another flight lies in it, over the moments with samples nearby.
+    /// Compares another flight with the band, at the band's times that have a sample within
+    /// 20 ms.
     pub fn held(&self, samples: &[FlightSample]) -> Held {
-        // Distances from the median, relative to the band's end on the same side.
+        // Distances from the median, divided by that of the band's end on the same side.
         let mut ratios: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {
             let after = samples.partition_point(|sample| sample.time_s < *time_s);
-            let near = samples[after.saturating_sub(1)..].iter().take(2);
-            let near = near.map(|sample| ((sample.time_s - time_s).abs(), sample));
-            let near = near.min_by(|(a_s, _), (b_s, _)| a_s.total_cmp(b_s));
-            let Some((_, sample)) = near.filter(|(away_s, _)| *away_s <= NEAR_S) else { continue };
+            let around = samples[after.saturating_sub(1)..].iter().take(2);
+            let around = around.map(|sample| ((sample.time_s - time_s).abs(), sample));
+            let nearest = around.min_by(|(a_s, _), (b_s, _)| a_s.total_cmp(b_s));
+            let Some((_, sample)) = nearest.filter(|(away_s, _)| *away_s <= NEAR_S) else {
+                continue;
+            };
             for (axis, ratios) in ratios.iter_mut().enumerate() {
                 let apart_m = sample.position_m[axis] - middle[axis];
                 let end_m = if apart_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
@@ -153,15 +160,15 @@ impl Band {
     }
 }
 
-/// Lower end, median and upper end of some values.
-fn ends(mut values: Vec<f64>) -> [f64; 3] {
+/// Returns the quantiles of a band: its lower end, the median and its upper end.
+fn band_quantiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - BAND_FRAC);
     [tail, 0.5, 1.0 - tail].map(|probability| quantile(&values, probability))
 }
 
-/// The quantile of sorted values by Weibull's plotting position, `k / (n + 1)`: the next value lies
-/// below it with this probability. Within the least and the largest value.
+/// Returns the quantile of sorted values by Weibull's plotting position, `k / (n + 1)`: a further
+/// value is below it with this probability. Limited to the extremes. NaN without values.
 fn quantile(sorted: &[f64], probability: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let rank = (probability * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
@@ -171,8 +178,8 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (rank - rank.floor())
 }
 
-/// Flies a shoot `n` times under conditions, and again as often with one drone in one room. The
-/// seeds follow the scene's. `done` gets the number of flights so far.
+/// Flies a shoot with `n` seeds from the scene's on, each with its own drones and room, and again
+/// with the drones and the room of the first. `done` is called with the number of flights so far.
 ///
 /// # Errors
 ///
@@ -196,16 +203,16 @@ pub fn spread(
     let seeds: Vec<u64> = (first..).take(n).collect();
     // Each seed with its room and drones, photographed and read.
     let flights = seeds.par_iter().map(|seed| {
-        let shot = or_lost(drawn(&base, conditions, *seed, *seed).take(&|_, _| {}));
+        let shot = or_lost(with_seeds(&base, conditions, *seed, *seed).take(&|_, _| {}));
         count();
         let shot =
             shot?.map(|s| SpreadShot { flights: s.flights, photo: s.photo, verdict: s.verdict });
         Ok(SpreadFlight { seed: *seed, shot })
     });
     let flights: Vec<SpreadFlight> = flights.collect::<Result<_>>()?;
-    // The same seeds in the room of the first, with its drones: only flown.
+    // The same seeds with the drones and the room of the first: flown without a photo.
     let again = seeds.par_iter().map(|seed| {
-        let flown = or_lost(drawn(&base, conditions, *seed, first).fly(&|_, _| {}));
+        let flown = or_lost(with_seeds(&base, conditions, *seed, first).fly(&|_, _| {}));
         count();
         flown
     });
@@ -230,8 +237,8 @@ pub fn spread(
     Ok(Spread { all, within, flights })
 }
 
-/// A shoot with the noise of one seed, and the drones and the room of another.
-fn drawn(base: &Shoot, conditions: &Conditions, seed: u64, room_seed: u64) -> Shoot {
+/// Returns a shoot with the noise of `seed`, and the drones and the room of `room_seed`.
+fn with_seeds(base: &Shoot, conditions: &Conditions, seed: u64, room_seed: u64) -> Shoot {
     let mut shoot = Shoot { room_seed: Some(room_seed), ..base.clone() };
     let actual = (0..).map(|drone| conditions.draw(&base.scene, room_seed, drone));
     shoot.actual = actual.take(base.plans.len()).collect();

@@ -3,18 +3,18 @@
 //! | figure | interval |
 //! |---|---|
 //! | mean | Student's t, within strata (the flights of a word) if each has two values |
-//! | mean of probabilities | the same without its skewness: Hall, JRSS B 54 (1992) |
+//! | mean of probabilities | the same, corrected for skewness: Hall, JRSS B 54 (1992) |
 //! | proportion | Agresti, Coull (1998); Brown, Cai, `DasGupta`, Statistical Science 16 (2001) |
 //! | difference of pairs | typical values: Hartigan, Journal of the ASA 64 (1969) |
-//! | worst tenth | that of probabilities, of its influence function (`worst_decile`) |
+//! | worst tenth | that for probabilities, from its influence function (`worst_decile`) |
 //! | other figures | percentile bootstrap: Efron, Tibshirani, "An Introduction to the Bootstrap" (1993) |
 //!
-//! Random numbers have a fixed seed, so that an interval is a function of its values only.
+//! Random numbers have a fixed seed, so that an interval depends only on its values.
 //!
 //! The means of all subsets of n differences divide the line into 2ⁿ intervals that hold the center
-//! of a symmetric law with equal probability, whatever that law is. So the interval is exact even
-//! for few values, and is the randomization test of Fisher and Pitman, too. Too few values have
-//! none: a level of 95 % needs six.
+//! of any symmetric distribution with equal probability. So the interval is exact even for few
+//! values. It corresponds to the randomization test of Fisher and Pitman. A level of 95 % needs at
+//! least six values.
 
 use std::borrow::Borrow;
 
@@ -22,17 +22,17 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::Serialize;
 
-/// Bootstrap samples. The ends of a 95 % interval then rest on 50 of them.
+/// Number of bootstrap samples. 50 of them lie beyond each end of a 95 % interval.
 const RESAMPLES: usize = 2000;
-/// Subsets that are drawn if there are more: an end at a level of 1 - 0.05 / 45, as of ten
-/// contenders, rests on 11 of them.
+/// Number of subsets that are drawn if there are more. 11 of them lie beyond an end at a level of
+/// 1 - 0.05 / 45, that for ten contenders.
 const SUBSETS: usize = 20_000;
 /// Most values whose subsets are all enumerated.
-const ALL_SUBSETS_OF: usize = 14;
+const MAX_ENUMERATED: usize = 14;
 
 /// Weight, in values, of the prior variance of probabilities (`mean_of_probabilities`). More widens
-/// the intervals of few values: with 1, those of six good flights hold the mean in 99 % of cases,
-/// with 0, in 90 to 93 %.
+/// the intervals of few values: those of six good flights hold the mean in 99 % of cases with a
+/// weight of 1, and in 90 to 93 % with 0.
 const PRIOR_VALUES: f64 = 0.25;
 
 /// A figure and its confidence interval at a stated level.
@@ -49,28 +49,28 @@ pub struct Estimate {
 /// Level of all intervals but those of `center`.
 pub(super) const LEVEL: f64 = 0.95;
 
-/// Mean. 0 without values.
+/// Returns the mean. 0 without values.
 pub(super) fn mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
     let mut n = 0.0_f64;
     let sum: f64 = values.into_iter().inspect(|_| n += 1.0).map(|value| *value.borrow()).sum();
     sum / n.max(1.0)
 }
 
-/// Standard error of the mean. 0 for fewer than two values.
+/// Returns the standard error of the mean. 0 for fewer than two values.
 pub(super) fn standard_error(values: &[f64]) -> f64 {
     let (n, middle) = (values.len() as f64, mean(values));
     let variance = mean(values.iter().map(|value| (value - middle) * (value - middle)));
     if n < 2.0 { 0.0 } else { (variance / (n - 1.0)).sqrt() }
 }
 
-/// Mean of the lowest tenth of values from 0 to 1, at least of one value, with its 95 % interval. 0
-/// without values. From 0 to 1 for a single value.
+/// Returns the mean of the lowest tenth of values from 0 to 1, at least one of them, with its 95 %
+/// interval. 0 without values. The interval of a single value is from 0 to 1.
 ///
 /// It is the mean of its influence function `q + min(x - q, 0) n / k`, with q the value after the k
 /// lowest of n values x (Manistre, Hancock, North American Actuarial Journal 9, 2005). So its
-/// interval is that of [`mean_of_probabilities`], with the freedom of k values. A percentile
-/// bootstrap never draws below the lowest value, and holds the truth of twenty flights in half of
-/// all cases.
+/// interval is that of [`mean_of_probabilities`], with the degrees of freedom of k values. A
+/// percentile bootstrap never draws below the lowest value. For twenty flights it holds the true
+/// value in only half of all cases.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     // The k lowest of n, and the next one.
     let mut values = strata.concat();
@@ -84,71 +84,72 @@ pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     Spread { freedom: (n_lowest as f64 - 1.0).max(1.0), ..spread }.interval(value)
 }
 
-/// The median. 0 without values. Sorts the values.
+/// Returns the median and sorts the values. 0 without values.
 pub fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let n = values.len();
     if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }
 
-/// Mean of all values with its 95 % interval by Student's t, from the variance within strata, or of
-/// all values if a stratum has fewer than two. Unbounded for a single value.
+/// Returns the mean of all values with its 95 % interval by Student's t. The variance is that
+/// within strata, or of all values if a stratum has only one. Unbounded for a single value.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let Some(Spread { n, freedom, variance, .. }) = spread(strata) else {
         return Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
     };
-    let reach = student_t(freedom) * (variance / n).sqrt();
-    Estimate { value, low: value - reach, high: value + reach }
+    let half_width = student_t(freedom) * (variance / n).sqrt();
+    Estimate { value, low: value - half_width, high: value + half_width }
 }
 
-/// Mean of all values, which are from 0 to 1, with its 95 % interval: by Student's t, corrected for
-/// the skewness of the values by Hall's cubic transformation (Journal of the Royal Statistical
-/// Society B 54, 1992), within 0 and 1. From 0 to 1 for a single value.
+/// Returns the mean of values from 0 to 1 with its 95 % interval, within 0 and 1: by Student's t,
+/// corrected for skewness by Hall's cubic transformation (Journal of the Royal Statistical Society
+/// B 54, 1992). The interval of a single value is from 0 to 1.
 ///
-/// Probabilities of being read are skewed: most flights are alike, and a few are far below. Small
-/// samples often lack these, and their variance is then too small. So a quarter of a value with a σ
-/// of 1 in log-odds is added to the variance, and nothing to the mean. Flights of the program have
-/// a σ of 0.4 if nearly all read, and of 1.5 if few do (`coverage`, docs/model.md). Failures that
-/// no value shows, such as one in ten flights, are beyond any interval.
+/// Probabilities of being read are skewed: most flights are alike, and a few are far worse. Small
+/// samples often lack these few, so that their variance is too small. So a quarter of a value with
+/// a σ of 1 in log-odds is added to the variance, and nothing to the mean. Simulated flights have a
+/// σ of 0.4 if nearly all read, and of 1.5 if few do (`coverage`, docs/benchmark.md). No interval
+/// can account for failures that the values do not contain.
 pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let Some(Spread { n, freedom, variance, third_moment }) = spread(strata) else {
         return Estimate { value, low: 0.0, high: 1.0 };
     };
-    // dp/d(log-odds) = p (1 - p): the prior's σ of 1 in log-odds as a σ of probability.
+    // dp/d(log-odds) = p (1 - p) converts the prior's σ of 1 in log-odds to probability.
     let per_log_odds = value * (1.0 - value);
     let prior = PRIOR_VALUES * per_log_odds * per_log_odds;
     let variance = (freedom * variance + prior) / (freedom + PRIOR_VALUES);
     match variance > 0.0 {
         true => Spread { n, freedom, variance, third_moment }.interval(value),
-        // All are 0, or all 1: a proportion.
+        // All are 0, or all are 1: they are a proportion.
         false => Estimate { value, ..proportion(strata.iter().flatten().map(|p| *p > 0.5)) },
     }
 }
 
-/// Moments of the values about the means of their strata.
+/// Central moments of values about the means of their strata.
 struct Spread {
     /// Number of values.
     n: f64,
     /// Degrees of freedom.
     freedom: f64,
-    /// Variance of a value: that of the mean times the number of values.
+    /// Variance of one value: that of the mean times the number of values.
     variance: f64,
-    /// Third central moment of a value, without bias.
+    /// Third central moment of one value, without bias.
     third_moment: f64,
 }
 
 impl Spread {
-    /// Interval of a mean from 0 to 1. Hall's transformation `x + λ x²/3 + λ² x³/27 + λ/(6 n)` of
-    /// `x = (mean - end) / σ`, with the skewness λ, has Student's t at its ends.
+    /// Returns the interval of a mean, within 0 and 1. At its ends Hall's transformation
+    /// `x + λ x²/3 + λ² x³/27 + λ/(6 n)` of `x = (mean - end) / σ`, with the skewness λ, is
+    /// Student's t.
     fn interval(&self, value: f64) -> Estimate {
         let Self { n, freedom, variance, third_moment } = *self;
         let sigma = variance.sqrt();
         let skewness = if sigma > 0.0 { third_moment / (variance * sigma) } else { 0.0 };
         let [low, high] = [1.0, -1.0].map(|side| {
             let t = side * student_t(freedom) / n.sqrt();
-            // The transformation's inverse, which is a cube root.
+            // The inverse of the transformation, a cube root, or x = t without skewness.
             let x = if skewness.abs() < 1e-6 {
                 t
             } else {
@@ -161,7 +162,7 @@ impl Spread {
     }
 }
 
-/// `None` for fewer than two values.
+/// Computes the moments of strata. `None` for fewer than two values.
 fn spread(strata: &[Vec<f64>]) -> Option<Spread> {
     let (mut n, mut freedom, mut squares, mut cubes) = (0.0, 0.0, 0.0, 0.0);
     for values in pooled(strata).iter().filter(|values| values.len() > 1) {
@@ -173,12 +174,13 @@ fn spread(strata: &[Vec<f64>]) -> Option<Spread> {
         // n² / ((n - 1) (n - 2)) removes the bias of the third moment. Two values have none.
         let unbiased = n_values * n_values / ((n_values - 1.0) * (n_values - 2.0).max(1.0));
         let deviations = values.iter().map(|value| value - middle);
-        cubes += unbiased * deviations.map(|apart| apart * apart * apart).sum::<f64>();
+        cubes +=
+            unbiased * deviations.map(|deviation| deviation * deviation * deviation).sum::<f64>();
     }
     (n > 0.0).then(|| Spread { n, freedom, variance: squares / n, third_moment: cubes / n })
 }
 
-/// The strata, or all values as one stratum if some stratum has a single value.
+/// Returns the strata, or all values as one stratum if a stratum has a single value.
 fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
     match strata.iter().any(|values| values.len() == 1) {
         true => vec![strata.concat()],
@@ -186,26 +188,27 @@ fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
     }
 }
 
-/// Proportion of true values with its 95 % interval: Agresti and Coull's, which is Wilson's with
-/// the variance at its middle. If about one flight in five studies differs, Wilson's holds the
-/// truth in 84 % of cases, this one in 90 to 99 %.
+/// Returns the proportion of true values with its 95 % interval by Agresti and Coull, which is
+/// Wilson's with the variance at its middle. If about one flight in five studies differs, Wilson's
+/// holds the true value in 84 % of cases, this one in 90 to 99 %.
 pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
+    // 97.5 % quantile of the normal distribution.
     const Z: f64 = 1.959_964;
     let hits: Vec<f64> = values.into_iter().map(f64::from).collect();
     let (value, n) = (mean(&hits), hits.len() as f64 + Z * Z);
     let middle = (value * hits.len() as f64 + 0.5 * Z * Z) / n;
-    let reach = Z * (middle * (1.0 - middle) / n).sqrt();
-    Estimate { value, low: (middle - reach).max(0.0), high: (middle + reach).min(1.0) }
+    let half_width = Z * (middle * (1.0 - middle) / n).sqrt();
+    Estimate { value, low: (middle - half_width).max(0.0), high: (middle + half_width).min(1.0) }
 }
 
-/// Mean of differences, with a confidence interval of their distribution's center at `level`:
-/// Hartigan's typical values. `None` for too few differences. Beyond the level that the drawn
-/// subsets resolve, as of more than thirty contenders, it is wider: Hoeffding's bound (Journal of
-/// the ASA 58, 1963) on the means of all subsets.
+/// Returns the mean of differences, with a confidence interval at `level` of their distribution's
+/// center, by Hartigan's typical values. `None` for too few differences. The drawn subsets do not
+/// resolve levels such as those for more than thirty contenders. The interval then is wider:
+/// Hoeffding's bound (Journal of the ASA 58, 1963) on the means of all subsets.
 pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let (n, value) = (differences.len() as f64, mean(differences));
     let mut means = subset_means(differences);
-    // The subset means that are cut off at either end.
+    // Number of subset means beyond either end. The margin is for rounding errors.
     #[expect(clippy::cast_possible_truncation, reason = "within the subsets")]
     let beyond = (0.5 * (1.0 - level) * (means.len() + 1) as f64 + 1e-9) as usize;
     if beyond > 0 {
@@ -213,24 +216,24 @@ pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
             .map(|end| *means.select_nth_unstable_by(end, f64::total_cmp).1);
         return Some(Estimate { value, low, high });
     }
-    // Hoeffding excludes a center c if 2 exp(-(Σ (d - c))² / (2 Σ (d - c)²)) < 1 - level.
+    // Hoeffding's bound excludes a center c if 2 exp(-(Σ (d - c))² / (2 Σ (d - c)²)) < 1 - level.
     let bound = 2.0 * libm::log(2.0 / (1.0 - level));
-    let reach = standard_error(differences) * (bound * (n - 1.0) / (n - bound)).sqrt();
-    let is_drawn = differences.len() > ALL_SUBSETS_OF && n > bound;
-    is_drawn.then_some(Estimate { value, low: value - reach, high: value + reach })
+    let half_width = standard_error(differences) * (bound * (n - 1.0) / (n - bound)).sqrt();
+    let is_drawn = differences.len() > MAX_ENUMERATED && n > bound;
+    is_drawn.then_some(Estimate { value, low: value - half_width, high: value + half_width })
 }
 
-/// Least number of differences that [`center`] needs at `level`.
+/// Returns the least number of differences for which [`center`] has an interval at `level`.
 #[expect(clippy::cast_possible_truncation, reason = "small")]
 pub(super) fn least_for_center(level: f64) -> u32 {
     libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
 }
 
-/// Means of all subsets but the empty one, or of many drawn at random.
+/// Returns the means of all subsets but the empty one, or of [`SUBSETS`] drawn at random.
 fn subset_means(values: &[f64]) -> Vec<f64> {
-    // Sums of eight values at a time: a mean takes one look-up for each table.
+    // A table for every eight values, so that a mean needs one look-up in each table.
     let tables: Vec<Vec<(f64, u32)>> = values.chunks(8).map(subset_sums).collect();
-    if values.len() <= ALL_SUBSETS_OF {
+    if values.len() <= MAX_ENUMERATED {
         let masks = 0..1_usize << values.len();
         let means = masks.map(|mask| subset_mean(&tables, (0..).map(|byte| mask >> (8 * byte))));
         return means.flatten().collect();
@@ -240,7 +243,8 @@ fn subset_means(values: &[f64]) -> Vec<f64> {
     (0..SUBSETS).filter_map(|_| subset_mean(&tables, &mut bytes)).collect()
 }
 
-/// Sum and number of the values in every subset of eight values. The bits of its index choose them.
+/// Returns the sum and number of the values in every subset of up to eight values. The bits of a
+/// subset's index select them.
 fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     let subsets = (0..1_usize << eight.len()).map(|mask| {
         let chosen = eight.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1);
@@ -249,15 +253,17 @@ fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     subsets.collect()
 }
 
-/// Mean of one subset, chosen by an index in each table. `None` for the empty one.
+/// Returns the mean of the subset given by an index into each table. `None` for the empty subset.
 fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>) -> Option<f64> {
     let sums = tables.iter().zip(indices).map(|(table, index)| table[index % table.len()]);
     let (sum, n) = sums.fold((0.0, 0), |(sum, n), (more, count)| (sum + more, n + count));
     (n > 0).then(|| sum / f64::from(n))
 }
 
-/// 97.5 % quantile of Student's t (Hill, Communications of the ACM 13, 1970, algorithm 396).
+/// Returns the 97.5 % quantile of Student's t for `freedom` degrees of freedom (Hill,
+/// Communications of the ACM 13, 1970, algorithm 396).
 fn student_t(freedom: f64) -> f64 {
+    // Probability of both tails, and the normal quantile of one of them.
     const BEYOND: f64 = 0.05;
     const NORMAL: f64 = -1.959_964;
     // One and two degrees of freedom have closed forms.
@@ -294,7 +300,7 @@ fn student_t(freedom: f64) -> f64 {
     (freedom * y).sqrt()
 }
 
-/// A statistic of all values together, with its 95 % interval.
+/// Returns a statistic of all values together, with its 95 % percentile bootstrap interval.
 pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f64) -> Estimate {
     let (mut values, strata) = (strata.concat(), pooled(strata));
     let value = statistic(&mut values);
@@ -302,20 +308,20 @@ pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f
         return Estimate { value, low: value, high: value };
     }
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    // As many values of each stratum as it has, with replacement.
-    let drawn = (0..RESAMPLES).map(|_| {
+    // Each sample has as many values of a stratum as it has, with replacement.
+    let samples = (0..RESAMPLES).map(|_| {
         values.clear();
         for stratum in &strata {
             values.extend(stratum.iter().map(|_| stratum[rng.random_range(0..stratum.len())]));
         }
         statistic(&mut values)
     });
-    let mut drawn: Vec<f64> = drawn.collect();
-    drawn.sort_unstable_by(f64::total_cmp);
+    let mut statistics: Vec<f64> = samples.collect();
+    statistics.sort_unstable_by(f64::total_cmp);
     let beyond = 0.5 * (1.0 - LEVEL);
     #[expect(clippy::cast_possible_truncation, reason = "within the samples")]
     let [low, high] = [beyond, 1.0 - beyond]
-        .map(|quantile| drawn[((quantile * RESAMPLES as f64) as usize).min(RESAMPLES - 1)]);
+        .map(|quantile| statistics[((quantile * RESAMPLES as f64) as usize).min(RESAMPLES - 1)]);
     Estimate { value, low, high }
 }
 

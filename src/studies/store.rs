@@ -2,8 +2,8 @@
 //!
 //! `study.json` names the program that wrote it. `flights.jsonl` holds one JSON object a line,
 //! which `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by
-//! one write of one line, so a killed program leaves at worst half a line at the end, which the
-//! next one takes off. One program at a time writes to the folder (`lock`).
+//! one write of one line. So a killed program leaves at worst half a line at the end, which the
+//! next program removes. One program at a time writes to the folder (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -20,11 +20,13 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output};
 use noctograph_core::input_error;
 
-/// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
+/// Version of the folder's layout and of the figures' meaning. In 2 a likelier rival limits
+/// `probability`.
 const FORMAT: u32 = 2;
-/// Records between two syncs to disk, which a power failure loses. Killing the program loses none.
+/// Number of records between two syncs to disk. A power failure loses them, a killed program does
+/// not.
 const SYNC_EVERY: usize = 64;
-/// Longest line that is read.
+/// Longest line that is accepted.
 const MAX_LINE_BYTES: usize = 1 << 20;
 /// Largest file of flights.
 const LIMIT: Limit = Limit { bytes: 320 << 20, what: "a store of flights", hint: ANOTHER };
@@ -34,7 +36,7 @@ const HEADER: Limit = Limit { bytes: 1 << 12, what: "the header of a store", hin
 /// Names of the other files.
 const HEADER_FILE: &str = "study.json";
 const LOCK: &str = "lock";
-/// How every line begins.
+/// Beginning of every line.
 const BEGINNING: &[u8] = b"{\"scene\":\"";
 
 /// One flight, as a line of a store.
@@ -53,7 +55,7 @@ pub struct Record {
     pub outcome: Outcome,
 }
 
-/// Program and layout that wrote a folder.
+/// The program that wrote a folder, and the folder's layout version.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Header {
     noctograph: String,
@@ -64,25 +66,25 @@ struct Header {
 #[derive(Debug)]
 pub struct Store {
     path: PathBuf,
-    known: Known,
+    known: OutcomesByScene,
     log: Mutex<Log>,
-    /// Held while this lives.
+    /// Locked as long as the store is open.
     _lock: File,
 }
 
-/// Outcomes by the scene and the seed of their flight.
-type Known = BTreeMap<String, BTreeMap<u64, Outcome>>;
+/// Outcomes by the scene and seed of their flight.
+type OutcomesByScene = BTreeMap<String, BTreeMap<u64, Outcome>>;
 
-/// Adds the outcome of a file's flight, and returns true if the flight is new. A second outcome of
-/// a flight is refused.
-fn add(known: &mut Known, record: Record, path: &Path) -> Result<bool> {
+/// Adds the outcome of a flight in the file `path`. Returns true if the flight is new. Refuses a
+/// second, different outcome of a flight.
+fn add(known: &mut OutcomesByScene, record: Record, path: &Path) -> Result<bool> {
     let Record { scene, seed, outcome, word, .. } = record;
     match known.entry(scene).or_default().entry(seed) {
         Entry::Vacant(entry) => {
             entry.insert(outcome);
             Ok(true)
         }
-        Entry::Occupied(known) if *known.get() == outcome => Ok(false),
+        Entry::Occupied(entry) if *entry.get() == outcome => Ok(false),
         Entry::Occupied(_) => Err(input_error!(
             path.display(),
             "two outcomes of {word} with seed {seed}",
@@ -96,7 +98,7 @@ fn add(known: &mut Known, record: Record, path: &Path) -> Result<bool> {
 #[derive(Debug)]
 struct Log {
     file: File,
-    /// Bytes of whole lines.
+    /// Length of the complete lines in bytes.
     length: u64,
     n_flights: usize,
 }
@@ -105,67 +107,69 @@ impl Store {
     /// Name of the file with the flights.
     pub const FLIGHTS: &str = "flights.jsonl";
 
-    /// Opens a store, and makes it if there is none.
+    /// Opens the store in a folder, or creates it.
     ///
     /// # Errors
     ///
     /// [`Error::Infeasible`] if another process has it open. [`Error::Input`] if another version of
-    /// this program wrote it or a line is broken. [`Error::Io`].
+    /// this program wrote it or a line is invalid. [`Error::Io`].
     pub fn open(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
         let path = folder.join(Self::FLIGHTS);
         for file in [&path, &folder.join(LOCK), &folder.join(HEADER_FILE)] {
-            // A pipe would keep the program waiting.
+            // A pipe would block the program.
             if file.exists() && !file.is_file() {
                 let wanted = "a file, or nothing yet";
                 return Err(Error::input(file.display(), "no regular file", wanted, ANOTHER));
             }
         }
-        // The lock before anything is read or written.
+        // Locked before anything is read or written.
         let lock = lock(folder)?;
         check_header(folder)?;
         let mut file = writable(&path)?;
-        let (mut known, mut n_flights) = (Known::default(), 0);
+        let (mut known, mut n_flights) = (OutcomesByScene::default(), 0);
         let length = each_line(&file, &path, |record| {
             n_flights += 1;
             add(&mut known, record, &path).map(drop)
         })?;
-        // Half a line of a killed program is taken off.
-        cut(&mut file, length).map_err(|source| Error::write(&path, source))?;
+        // Half a line of a killed program is removed.
+        truncate(&mut file, length).map_err(|source| Error::write(&path, source))?;
         let log = Mutex::new(Log { file, length, n_flights });
         Ok(Self { path, known, log, _lock: lock })
     }
 
-    /// The outcome of a flight that was stored before the store was opened, or taken over.
+    /// Returns the outcome of a flight that was stored before the store was opened, or taken from
+    /// another file.
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
         self.known.get(scene)?.get(&seed).cloned()
     }
 
-    /// Takes over the flights of another file that it lacks, such as a shard's.
+    /// Copies the flights of another file, such as a shard's, that the store lacks.
     ///
     /// # Errors
     ///
-    /// As [`Self::read`] and [`Self::put`]. [`Error::Input`] if a flight has another outcome there.
+    /// Those of [`Self::read`] and [`Self::put`]. [`Error::Input`] if a flight has another outcome
+    /// there.
     pub fn take(&mut self, path: &Path) -> Result<()> {
         Self::read(path)?.into_iter().try_for_each(|record| {
             if add(&mut self.known, record.clone(), path)? { self.put(&record) } else { Ok(()) }
         })
     }
 
-    /// Flights that were there when it was opened, and those that were taken over.
+    /// Returns the number of flights that [`Self::get`] has an outcome for.
     pub fn n_known(&self) -> usize {
         self.known.values().map(BTreeMap::len).sum()
     }
 
-    /// Appends a flight, by one write of one whole line.
+    /// Appends a flight by one write of one complete line.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], such as for a full disk. The line is then taken off again, and all before it
-    /// stays. [`Error::Input`] beyond the flights of the largest study. Panics if another thread
-    /// panicked while it wrote.
+    /// [`Error::Io`], for example if the disk is full. The line is then removed again, and those
+    /// before it stay. [`Error::Input`] beyond the flights of the largest study. Panics if another
+    /// thread panicked while writing.
     pub fn put(&self, record: &Record) -> Result<()> {
-        // The line is made before the lock is taken, so that threads wait only for the write.
+        // Serialized before locking, so that threads wait only for the write.
         let line = line_of(record);
         let mut log = self.log.lock().expect("no writer panics");
         if log.n_flights >= MAX_TRIALS {
@@ -176,12 +180,12 @@ impl Store {
         Ok(())
     }
 
-    /// Reads the flights of a file of a store, or of a shard.
+    /// Reads the flights in a file of a store or shard.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], [`Error::Input`] with the line that is broken, and for more than 500,000
-    /// flights. Half a line at the end is skipped.
+    /// [`Error::Io`]. [`Error::Input`] with the line that is invalid, and for more than 500,000
+    /// flights. Half a line at the end is ignored.
     pub fn read(path: &Path) -> Result<Vec<Record>> {
         let mut records = Vec::new();
         each_line(LIMIT.open(path)?, path, |record| {
@@ -191,12 +195,11 @@ impl Store {
         Ok(records)
     }
 
-    /// Writes records as a whole file of such lines: under another name, kept by the disk, then
-    /// named.
+    /// Writes a file of such lines: under a temporary name first, renamed once it is on the disk.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. Nothing is left then.
+    /// [`Error::Io`]. No file is left then.
     pub fn write(path: &Path, records: &[Record]) -> Result<()> {
         let lines: Vec<u8> = records.iter().flat_map(line_of).collect();
         Output::create(path)?.keep_on_disk(lines).map(drop)
@@ -206,17 +209,19 @@ impl Store {
 impl Drop for Store {
     fn drop(&mut self) {
         if let Ok(log) = self.log.lock() {
-            // Against a power failure: written lines outlive the program.
+            // Against a power failure: lines that are written outlive the program anyway.
             let _ = log.file.sync_data();
         }
     }
 }
 
 impl Log {
+    /// Appends a line, or leaves the file as it was if that fails. Syncs every [`SYNC_EVERY`]
+    /// flights.
     fn append(&mut self, line: &[u8]) -> std::io::Result<()> {
         if let Err(error) = self.file.write_all(line) {
-            // The next record goes behind the last whole line.
-            let _ = cut(&mut self.file, self.length);
+            // The next record has to follow the last complete line.
+            let _ = truncate(&mut self.file, self.length);
             return Err(error);
         }
         self.length += line.len() as u64;
@@ -224,25 +229,27 @@ impl Log {
     }
 }
 
+/// Returns a record as a line of JSON.
 fn line_of(record: &Record) -> Vec<u8> {
     let mut line = serde_json::to_vec(record).expect("a record is plain data");
     line.push(b'\n');
     line
 }
 
-/// A file to read and write, which is made if there is none.
+/// Opens a file to read and write, or creates it.
 fn writable(path: &Path) -> Result<File> {
     let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
     file.map_err(|source| Error::write(path, source))
 }
 
-/// Cuts a file to a length, and writes on from there.
-fn cut(file: &mut File, length: u64) -> std::io::Result<()> {
+/// Truncates a file to a length and sets the position to its end.
+fn truncate(file: &mut File, length: u64) -> std::io::Result<()> {
     file.set_len(length)?;
     file.seek(SeekFrom::End(0)).map(drop)
 }
 
-/// Takes the folder for this process, until the file is closed.
+/// Locks the folder for this process until the returned file is closed. Refuses one that another
+/// process has locked.
 fn lock(folder: &Path) -> Result<File> {
     let path = folder.join(LOCK);
     let file = writable(&path)?;
@@ -256,7 +263,7 @@ fn lock(folder: &Path) -> Result<File> {
     }
 }
 
-/// Checks the header of the folder, and writes that of a new one.
+/// Checks that this build wrote the folder. Writes the header if there is none.
 fn check_header(folder: &Path) -> Result<()> {
     let path = folder.join(HEADER_FILE);
     let noctograph = format!("{} (source {SOURCE})", env!("CARGO_PKG_VERSION"));
@@ -275,7 +282,7 @@ fn check_header(folder: &Path) -> Result<()> {
         let start: String = text.chars().take(60).collect();
         Error::input(path.display(), start, wanted, "name another folder: this one holds no study")
     })?;
-    // Another build flies other flights, whatever its version is.
+    // Another build may have other outcomes, even if it has the same version.
     if (&noctograph, format) == (&ours.noctograph, FORMAT) {
         return Ok(());
     }
@@ -288,27 +295,23 @@ fn check_header(folder: &Path) -> Result<()> {
     ))
 }
 
-/// More flights than the largest study has.
+/// Returns the error for more flights than the largest study has.
 fn too_many(place: impl Into<Place>) -> Error {
     let number = format!("more than {MAX_TRIALS} flights");
     Error::input(place, number, "at most those of the largest study", ANOTHER)
 }
 
-/// Calls a function with each whole line, and returns their length in bytes. Half a line of ours
-/// may follow them.
-fn each_line(
-    file: impl Read,
-    path: &Path,
-    mut each: impl FnMut(Record) -> Result<()>,
-) -> Result<u64> {
+/// Calls `f` with the record of each complete line, and returns the lines' length in bytes. Half a
+/// line of this program may follow them.
+fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<()>) -> Result<u64> {
     let mut reader = BufReader::new(file);
     let (mut count, mut length, mut line) = (0, 0, Vec::new());
     loop {
         line.clear();
         let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
-        // Half a line at the end is skipped if it is one of ours. Foreign text is an error below,
-        // so that it is never cut off.
+        // Half a line at the end is ignored if this program wrote it. Other text is an error below,
+        // so that it is never removed.
         let is_ours = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
         if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && is_ours) {
             return Ok(length);
@@ -322,7 +325,7 @@ fn each_line(
         let record: Record = serde_json::from_slice(&line)
             .map_err(|error| Error::input(&*place, error, "a flight as one JSON object", hint))?;
         record.outcome.check(&place)?;
-        each(record)?;
+        f(record)?;
         length += n as u64;
     }
 }

@@ -1,4 +1,4 @@
-//! Submissions: the scenes of a course under a task, and those that are refused.
+//! Submissions: reads the scenes that a course hands in for a task, and tells which are refused.
 
 use std::path::{Path, PathBuf};
 
@@ -7,53 +7,53 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{ending, entries_in, file_name};
 use noctograph_pipeline::scene::{NamedScene, SceneTask};
 
-/// What a task makes of its submissions.
+/// The submissions for a task, as read.
 #[derive(Debug, Default)]
 pub struct Submissions {
-    /// Scenes under the names of their rows.
+    /// Accepted scenes, with the names of their rows.
     pub scenes: Vec<NamedScene>,
-    /// Submissions that are broken or change what they may not, and other entries of folders.
+    /// Submissions that are invalid or change forbidden keys, and other entries of folders.
     pub refused: Vec<Unranked>,
-    /// Hidden files of folders, by folder.
+    /// A sentence for each folder with hidden files, which are ignored.
     pub passed_over: Vec<String>,
 }
 
-/// An entry of a folder or a named file, and the name of its row.
-struct Handed {
+/// A file or entry of a folder, with the name of its row.
+struct Submitted {
     path: PathBuf,
     name: String,
-    /// Why it is no submission.
+    /// Why it is not a submission.
     refused: Option<&'static str>,
 }
 
 /// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
-/// learning platforms hand them out. A row has the name of its file, behind that of the student's
-/// folder. If two files have that name, the row has as much of the path as tells them apart. Every
-/// other entry of a folder has a row with the reason, except hidden files, which are only named.
+/// learning platforms export them. A row has the name of its file, after that of the student's
+/// folder. If two rows would have one name, theirs are the ends of the paths that differ. Every
+/// other entry of a folder has a row with the reason, except hidden files, which are only listed.
 ///
 /// # Errors
 ///
-/// As [`entries_in`]. [`Error::Input`] if nothing is handed in.
+/// Those of [`entries_in`]. [`Error::Input`] if there are no files.
 pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
-    let (mut handed, mut passed_over) = (Vec::new(), Vec::new());
+    let (mut submitted, mut passed_over) = (Vec::new(), Vec::new());
     for path in named.iter().map(PathBuf::from) {
         match path.is_dir() {
-            true => gather(&path, None, &mut handed, &mut passed_over)?,
+            true => gather(&path, None, &mut submitted, &mut passed_over)?,
             false => {
                 let refused = path.is_symlink().then_some(LINK);
-                handed.push(Handed { name: stem(&path), path, refused });
+                submitted.push(Submitted { name: stem(&path), path, refused });
             }
         }
     }
-    if handed.is_empty() {
+    if submitted.is_empty() {
         let (folders, hint) = (named.join(", "), "name the folder that has the files *.toml");
         return Err(Error::input("submissions", folders + ": no files", "at least one", hint));
     }
     let mut read = Submissions { passed_over, ..Submissions::default() };
-    for Handed { path, name, refused } in &handed {
-        // The longer name only for files of one name, so that rows stay short.
-        let is_shared = handed.iter().filter(|other| other.name == *name).count() > 1;
-        let name = if is_shared { distinct(path, &handed) } else { name.clone() };
+    for Submitted { path, name, refused } in &submitted {
+        // The longer name only if two files have one name, so that rows stay short.
+        let is_shared = submitted.iter().filter(|other| other.name == *name).count() > 1;
+        let name = if is_shared { distinct_name(path, &submitted) } else { name.clone() };
         let scene = match refused {
             Some(why) => Err((*why).to_owned()),
             None => task.submission(path).map_err(|error| format!("{error} ({})", error.hint())),
@@ -69,14 +69,14 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     Ok(read)
 }
 
-/// Adds the entries of a folder, and of a student's folders of it.
+/// Appends the entries of a folder, or of a student's folder in it. `student` is the latter's name.
 fn gather(
     folder: &Path,
     student: Option<&str>,
-    handed: &mut Vec<Handed>,
+    submitted: &mut Vec<Submitted>,
     passed_over: &mut Vec<String>,
 ) -> Result<()> {
-    let (mut hidden, before) = (Vec::new(), handed.len());
+    let (mut hidden, n_before) = (Vec::new(), submitted.len());
     let prefix = student.map_or(String::new(), |student| format!("{student}/"));
     for path in entries_in(folder)? {
         let name = file_name(&path);
@@ -84,19 +84,19 @@ fn gather(
             hidden.push(name);
             continue;
         }
-        let refused = why_not(&path, student.is_some());
+        let refused = refusal(&path, student.is_some());
         if refused.is_none() && path.is_dir() {
-            gather(&path, Some(&name), handed, passed_over)?;
+            gather(&path, Some(&name), submitted, passed_over)?;
         } else {
-            // A refused entry is named with its ending, which is often the reason.
+            // A refused entry keeps its extension, which is often the reason.
             let name = prefix.clone() + &if refused.is_none() { stem(&path) } else { name };
-            handed.push(Handed { path, name, refused });
+            submitted.push(Submitted { path, name, refused });
         }
     }
-    // A student who handed nothing in has a row, too.
-    if let Some(student) = student.filter(|_| handed.len() == before) {
+    // A student without a file has a row, too.
+    if let Some(student) = student.filter(|_| submitted.len() == n_before) {
         let (path, name) = (folder.to_owned(), student.to_owned());
-        handed.push(Handed { path, name, refused: Some("no file *.toml is in it") });
+        submitted.push(Submitted { path, name, refused: Some("no file *.toml is in it") });
     }
     if !hidden.is_empty() {
         let names = hidden.join(", ");
@@ -107,8 +107,8 @@ fn gather(
 
 const LINK: &str = "a link, which is not followed";
 
-/// The reason why an entry of a folder is no submission.
-fn why_not(path: &Path, is_in_student: bool) -> Option<&'static str> {
+/// Returns the reason why an entry of a folder is not a submission, if there is one.
+fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     Some(match &*ending(path) {
         _ if path.is_symlink() => LINK,
         _ if path.is_dir() && is_in_student => "a folder in a student's folder",
@@ -121,15 +121,15 @@ fn why_not(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// The shortest end of a path that no other submission has. The whole path if it is named twice.
-fn distinct(path: &Path, handed: &[Handed]) -> String {
+/// Returns the shortest end of a path that no other submission has, or the whole path if it is
+/// given twice.
+fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
-        // Without the ending of the name first.
-        for has_ending in [false, true] {
-            let end = end(path, n, has_ending);
-            if handed.iter().filter(|other| self::end(&other.path, n, has_ending) == end).count()
-                == 1
-            {
+        // First without the file's extension.
+        for has_extension in [false, true] {
+            let end = path_end(path, n, has_extension);
+            let ends = submitted.iter().map(|other| path_end(&other.path, n, has_extension));
+            if ends.filter(|other| *other == end).count() == 1 {
                 return end;
             }
         }
@@ -137,13 +137,14 @@ fn distinct(path: &Path, handed: &[Handed]) -> String {
     path.display().to_string()
 }
 
-/// The last `n` parts of a path.
-fn end(path: &Path, n: usize, has_ending: bool) -> String {
-    let path = if has_ending { path.to_owned() } else { path.with_extension("") };
+/// Returns the last `n` parts of a path, with or without the file's extension.
+fn path_end(path: &Path, n: usize, has_extension: bool) -> String {
+    let path = if has_extension { path.to_owned() } else { path.with_extension("") };
     let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
     parts[parts.len().saturating_sub(n)..].join("/")
 }
 
+/// Returns the file's name without its extension.
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -200,9 +201,9 @@ mod tests {
     fn a_name_that_two_submissions_have_is_the_end_of_the_path_that_tells_them_apart() {
         fn names<const N: usize>(paths: [&str; N]) -> [String; N] {
             let name = String::new;
-            let handed =
-                paths.map(|path| Handed { path: path.into(), name: name(), refused: None });
-            handed.each_ref().map(|file| distinct(&file.path, &handed))
+            let submitted =
+                paths.map(|path| Submitted { path: path.into(), name: name(), refused: None });
+            submitted.each_ref().map(|file| distinct_name(&file.path, &submitted))
         }
         let paths =
             ["/c/x/ada/gains.toml", "/c/x/bo/gains.toml", "/c/y/bo/gains.toml", "a.toml", "a.TOML"];

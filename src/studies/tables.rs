@@ -1,14 +1,14 @@
-//! Results of studies as CSV: a row for each flight, scene, or candidate.
+//! Writes results of studies as CSV, with a row for each flight, scene or candidate.
 
 use serde::Serialize;
 use serde_json::Value;
 
 use super::{Flown, Knob, Measures, Ranking, Record, Tuned};
 
-/// A column: its name, and the path of its values in a row's JSON.
+/// A column: its name, and the JSON pointer of its value in a row.
 type Column = (String, String);
 
-/// A row for each flight, in the order of the study.
+/// Returns CSV with a row for each flight, in the order of the study.
 pub fn flights_csv(records: &[Record]) -> String {
     let verdict =
         columns("contender word seed read all_read legible probability log_odds similarity");
@@ -16,7 +16,7 @@ pub fn flights_csv(records: &[Record]) -> String {
     table(verdict.chain(flown).chain(columns("lost")), records.iter().map(value))
 }
 
-/// A row for each scene, the best first, with intervals of 95 %.
+/// Returns CSV with a row for each scene, the best first, with 95 % intervals.
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
@@ -24,7 +24,7 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     let columns = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
         .chain(flown.into_iter().chain(acuity).flatten());
-    // Speeds of the ladder join the rows of their contenders.
+    // The speed limit of a contender is added to its row.
     let ranked = ranking.measures.iter().map(|measures| {
         let mut limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
         let limit = limits.find(|limit| limit.contender == measures.contender);
@@ -35,11 +35,12 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
-/// A row for each submission: marks are 100 times P(read), 0 for those that are not ranked.
+/// Returns CSV with a row for each submission. Marks are 100 times P(read), or 0 if it is not
+/// ranked.
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
-        // The note names everything that a marker wants to know about a row.
+        // Losses and copies are noted, since a marker has to look at them.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
         let mut row = value(measures);
@@ -57,8 +58,8 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     table(columns(names), ranked.chain(unranked))
 }
 
-/// A row for each candidate, in the order of the search, with the scene's value of each key that a
-/// knob turns.
+/// Returns CSV with a row for each candidate, in the order of the search, with the value of each
+/// key that a knob varies.
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     let columns = columns("number flights=n_flights given_up merit legibility")
@@ -73,11 +74,12 @@ pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     table(columns, rows)
 }
 
+/// Returns a column, given the path of its value without the first slash.
 fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
 }
 
-/// Columns by their names, each with its path behind `=` if that is another.
+/// Returns columns from names separated by blanks. A path that differs from the name follows `=`.
 fn columns(names: &str) -> impl Iterator<Item = Column> {
     names.split(' ').map(|name| {
         let (name, path) = name.split_once('=').unwrap_or((name, name));
@@ -85,17 +87,19 @@ fn columns(names: &str) -> impl Iterator<Item = Column> {
     })
 }
 
-/// The columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of its
-/// interval.
+/// Returns the columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of
+/// its interval.
 fn estimate(name: &str, path: &str) -> [Column; 3] {
     [("", "value"), ("_low", "low"), ("_high", "high")]
         .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
 }
 
+/// Returns a row as JSON.
 fn value(row: &impl Serialize) -> Value {
     serde_json::to_value(row).expect("results are plain data")
 }
 
+/// Returns CSV with a header of the columns' names. A value that a row lacks is an empty cell.
 fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value>) -> String {
     let (names, paths): (Vec<String>, Vec<String>) = columns.unzip();
     let mut out = csv::Writer::from_writer(Vec::new());
@@ -107,9 +111,9 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// A JSON value as a CSV cell. Submissions choose their names, so texts are made harmless: one that
-/// begins with `=+-@`, a formula to a spreadsheet, gets an apostrophe (OWASP, CSV injection), and
-/// control characters, which a terminal obeys, become U+FFFD.
+/// Returns a JSON value as a CSV cell. Submissions choose their names, so texts are made harmless:
+/// an apostrophe before `=+-@` keeps a spreadsheet from reading a formula (OWASP, CSV injection),
+/// and control characters, which a terminal would execute, become U+FFFD.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
@@ -118,7 +122,7 @@ fn cell(value: &Value) -> String {
             let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';
             apostrophe.to_owned() + &text.replace(is_control, "\u{fffd}")
         }
-        // As Rust prints it: without an exponent.
+        // Rust prints numbers without an exponent.
         Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),
         other => other.to_string(),
     }

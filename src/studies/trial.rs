@@ -1,4 +1,4 @@
-//! Trial: a scene made ready for a word, flown and read again and again.
+//! Trial: a scene that is prepared for a word, then flown and read with many seeds.
 
 use std::num::NonZero;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,28 +17,28 @@ use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
 use noctograph_plan::Plan;
 use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
-/// Height of a capital on the film that is read. The reader resamples it to 32. Fewer pixels blur
-/// the trail, more cost time. For 20 words, each flown twice, the probability differs on average by
-/// 0.017 from that at 1920 × 1080, and by 0.21 at most, for Illi. Scenes are compared on equal
-/// films.
+/// Height of capitals on the film that is read. The reader resamples it to 32. Fewer pixels blur
+/// the trail, and more cost time. For 20 words, each flown twice, the probability differs from that
+/// at 1920 × 1080 by 0.017 on average, and by 0.21 at most, for Illi. All scenes are compared on
+/// this film.
 const CAP_HEIGHT_PX: f64 = 48.0;
 
-/// A scene made ready to fly a word again and again.
+/// A scene that is prepared to fly a word with many seeds.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     scene: Scene,
-    /// With a small film.
+    /// The shoot, with a small film.
     shoot: Shoot,
     conditions: Conditions,
     digest: String,
-    /// Why there is no plan, and advice: the drone is lost in the rehearsal, or would fly for
+    /// Why there is no plan, and advice. The drone is lost while the plan is made, or would fly for
     /// hours.
     unplanned: Option<[String; 2]>,
 }
 
 impl Prepared {
-    /// Makes a scene ready for a word. If it cannot be planned, as with a gain that loses the
-    /// drone, every outcome is a lost drone: one bad candidate ends no study.
+    /// Prepares a scene for a word. If it cannot be planned, for example because its gain loses the
+    /// drone, every outcome is a lost drone, so that one bad candidate does not end a study.
     ///
     /// # Errors
     ///
@@ -48,14 +48,14 @@ impl Prepared {
         let mut scene = Scene { seed: 0, ..named.scene.clone() };
         scene.set_word(word);
         scene.check()?;
-        // A scene without a plan still gets a shoot, which gives every seed the same outcome.
+        // A scene without a plan still gets a shoot. Every seed then has the same outcome.
         let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
             Err(Error::Infeasible { what, hint, .. }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
             }
             shoot => (shoot?, None),
         };
-        // One core a flight: the flights of a study run side by side.
+        // One core for each flight, since the flights of a study run in parallel.
         (shoot.judging, shoot.keeps_film) = (Judging::Scored, false);
         shoot.cores = Some(NonZero::<usize>::MIN);
         if let Some(strokes) = &shoot.strokes {
@@ -66,12 +66,12 @@ impl Prepared {
         Ok(Self { scene, shoot, conditions: conditions.clone(), digest, unplanned })
     }
 
-    /// The word.
+    /// Returns the word.
     pub fn word(&self) -> &str {
         self.shoot.strokes.as_ref().map_or("", |strokes| &strokes.word)
     }
 
-    /// The plans that are sent, one for each drone.
+    /// Returns the plans, one for each drone. Empty if there is no plan.
     pub fn plans(&self) -> Vec<Plan> {
         self.shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
     }
@@ -88,43 +88,43 @@ impl Prepared {
         }
     }
 
-    /// The scene.
+    /// Returns the scene.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Digest of everything that decides an outcome except the seed: program, reader, scene, word
-    /// and conditions. 16 hexadecimal digits.
+    /// Returns a digest of everything that decides an outcome except the seed: program, reader,
+    /// scene, word and conditions. It has 16 hexadecimal digits.
     pub fn digest(&self) -> &str {
         &self.digest
     }
 
-    /// The shoot of one seed, with drones and lamps as the conditions change them.
+    /// Returns the shoot for one seed, with drones and lamps drawn from the conditions.
     pub fn shoot(&self, seed: u64) -> Shoot {
         let mut shoot = self.shoot.clone();
         shoot.scene.seed = seed;
-        let departures = (0..).map(|drone| self.conditions.draw(&self.scene, seed, drone));
-        shoot.actual = departures.take(shoot.plans.len()).collect();
+        let actual = (0..).map(|drone| self.conditions.draw(&self.scene, seed, drone));
+        shoot.actual = actual.take(shoot.plans.len()).collect();
         shoot
     }
 
-    /// Flies once, exposes and reads.
+    /// Flies, exposes and reads the word with one seed. Returns the outcome.
     ///
     /// # Errors
     ///
-    /// Those of the stages, except that of a lost drone: that is an outcome.
+    /// Those of the stages, except for a lost drone, which is an outcome.
     pub fn outcome(&self, seed: u64) -> Result<Outcome> {
         self.judge(self.fly(seed), seed)
     }
 
-    /// The flights of one seed, one for each drone.
+    /// Flies with one seed. Returns a flight for each drone.
     pub fn fly(&self, seed: u64) -> Result<Vec<Flight>> {
         self.planned()?;
         self.shoot(seed).fly(&|_, _| {})
     }
 
-    /// The outcome of the flights of a seed, exposed and read. A lamp that passes before the lens
-    /// leaves no photo: its drone counts as lost.
+    /// Exposes and reads the flights of a seed. Returns the outcome. If a lamp passes in front of
+    /// the lens there is no photo, and the drone counts as lost.
     pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
         let shot = flights.and_then(|flights| {
             let recordings = flights.into_iter().map(Recording::Flight).collect();
@@ -138,13 +138,14 @@ impl Prepared {
         Ok(Outcome::new(&verdict, Flown::new(&shot.flights, &self.scene.sim())?))
     }
 
-    /// An outcome as a line of a store.
+    /// Returns the record of an outcome for a store.
     pub(super) fn record(&self, contender: &str, seed: u64, outcome: Outcome) -> Record {
         let (scene, contender) = (self.digest.clone(), contender.to_owned());
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }
     }
 
-    /// The photo of one seed with capitals of a height in pixels, at most as large as the scene's.
+    /// Takes the photo of one seed, with capitals `cap_height_px` high or as high as in the scene
+    /// if that is less.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();
@@ -154,7 +155,7 @@ impl Prepared {
     }
 }
 
-/// The product of a flight, or how a drone was lost.
+/// Separates a lost drone from other errors: `Ok(Err)` says how a drone was lost.
 pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, String>> {
     match flown {
         Ok(flown) => Ok(Ok(flown)),
@@ -163,17 +164,17 @@ pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, Stri
     }
 }
 
-/// Takes pixels from the camera until capitals are as high as wanted. A pixel is then the mean of
-/// many, which leaves no noise of the sensor: it is switched off.
+/// Reduces the camera's resolution until capitals are at most `cap_height_px` high. A pixel then is
+/// the mean of many, which have hardly any noise together: it is switched off.
 pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
     let (bounds_m @ [left, bottom, right, top], scene) = (strokes.bounds_m(), &mut shoot.scene);
     scene.camera.shutter_close_s.get_or_insert(end_s);
-    // The height of the word's middle, from edge to edge, in pixels.
+    // The height of the word in pixels, in its middle.
     let camera = scene.camera.camera(bounds_m, end_s)?;
     let ends_m = [bottom, top].map(|z_m| Vector3::new(0.5 * (left + right), 0.0, z_m));
-    // Out of sight there is nothing to shrink.
+    // A word that is not in front of the camera keeps the resolution.
     let [Some(low), Some(high)] = ends_m.map(|m| camera.image_from_world(m)) else { return Ok(()) };
     let factor = cap_height_px / libm::hypot(low.x_px - high.x_px, low.y_px - high.y_px);
     if factor >= 1.0 {
@@ -187,28 +188,31 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     Ok(())
 }
 
-/// Readers that are kept for the next scene: preparing one takes as long as reading ten photos.
+/// Most readers that are kept for further scenes. Preparing one takes as long as reading ten
+/// photos.
 const MAX_READERS: usize = 64;
 
-/// The reader of a word, made once for all its scenes.
+/// Returns the reader of a word, which is shared by all scenes with these strokes and options.
 pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Reader>> {
-    type Made = (Strokes, ScoreOptions, Arc<Reader>);
-    static MADE: Mutex<Vec<Made>> = Mutex::new(Vec::new());
-    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some((_, _, reader)) = made.iter().find(|(s, o, _)| s == strokes && o == options) {
+    type Cached = (Strokes, ScoreOptions, Arc<Reader>);
+    static CACHE: Mutex<Vec<Cached>> = Mutex::new(Vec::new());
+    let mut cache = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, _, reader)) = cache.iter().find(|(s, o, _)| s == strokes && o == options) {
         return Ok(reader.clone());
     }
     let reader = Arc::new(Reader::new(strokes, options)?);
-    if made.len() >= MAX_READERS {
-        made.remove(0);
+    // The oldest one makes room.
+    if cache.len() >= MAX_READERS {
+        cache.remove(0);
     }
-    made.push((strokes.clone(), options.clone(), reader.clone()));
+    cache.push((strokes.clone(), options.clone(), reader.clone()));
     Ok(reader)
 }
 
+/// Returns the digest of [`Prepared::digest`].
 fn digest(scene: &Scene, conditions: &Conditions) -> String {
     let mut digest = Digest::default();
-    // A store holds no flight of another build.
+    // Outcomes of another build have another digest.
     digest.add(SOURCE);
     digest.add_numbers(&[CAP_HEIGHT_PX]);
     digest.add(serde_json::to_vec(&CALIBRATION).expect("plain data"));

@@ -1,13 +1,13 @@
-//! Tuning: a scene's knobs are turned until its words read as surely as they can.
+//! Tuning: searches the values of a scene's knobs with which its words read most reliably.
 //!
 //! 1. Search: a candidate flies the training words with the training seeds. The objective is its
 //!    mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits.
-//!    Half of its flights come first, and a candidate below the median of the others is then given
-//!    up (median rule: Golovin et al., "Google Vizier", KDD 2017).
-//! 2. Finals: the best few and the scene as it was fly again with fresh seeds, since the luckiest
-//!    of many is not the best.
-//! 3. Test: the winner, the luckiest of a few, meets the scene as it was on further seeds. It is
-//!    the result only if it is distinguishably better.
+//!    After half of its flights a candidate below the median of the others is given up (median
+//!    rule: Golovin et al., "Google Vizier", KDD 2017).
+//! 2. Finals: the best few and the original scene fly again with new seeds, since the luckiest of
+//!    many is not the best.
+//! 3. Test: the winner, the luckiest of a few, is compared with the original scene on further
+//!    seeds. It is the result only if it is distinguishably better.
 
 use std::collections::BTreeMap;
 
@@ -26,23 +26,25 @@ use noctograph_plan::tracking::CORRIDOR_M;
 use noctograph_sim::Law;
 use noctograph_sim::gain_design::{MOTOR_LAG_S, design};
 
-/// Candidates that fly again at the end.
+/// Number of candidates that fly in the finals.
 const FINALISTS: usize = 6;
-/// Flights of a finalist, as a multiple of the training flights.
+/// Number of flights of a finalist, as a multiple of the training flights.
 const FINAL_TIMES: u32 = 4;
 /// Name of a tuned scene in its test.
 const TUNED: &str = "tuned";
-/// Least candidates of a search.
+/// Least number of costs for a median.
+const LEAST_COSTS: usize = 5;
+/// Least number of candidates in a search.
 const LEAST_CANDIDATES: usize = 10;
-/// Penalty for exceeding a limit by its own size, in merit.
+/// Penalty, in merit, for a figure that is twice its limit.
 const PENALTY: f64 = 20.0;
 
-/// Limits of a candidate, for the mean of its flights. Error against the design along x, y, z, root
-/// mean square: twice the team's Table 1.
+/// Limits for the mean figures of a candidate's flights. Root mean square error against the design
+/// along x, y and z: twice the team's Table 1.
 const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
-/// Farthest from the word's plane: the team's corridor, for visitors.
+/// Largest distance from the word's plane: the team's safety corridor.
 const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
-/// Largest tilt: the Lighthouse deck still sees its stations.
+/// Largest tilt at which the Lighthouse deck still sees its stations.
 const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
 /// Fraction of the time with a motor at its limit.
 const MAX_SATURATED_FRAC: f64 = 0.05;
@@ -52,50 +54,50 @@ const MAX_SATURATED_FRAC: f64 = 0.05;
 pub struct TuneOptions {
     /// The knobs.
     pub knobs: Vec<Knob>,
-    /// Words that are trained on, each with its number of seeds for a candidate.
+    /// Training words, each with its number of seeds for a candidate.
     pub words: Vec<(String, u32)>,
-    /// Flights of search and finals. Those of the test come on top.
+    /// Number of flights in search and finals. The test is not included.
     pub budget: usize,
     /// Seeds of each word in the test: at least six, which can tell two apart.
     pub test_seeds: u32,
-    /// Longest flight of a candidate. `None`: as long as the flight of the scene as it was.
+    /// Longest flight of a candidate. `None`: as long as that of the original scene.
     pub longest_s: Option<f64>,
     /// How flights differ from their scene.
     pub conditions: Conditions,
-    /// Seed of the search and of all seeds.
+    /// Seed of the search, from which the flights' seeds are derived.
     pub seed: u64,
 }
 
 impl TuneOptions {
-    /// Flights of a candidate.
+    /// Returns the number of flights of a candidate.
     fn n_each(&self) -> usize {
         self.words.iter().map(|(_, n)| *n as usize).sum()
     }
 
-    /// Flights of the finals.
-    fn finals(&self) -> usize {
+    /// Returns the number of flights in the finals.
+    fn n_final(&self) -> usize {
         FINALISTS * self.n_each() * FINAL_TIMES as usize
     }
 
     /// Least budget: the scene as it was and nine more candidates, and the finals.
     pub fn least_budget(&self) -> usize {
-        self.finals() + LEAST_CANDIDATES * self.n_each()
+        self.n_final() + LEAST_CANDIDATES * self.n_each()
     }
 
-    /// Ranks a scene (`tuned`) and the one that it was made of, on seeds that neither the search
-    /// nor the finals had.
+    /// Compares a tuned scene with the original one, on seeds that neither the search nor the
+    /// finals used. Returns the study and its ranking.
     pub fn test(
         &self,
-        [start, tuned]: [&Scene; 2],
+        [original, tuned]: [&Scene; 2],
         words: Vec<(String, u32)>,
         store: Option<&Store>,
         stop: &Stop,
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(Study, Ranking)> {
-        // Further seeds, which neither search nor finals had a chance to fit.
-        let contenders = [("as it was", start), (TUNED, tuned)];
+        let contenders = [("as it was", original), (TUNED, tuned)];
         let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
         let (contenders, conditions) = (contenders.into(), self.conditions.clone());
+        // `TESTS` makes the seeds new.
         let study = Study { contenders, words, conditions, seed: self.seed ^ TESTS };
         let trials: Vec<Trial> = study.trials().collect();
         let records = evaluate(&study, &study.prepare()?, &trials, store, stop, done)?;
@@ -124,17 +126,17 @@ impl TuneOptions {
     }
 }
 
-/// One setting of the knobs with its figures.
+/// One point of the search with its figures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Candidate {
-    /// Its number, in the order of asking.
+    /// Its number, in the order of the search.
     pub number: usize,
-    /// Setting of each knob, 0 to 1. Empty for the scene as it was.
+    /// Fraction of each knob's range, 0 to 1. Empty for the original scene.
     #[serde(skip)]
     pub point: Vec<f64>,
-    /// The scene's values of the keys that the knobs turn, in their own units.
+    /// The scene's values of the knobs' keys, in their own units.
     pub settings: BTreeMap<String, toml::Value>,
-    /// Flights that it was judged by.
+    /// Number of flights behind its figures.
     pub n_flights: usize,
     /// Mean merit.
     pub merit: f64,
@@ -144,13 +146,15 @@ pub struct Candidate {
     pub legible: Estimate,
     /// Mean time of a flight. `None` if every drone was lost.
     pub duration_s: Option<f64>,
-    /// Excess over its limits, in limits: 0 keeps to all of them.
+    /// Sum of the excesses over its limits, each as a fraction of the limit. 0 if it keeps all
+    /// limits.
     pub broken: f64,
-    /// Given up after half of its flights.
+    /// True if it was given up after half of its flights.
     pub given_up: bool,
 }
 
 impl Candidate {
+    /// Returns the cost that the search minimizes.
     fn cost(&self) -> f64 {
         PENALTY * self.broken - self.merit
     }
@@ -159,25 +163,25 @@ impl Candidate {
 /// The result of tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
-    /// The scene with the best knobs if they won the test, else the scene as it was.
+    /// The scene with the best knobs if they won the test, else the original one.
     pub scene: Scene,
-    /// The winner of the finals against the scene as it was, on new seeds. `None` if that won.
+    /// Test of the finals' winner against the original scene. `None` if the latter won the finals.
     pub test: Option<(Study, Ranking)>,
     /// Figures of the winner in the finals.
     pub best: Candidate,
-    /// Figures of the scene as it was in the same finals.
+    /// Figures of the original scene in the finals.
     pub before: Candidate,
-    /// Every candidate in the order of asking. The first is the scene as it was.
+    /// All candidates in the order of the search. The first is the original scene.
     pub candidates: Vec<Candidate>,
-    /// Numbers of the candidates within the limits that no other beats in both flight time and
-    /// legibility, the fastest first.
+    /// Pareto front: numbers of the candidates within the limits that no other beats in both flight
+    /// time and legibility, the fastest first.
     pub front: Vec<usize>,
-    /// Flights in all.
+    /// Total number of flights.
     pub n_flights: usize,
 }
 
 impl Tuned {
-    /// True if a candidate won the test against the scene as it was.
+    /// Returns true if a candidate won the test against the original scene.
     pub fn helped(&self) -> bool {
         self.test.as_ref().is_some_and(|(_, ranking)| {
             ranking.measures[0].contender == TUNED && ranking.pairs[0].distinguishable
@@ -185,13 +189,14 @@ impl Tuned {
     }
 }
 
-/// Tunes a scene. After each candidate `watch` gets the number of flights and the best candidate so
-/// far, and returns false to go on to the finals. `stop` ends it between two flights.
+/// Tunes a scene. After each candidate `watch` is called with the number of flights and the best
+/// candidate so far. If it returns false, the finals begin. `stop` ends the tuning between two
+/// flights.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, for no word and
-/// for too small a budget. Those of the flights and the store.
+/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, if there is no
+/// word, and if the budget is too small. Those of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -204,33 +209,15 @@ pub fn tune(
         let (unused, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
         return Err(Error::input("knob", unused, "a key that has one in this scene", hint));
     }
-    let (n_each, finals, training) = (options.n_each(), options.finals(), (options.seed, 1));
-    let mut tuning =
-        Tuning { base, options, store, longest_s: options.longest_s, stop, n_flights: 0 };
-    // The scene as it was comes first: its duration is the limit of the others.
-    let as_it_was = tuning.candidate(0, &[], training, Some(f64::INFINITY))?;
-    tuning.longest_s = tuning.longest_s.or(as_it_was.duration_s);
-    let mut search = Search::new(options.knobs.len(), options.seed);
-    let (mut candidates, mut best) = (vec![as_it_was], 0);
-    while tuning.n_flights + n_each + finals <= options.budget {
-        let point = search.ask();
-        // Median rule, once there is a median to speak of.
-        let mut costs: Vec<f64> =
-            candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
-        let bar = if costs.len() < 5 { f64::INFINITY } else { median(&mut costs) };
-        let candidate = tuning.candidate(candidates.len(), &point, training, Some(bar))?;
-        search.tell(&point, candidate.cost());
-        if !candidate.given_up && candidate.cost() < candidates[best].cost() {
-            best = candidates.len();
-        }
-        candidates.push(candidate);
-        if !watch(tuning.n_flights, &candidates[best]) {
-            break;
-        }
-    }
+    let longest_s = options.longest_s;
+    let mut tuning = Tuning { base, options, store, longest_s, stop, n_flights: 0 };
+    // The original scene comes first: its duration is the limit for the others.
+    let original = tuning.candidate(0, &[], (options.seed, 1), Some(f64::INFINITY))?;
+    tuning.longest_s = longest_s.or(original.duration_s);
+    let candidates = tuning.search(original, watch)?;
     let [before, best] = tuning.finals(&candidates)?;
     let (scene, front) = (turned(base, &options.knobs, &best.point)?, front(&candidates));
-    // The winner of the finals is tested unless it is the scene as it was.
+    // The winner of the finals is tested unless it is the original scene.
     let n_seeds = options.test_seeds.max(least_flights(2));
     let words = options.words.iter().map(|(word, _)| (word.clone(), n_seeds)).collect();
     let test = match best.number == before.number {
@@ -245,7 +232,7 @@ pub fn tune(
     Ok(tuned)
 }
 
-/// A search and its flights so far.
+/// A search and its number of flights so far.
 struct Tuning<'a> {
     base: &'a Scene,
     options: &'a TuneOptions,
@@ -256,14 +243,45 @@ struct Tuning<'a> {
 }
 
 impl Tuning<'_> {
-    /// Flies a candidate, `times` as often as in training, with seeds drawn from `seed`. With a
-    /// bar, half of its flights come first, and the candidate is given up if they cost more.
+    /// Flies candidates with the training seeds, after the original scene, until only the finals
+    /// fit into the budget or `watch` returns false. Returns all of them.
+    fn search(
+        &mut self,
+        original: Candidate,
+        watch: &mut dyn FnMut(usize, &Candidate) -> bool,
+    ) -> Result<Vec<Candidate>> {
+        let options = self.options;
+        let mut search = Search::new(options.knobs.len(), options.seed);
+        let (mut candidates, mut best) = (vec![original], 0);
+        while self.n_flights + options.n_each() + options.n_final() <= options.budget {
+            let point = search.ask();
+            // Median rule, once there are enough costs for a median.
+            let mut costs: Vec<f64> =
+                candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
+            let max_cost =
+                if costs.len() < LEAST_COSTS { f64::INFINITY } else { median(&mut costs) };
+            let candidate =
+                self.candidate(candidates.len(), &point, (options.seed, 1), Some(max_cost))?;
+            search.tell(&point, candidate.cost());
+            if !candidate.given_up && candidate.cost() < candidates[best].cost() {
+                best = candidates.len();
+            }
+            candidates.push(candidate);
+            if !watch(self.n_flights, &candidates[best]) {
+                break;
+            }
+        }
+        Ok(candidates)
+    }
+
+    /// Flies a candidate, with seeds drawn from `seed` and `times` as many as in training. With a
+    /// `max_cost` the candidate is given up if the cost after half of its flights is higher.
     fn candidate(
         &mut self,
         number: usize,
         point: &[f64],
         (seed, times): (u64, u32),
-        bar: Option<f64>,
+        max_cost: Option<f64>,
     ) -> Result<Candidate> {
         let TuneOptions { knobs, words, conditions, .. } = self.options;
         let scene = turned(self.base, knobs, point)?;
@@ -280,14 +298,14 @@ impl Tuning<'_> {
         study.check()?;
         let prepared = study.prepare()?;
         let trials: Vec<Trial> = study.trials().collect();
-        // With a bar every other flight first, so that half of each word's are among them.
-        let n_parts = if bar.is_some() { 2 } else { 1 };
+        // Every other flight first, so that the first half has flights of all words.
+        let n_parts = if max_cost.is_some() { 2 } else { 1 };
         let (mut records, mut candidate) = (Vec::new(), unflown.clone());
         for part in 0..n_parts {
             let trials: Vec<Trial> = trials.iter().skip(part).step_by(n_parts).copied().collect();
             records.extend(evaluate(&study, &prepared, &trials, self.store, self.stop, &|_| {})?);
-            candidate = self.judged(&unflown, &records);
-            candidate.given_up = part == 0 && bar.is_some_and(|bar| candidate.cost() > bar);
+            candidate = self.with_figures(&unflown, &records);
+            candidate.given_up = part == 0 && max_cost.is_some_and(|max| candidate.cost() > max);
             if candidate.given_up {
                 break;
             }
@@ -296,28 +314,29 @@ impl Tuning<'_> {
         Ok(candidate)
     }
 
-    /// The scene as it was and the best of all candidates, by more flights with fresh seeds.
+    /// Flies the best candidates and the original scene with new seeds. Returns the original scene
+    /// and the winner.
     fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
-        let (as_it_was, others) = candidates.split_first().expect("the scene as it was is one");
+        let (original, others) = candidates.split_first().expect("the original scene");
         let mut by_cost: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
         by_cost.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
-        by_cost.insert(0, as_it_was);
+        by_cost.insert(0, original);
         let flights = (self.options.seed ^ FINALS, FINAL_TIMES);
         let finalists = by_cost.iter().take(FINALISTS);
         let finalists = finalists.map(|c| self.candidate(c.number, &c.point, flights, None));
         let mut finalists = finalists.collect::<Result<Vec<_>>>()?;
-        // The first of equal ones: the scene as it was.
+        // Among equal candidates the first wins, which may be the original scene.
         let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
-        let best = best.expect("the scene as it was is one").clone();
+        let best = best.expect("the original scene").clone();
         Ok([finalists.swap_remove(0), best])
     }
 
-    /// A candidate with the figures of its flights.
-    fn judged(&self, candidate: &Candidate, records: &[Record]) -> Candidate {
+    /// Returns a candidate with the figures of its flights' records.
+    fn with_figures(&self, candidate: &Candidate, records: &[Record]) -> Candidate {
         let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let means = std::array::from_fn(|i| mean(flown.iter().map(|flown| flown.values()[i])));
         let figures = Flown::<f64>::from_values(means);
-        // Excess over each limit adds up, as does the fraction of lost drones.
+        // The excesses over the limits and the fraction of lost drones are added.
         let limits = [
             (figures.rmse_x_m, MAX_RMSE_M[0]),
             (figures.rmse_y_m, MAX_RMSE_M[1]),
@@ -341,7 +360,8 @@ impl Tuning<'_> {
     }
 }
 
-/// Fraction of a Crazyflie's motor lag that the design of a regulator does not tolerate. 0 is good.
+/// Returns the fraction of a Crazyflie's motor lag that a regulator does not tolerate: 0 if it
+/// tolerates all of it, or if the controller is another one.
 fn margin_broken(scene: &Scene) -> f64 {
     if !matches!(scene.controller.kind.law(), Law::StateFeedback { .. }) {
         return 0.0;
@@ -353,21 +373,21 @@ fn margin_broken(scene: &Scene) -> f64 {
     (1.0 - longest_s / MOTOR_LAG_S).max(0.0)
 }
 
-/// Candidates that keep to the limits and that no other beats in both time and legibility.
+/// Returns the Pareto front: see [`Tuned::front`].
 fn front(candidates: &[Candidate]) -> Vec<usize> {
-    let mut kept: Vec<(f64, &Candidate)> = candidates
+    let mut allowed: Vec<(f64, &Candidate)> = candidates
         .iter()
         .filter(|c| !c.given_up && c.broken == 0.0)
         .filter_map(|c| Some((c.duration_s?, c)))
         .collect();
-    kept.sort_by(|(a_s, a), (b_s, b)| {
+    allowed.sort_by(|(a_s, a), (b_s, b)| {
         a_s.total_cmp(b_s).then(b.legibility.total_cmp(&a.legibility))
     });
-    // The fastest first: one that reads no better than a faster one is beaten.
-    let (mut front, mut most) = (Vec::new(), f64::NEG_INFINITY);
-    for (_, candidate) in kept {
-        if candidate.legibility > most {
-            most = candidate.legibility;
+    // From the fastest on: a candidate that reads no better than a faster one is beaten.
+    let (mut front, mut best) = (Vec::new(), f64::NEG_INFINITY);
+    for (_, candidate) in allowed {
+        if candidate.legibility > best {
+            best = candidate.legibility;
             front.push(candidate.number);
         }
     }

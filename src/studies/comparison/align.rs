@@ -1,19 +1,19 @@
-//! Alignment of two clocks by the designs of their flights.
+//! Aligns the clocks of two flights by their designs.
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_plan::tracking::{DesignPath, minimize, spread_m2};
 
-/// Step in time of the comparison: the shortest interval of setpoints in use over the radio.
+/// Time step of the comparison: the shortest usual interval of setpoints over the radio.
 const STEP_S: f64 = 0.02;
-/// Largest distance of the designs' first moves after alignment: lost packets, waits on the floor.
-const REACH_S: f64 = 3.0;
-/// Designs that agree to this (m², per axis and instant) at equal clocks have equal clocks: the
-/// files' grid is 1e-6 m.
+/// Largest time between the designs' first moves after alignment, for lost packets and waiting.
+const MAX_APART_S: f64 = 3.0;
+/// Largest mean square difference (m² per axis) of designs whose clocks are equal: files are
+/// rounded to 1e-6 m.
 const EQUAL_M2: f64 = 1e-11;
 
-/// Time to add to B's timestamps so that its design agrees best with A's, but for a constant offset
-/// in position. Clocks that agree already are not touched.
+/// Returns the time to add to B's timestamps so that its design agrees best with A's, apart from a
+/// constant offset in position. 0 if the clocks agree already.
 pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     let [a, b] = [design(a, "flight A")?, design(b, "flight B")?];
     if difference_m2(&a, &b, 0.0) < EQUAL_M2 {
@@ -21,10 +21,11 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     }
     // About the offset at which the first moves coincide, the least mean square difference.
     let about_s = a.first_move_s() - b.first_move_s();
-    let range_s = [about_s - REACH_S, about_s + REACH_S];
+    let range_s = [about_s - MAX_APART_S, about_s + MAX_APART_S];
     Ok(minimize(range_s, |s| difference_m2(&a, &b, s), |s| difference_m2(&a, &b, s)))
 }
 
+/// Returns a flight's design. Refuses a flight without one.
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     DesignPath::new(flight).ok_or_else(|| {
         let hint = "state the offset of B's clock; 0 leaves it as it is";
@@ -33,7 +34,8 @@ fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     })
 }
 
-/// Over the time that either design covers. Each is held before its start and after its end.
+/// Returns the mean square difference, about its mean, of two designs with B's clock moved by
+/// `offset_s`, over the time that either covers. A design rests before its start and after its end.
 fn difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let ([a0, a1], [b0, b1]) = (a.span_s(), b.span_s().map(|t| t + offset_s));
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));

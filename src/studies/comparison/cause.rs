@@ -5,68 +5,70 @@ use nalgebra::Vector3;
 use super::{FlightSample, mean};
 use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 
-/// Time over which noise averages out and an error along the path does not, s: a stroke of 0.1 m.
+/// Time over which noise averages out but an error of the path does not: a stroke of 0.1 m.
 const SMOOTH_S: f64 = 0.5;
 
-/// Larger changes of size are not an error of a positioning system: B flies another path.
-const MOST_SCALE: f64 = 0.5;
+/// Largest error of scale of a positioning system. With a larger one B flies another path.
+const MAX_SCALE: f64 = 0.5;
 
-/// A cause of the difference, by how much flight B is apart from A.
+/// A cause of the difference between flight B and flight A, with its amount.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Discrepancy {
-    /// B is this late, s.
+    /// B is late by this, s.
     Lag(f64),
-    /// B is beside A by this, m.
+    /// B is displaced from A by this, m.
     Offset(Vector3<f64>),
-    /// B is this many times as large as A, less 1, about the middle of both.
+    /// B is larger than A by this fraction, about the middle of both.
     Scale(f64),
-    /// B leaves A's path by this, m (root mean square), slowly enough to repeat.
+    /// B differs slowly from A's path by this, m (root mean square).
     Path(f64),
-    /// B shakes about its path by this, m (root mean square).
+    /// B oscillates about its path by this, m (root mean square).
     Noise(f64),
 }
 
-/// The cause that explains the largest fraction of the mean square distance, each by itself, and
+/// Returns the cause that by itself explains the largest fraction of the mean square distance, and
 /// that fraction. `None` if the flights do not differ.
-pub(super) fn first(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
-    let apart: Vec<_> = pairs.iter().map(|[a, b]| b.position_m - a.position_m).collect();
-    let total = power(&apart);
+pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
+    let differences: Vec<_> = pairs.iter().map(|[a, b]| b.position_m - a.position_m).collect();
+    let total = power(&differences);
     if total == 0.0 {
         return None;
     }
-    // Offset: the mean. Scale: least squares of the rest along A's distances from its middle.
+    // Offset: the mean. Scale: the rest, fitted to A's distances from its middle.
     let middle = mean(pairs.iter().map(|[a, _]| a.position_m));
-    let arms: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
-    let offset = mean(apart.iter().copied());
-    let centered: Vec<_> = apart.iter().map(|d| d - offset).collect();
-    let (late_s, late) = lag(pairs);
-    let scale = Some(fit(&centered, &arms)).filter(|by| by.abs() <= MOST_SCALE).unwrap_or(0.0);
-    // The residual of offset, lag and scale: its slow part repeats, its fast part is noise.
-    let drift = mean(late.iter().copied());
-    let parts = centered.iter().zip(late.iter().zip(&arms));
-    let rest: Vec<_> = parts.map(|(d, (late, arm))| d - (late - drift) - arm * scale).collect();
-    let slow = smoothed(pairs, &rest);
-    let fast: Vec<_> = rest.iter().zip(&slow).map(|(d, slow)| d - slow).collect();
+    let from_middle: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
+    let offset = mean(differences.iter().copied());
+    let centered: Vec<_> = differences.iter().map(|d| d - offset).collect();
+    let (lag_s, moved) = lag(pairs);
+    let scale =
+        Some(fit(&centered, &from_middle)).filter(|by| by.abs() <= MAX_SCALE).unwrap_or(0.0);
+    // The residuals of offset, lag and scale: their slow part is the path, their fast part noise.
+    let mean_moved = mean(moved.iter().copied());
+    let parts = centered.iter().zip(moved.iter().zip(&from_middle));
+    let residuals: Vec<_> =
+        parts.map(|(d, (moved, arm))| d - (moved - mean_moved) - arm * scale).collect();
+    let slow = smoothed(pairs, &residuals);
+    let fast: Vec<_> = residuals.iter().zip(&slow).map(|(d, slow)| d - slow).collect();
     let causes = [
-        (Discrepancy::Lag(late_s), power(&late)),
+        (Discrepancy::Lag(lag_s), power(&moved)),
         (Discrepancy::Offset(offset), offset.norm_squared()),
-        (Discrepancy::Scale(scale), scale * scale * power(&arms)),
+        (Discrepancy::Scale(scale), scale * scale * power(&from_middle)),
         (Discrepancy::Path(power(&slow).sqrt()), power(&slow)),
         (Discrepancy::Noise(power(&fast).sqrt()), power(&fast)),
     ];
     let fractions = causes.map(|(cause, power)| (cause, power / total));
-    let largest = fractions.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    let largest = fractions.into_iter().max_by(|(_, a), (_, b)| a.total_cmp(b));
     largest.map(|(cause, fraction)| (cause, fraction.min(1.0)))
 }
 
-/// Mean square length.
+/// Returns the mean square length of vectors.
 fn power(vectors: &[Vector3<f64>]) -> f64 {
     mean(vectors.iter().map(|v| v.component_mul(v))).sum()
 }
 
-/// The factor of `along` that comes closest to `vectors`.
+/// Returns the factor by which `along` comes closest to `vectors`, by least squares.
 fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
-    // Least squares: Σ v · a / Σ a².
+    // Σ v · a / Σ a².
     let (dot, square) = vectors
         .iter()
         .zip(along)
@@ -74,34 +76,34 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// The lag of B: the shift in time of A that comes closest to B but for a constant offset, as
-/// `--align flown` finds it. And at each sample, how far A moves in that time.
+/// Returns the lag of B, and at each sample how far A moves in that time. The lag is the shift of A
+/// in time that comes closest to B, apart from a constant offset, as `--align flown` finds it.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     let a = DesignPath::through(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
-    fn cost(a: &DesignPath, pairs: &[[FlightSample; 2]], late_s: f64) -> f64 {
-        let beside = pairs.iter().zip(shifted(a, pairs, late_s));
-        spread_m2(beside.map(|([_, b], a_m)| b.position_m - a_m))
+    fn cost(a: &DesignPath, pairs: &[[FlightSample; 2]], lag_s: f64) -> f64 {
+        let both = pairs.iter().zip(shifted(a, pairs, lag_s));
+        spread_m2(both.map(|([_, b], a_m)| b.position_m - a_m))
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
-    let late_s = minimize(range_s, |s| cost(&a, pairs, s), |s| cost(&a, pairs, s));
-    // If the flights do not move, any shift is as good. The best is not at an end of the search.
-    let is_best = late_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, late_s) < cost(&a, pairs, 0.0);
-    let late_s = if is_best { late_s } else { 0.0 };
-    let moved = pairs.iter().zip(shifted(&a, pairs, late_s));
-    (late_s, moved.map(|([a, _], a_m)| a_m - a.position_m).collect())
+    let lag_s = minimize(range_s, |s| cost(&a, pairs, s), |s| cost(&a, pairs, s));
+    // If the flights rest, all shifts are equal. A shift at an end of the search is not the best.
+    let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
+    let lag_s = if is_best { lag_s } else { 0.0 };
+    let moved = pairs.iter().zip(shifted(&a, pairs, lag_s));
+    (lag_s, moved.map(|([a, _], a_m)| a_m - a.position_m).collect())
 }
 
-/// The path at the times of the pairs, later by a lag.
+/// Returns the positions on a path that is late by `lag_s`, at the times of the pairs.
 fn shifted(
     path: &DesignPath,
     pairs: &[[FlightSample; 2]],
-    late_s: f64,
+    lag_s: f64,
 ) -> impl Iterator<Item = Vector3<f64>> {
     let mut walk = path.walk();
-    pairs.iter().map(move |[a, _]| walk.at_m(a.time_s - late_s))
+    pairs.iter().map(move |[a, _]| walk.at_m(a.time_s - lag_s))
 }
 
-/// The mean over [`SMOOTH_S`] around each sample.
+/// Returns the mean of values over [`SMOOTH_S`] around each sample.
 fn smoothed(pairs: &[[FlightSample; 2]], values: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     // A running sum over the samples `from..to` of the window.
     let (mut from, mut to, mut sum) = (0, 0, Vector3::zeros());

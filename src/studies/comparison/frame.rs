@@ -1,4 +1,4 @@
-//! Frames of two flights: a flight without setpoints may be in another frame.
+//! Aligns the frames of two flights: one without setpoints may be in another frame.
 
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;
@@ -8,41 +8,42 @@ use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 use noctograph_core::input_error;
 
-/// Flights that are this far apart, root mean square, may be in two frames.
+/// Least root mean square distance of flights that may be in two frames.
 const TWO_FRAMES_M: f64 = 0.15;
-/// Most that a transform may leave between two flights that are one.
-const MOST_LEFT_M: f64 = 0.05;
-/// Largest fraction of the distance that a transform of two frames leaves.
-const LEFT_FRAC: f64 = 0.3;
-/// Turns that are tried.
+/// Largest root mean square distance of one flight's two logs after alignment.
+const MAX_RESIDUAL_M: f64 = 0.05;
+/// Flights whose distance an alignment reduces to less than this fraction are in two frames.
+const RESIDUAL_FRAC: f64 = 0.3;
+/// Number of rotations that are tried.
 const TURNS: u32 = 24;
-/// A path that is narrower has no direction.
+/// Least size of a path whose rotation can be found.
 const NARROW_M: f64 = 0.05;
 
-/// Transform of flight B's frame to that of A.
+/// Transform from flight B's frame to that of A.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FrameAlignment {
-    /// Turn about the vertical.
+    /// Rotation about the vertical.
     pub turn_rad: f64,
-    /// Shift after it.
+    /// Shift after the rotation.
     pub shift_m: Vector3<f64>,
-    /// Root mean square distance that is left.
+    /// Remaining root mean square distance.
     pub left_m: f64,
 }
 
 impl FrameAlignment {
+    /// Returns the rotation about the vertical.
     fn rotation(&self) -> Rotation3<f64> {
         Rotation3::from_axis_angle(&Vector3::z_axis(), self.turn_rad)
     }
 
-    /// A flight with every sample moved.
+    /// Returns a flight with every sample transformed.
     fn placed(&self, flight: &Flight) -> Flight {
         let mut placed = flight.clone();
         placed.edit(|placed| placed.samples.iter_mut().for_each(|sample| self.place(sample)));
         placed
     }
 
-    /// Moves a sample: its positions and its heading.
+    /// Transforms the positions and the heading of a sample.
     pub fn place(&self, sample: &mut FlightSample) {
         for position_m in [&mut sample.position_m, &mut sample.estimate_m] {
             *position_m = self.rotation() * *position_m + self.shift_m;
@@ -52,10 +53,9 @@ impl FrameAlignment {
     }
 }
 
-/// The seconds to add to B's clock, and the transform of its frame if that differs from A's: one of
-/// the two has no setpoints, they are decimeters apart, and a turn and a shift leave centimeters.
-///
-/// `clock` finds those seconds for a flight in place of B.
+/// Returns the seconds to add to B's clock, and the transform of B's frame if it differs from A's.
+/// Frames differ if a flight lacks setpoints and both are decimeters apart, and only centimeters
+/// after a rotation and a shift. `clock` returns the seconds for a flight in place of B.
 pub(super) fn place(
     a: &Flight,
     b: &Flight,
@@ -71,9 +71,9 @@ pub(super) fn place(
         return Ok((offset_s, None));
     };
     let mut best_s = offset_s;
-    // A turned path sets the clock wrong: the clock is set anew for each turn.
+    // A rotated path aligns the clock wrongly, so the clock is aligned again for each rotation.
     for step in 1..TURNS {
-        if best.left_m <= 0.5 * MOST_LEFT_M {
+        if best.left_m <= 0.5 * MAX_RESIDUAL_M {
             break;
         }
         let turn_rad = std::f64::consts::TAU * f64::from(step) / f64::from(TURNS);
@@ -86,17 +86,17 @@ pub(super) fn place(
             best_s = offset_s;
         }
     }
-    // Once more with the complete turn: the best step had the rest of it after its clock was set.
+    // Once more with the complete rotation: the clock was aligned with a step of it.
     let again_s = clock(&best.placed(b))?;
     let further = fit_at([a, b], options, again_s)?;
     if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {
         (best, best_s) = (further, again_s);
     }
     best.turn_rad = libm::remainder(best.turn_rad, std::f64::consts::TAU);
-    if best.left_m <= MOST_LEFT_M {
+    if best.left_m <= MAX_RESIDUAL_M {
         return Ok((best_s, Some(best)));
     }
-    if best.left_m < LEFT_FRAC * apart_m {
+    if best.left_m < RESIDUAL_FRAC * apart_m {
         let left_m = best.left_m;
         return Err(input_error!(
             "flights A and B",
@@ -108,7 +108,7 @@ pub(super) fn place(
     Ok((offset_s, None))
 }
 
-/// As [`fit`], of two flights with an offset of B's clock.
+/// Calls [`fit`] with the pairs of two flights, after `offset_s` is added to B's times.
 fn fit_at(
     [a, b]: [&Flight; 2],
     options: &ComparisonOptions,
@@ -119,14 +119,15 @@ fn fit_at(
     Ok(fit(&pairs(&a, &b, options.max_gap_s)))
 }
 
-/// The distance of pairs, root mean square, and the turn and shift of B that make it least
-/// (orthogonal Procrustes problem about the vertical: Schönemann, Psychometrika 31, 1966).
+/// Returns the root mean square distance of pairs, and the rotation and shift of B that minimize it
+/// (orthogonal Procrustes problem about the vertical: Schönemann, Psychometrika 31, 1966). `None`
+/// for fewer than ten pairs.
 fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     if pairs.len() < 10 {
         return None;
     }
     let n = pairs.len() as f64;
-    // The turn is about the centroids: atan2(Σ b × a, Σ b · a).
+    // The rotation is about the centroids: atan2(Σ b × a, Σ b · a).
     let [a_m, b_m] = [0, 1].map(|side| mean(pairs.iter().map(|pair| pair[side].position_m)));
     let (mut sin, mut cos, mut spread_m2) = (0.0, 0.0, 0.0);
     for [a, b] in pairs {

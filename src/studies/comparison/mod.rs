@@ -2,14 +2,14 @@
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time, and B
-//! is interpolated linearly at the times of A's samples. Samples of A are left out if B's neighbors
-//! are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, or if they are
-//! outside the compared part of either flight.
+//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time. Then
+//! B is interpolated linearly at the times of A's samples. Samples of A are ignored if B's
+//! neighbors are further apart than [`ComparisonOptions::max_gap_s`], for example after lost
+//! packets, or if they are outside the compared part of either flight.
 //!
-//! A flight without setpoints, such as a motion capture's, may be in another frame. If a turn about
-//! the vertical and a shift leave centimeters, they are applied ([`FrameAlignment`]). If they leave
-//! more, and yet most of the distance is theirs, the comparison is refused.
+//! A flight without setpoints, such as a motion capture's, may be in another frame. If only
+//! centimeters remain after a rotation about the vertical and a shift, these are applied
+//! ([`FrameAlignment`]). If more remains, but much less than before, the comparison is refused.
 //!
 //! Not done: clocks of different rates, which are converted where a log is imported.
 
@@ -42,9 +42,9 @@ pub struct ComparisonOptions {
     pub part: Part,
     /// Alignment of B's clock to A's.
     pub alignment: Alignment,
-    /// Longest gap between two samples of B that is interpolated. A Crazyflie's log has a sample
-    /// every 10 to 30 ms. A longer limit hides oscillations of 1 to 4 Hz, a much shorter one
-    /// discards good samples.
+    /// Longest gap between two samples of B over which it is interpolated. A Crazyflie's log has a
+    /// sample every 10 to 30 ms. A longer limit hides oscillations of 1 to 4 Hz, and a much shorter
+    /// one discards good samples.
     pub max_gap_s: f64,
 }
 
@@ -60,8 +60,8 @@ pub enum Alignment {
     /// Best agreement of the designs. If one design is held between setpoints and the other is not,
     /// its error is half the time between two setpoints.
     Design,
-    /// Best agreement of the flown positions in the air: for a log whose setpoints lead its design,
-    /// as those through the inverse of the position loop do.
+    /// Best agreement of the flown positions in the air, for a log whose setpoints are ahead of its
+    /// design, such as those from the inverse of the position loop.
     Flown,
     /// Seconds added to B's times.
     Offset(f64),
@@ -74,21 +74,21 @@ pub struct Comparison {
     pub part: Part,
     /// Time added to B's timestamps.
     pub offset_s: f64,
-    /// Transform of B's frame to A's. `None` if they are one.
+    /// Transform from B's frame to A's. `None` if both have one frame.
     #[serde(rename = "frame")]
     pub placement: Option<FrameAlignment>,
     /// Number of compared samples of A.
     #[serde(rename = "samples")]
     pub n_samples: usize,
-    /// First and last of them, on A's clock.
+    /// Times of the first and the last compared sample, on A's clock.
     pub span_s: [f64; 2],
-    /// Root mean square of the position per axis.
+    /// Root mean square difference in position on each axis.
     pub rmse_m: Vector3<f64>,
-    /// Mean of the position per axis.
+    /// Mean difference in position on each axis.
     pub mean_m: Vector3<f64>,
-    /// Maximum distance in position.
+    /// Largest distance in position.
     pub max_m: f64,
-    /// Root mean square of the attitude. `None` if a flight has none.
+    /// Root mean square difference in attitude. `None` if a flight has none.
     #[serde(rename = "attitude_rmse_rad")]
     pub attitude_rmse: Option<Attitude>,
     /// The cause that explains most of the difference, and its fraction of the mean square. `None`
@@ -97,7 +97,7 @@ pub struct Comparison {
     pub first: Option<(Discrepancy, f64)>,
 }
 
-/// Compares two flights.
+/// Returns the differences between two flights.
 ///
 /// # Errors
 ///
@@ -105,7 +105,7 @@ pub struct Comparison {
 /// without a design if designs are aligned, and flights without a time in common.
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
-    // The clock first, since a frame is found by pairs of equal time.
+    // The clock first, since the frame is aligned by pairs with equal times.
     let offset_s = options.alignment.offset_s(a, b)?;
     match options.alignment {
         Alignment::Design => check_words(a, b)?,
@@ -128,11 +128,11 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         let error = Error::input("flights A and B", spans, wanted, hint);
         return Err(error.coded("clocks-apart"));
     };
-    // Angles are compared the short way round.
+    // Differences of angles are from -π to π.
     let apart = pairs.iter().map(|[a, b]| a.position_m - b.position_m);
-    let turned = pairs.iter().map(|[a, b]| {
-        let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
-        apart.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
+    let angles = pairs.iter().map(|[a, b]| {
+        let difference = angles_rad(&a.attitude) - angles_rad(&b.attitude);
+        difference.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
     });
     let logged = [a, b].iter().all(|flight| flight.has(Quantity::Attitude));
     Ok(Comparison {
@@ -144,13 +144,13 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         rmse_m: rms(apart.clone()),
         mean_m: mean(apart.clone()),
         max_m: apart.map(|d| d.norm()).fold(0.0, f64::max),
-        attitude_rmse: logged.then(|| attitude(rms(turned))),
-        first: cause::first(&pairs),
+        attitude_rmse: logged.then(|| attitude(rms(angles))),
+        first: cause::main_cause(&pairs),
     })
 }
 
 impl Alignment {
-    /// Seconds to add to B's times.
+    /// Returns the seconds to add to B's times.
     fn offset_s(self, a: &Flight, b: &Flight) -> Result<f64> {
         match self {
             Self::Design => align::offset_s(a, b),
@@ -160,29 +160,30 @@ impl Alignment {
     }
 }
 
-/// A flight in the air whose design is its path.
+/// Returns a flight's part in the air, with the flown path as design.
 fn flown(flight: &Flight) -> Result<Flight> {
     let samples = Part::Airborne.samples(flight)?.into_iter();
     let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
     Ok(Flight::made(FlightData { samples, ..FlightData::default() }))
 }
 
-/// Letters of two flights that lie this far apart are different ones: a fifth of a capital.
-const OTHER_LETTERS_M: f64 = 0.1;
+/// Largest distance of two flights' letters that are the same: a fifth of a capital.
+const MAX_LETTERS_APART_M: f64 = 0.1;
 
 /// Refuses flights whose designs write different letters.
 fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     let [a, b] = [a, b].map(|flight| {
         let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
         let mut points: Vec<Vector3<f64>> = written.map(|sample| sample.design_m).collect();
-        points.dedup_by(|at_m, last_m| (*last_m - *at_m).norm() < 0.02);
+        // A point every 2 cm, which limits the comparisons.
+        points.dedup_by(|next_m, last_m| (*last_m - *next_m).norm() < 0.02);
         points
     });
     if a.is_empty() || b.is_empty() {
         return Ok(());
     }
-    // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points: one of
-    // the plans may leave out an approach to a letter.
+    // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points, since one
+    // of the plans may lack an approach to a letter.
     let apart_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
         let nearest_m = from.iter().map(|p| {
             let to_each_m = to.iter().map(|q| (p - q).norm());
@@ -191,7 +192,7 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
         weighted_quantile(&mut nearest_m.collect::<Vec<_>>(), 0.9).unwrap_or(0.0)
     });
     let apart_m = apart_m[0].max(apart_m[1]);
-    if apart_m <= OTHER_LETTERS_M {
+    if apart_m <= MAX_LETTERS_APART_M {
         return Ok(());
     }
     Err(input_error!(
@@ -202,7 +203,7 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     ))
 }
 
-/// Each sample of A with B at the same time, without those where B is unknown.
+/// Returns each sample of A with B at the same time, without the times at which B is unknown.
 fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightSample; 2]> {
     let mut next = 0;
     let mut pairs = Vec::with_capacity(a.len());
@@ -219,8 +220,8 @@ fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightS
     pairs
 }
 
-/// Interpolates between two consecutive samples. `None` if they do not enclose the time or are too
-/// far apart.
+/// Interpolates between two consecutive samples. `None` if they do not enclose `time_s` or are more
+/// than `max_gap_s` apart.
 fn between(
     before: &FlightSample,
     after: &FlightSample,
@@ -234,9 +235,9 @@ fn between(
     if time_s < before.time_s || gap_s > max_gap_s {
         return None;
     }
-    let done = (time_s - before.time_s) / gap_s;
-    let position_m = before.position_m + (after.position_m - before.position_m) * done;
+    let fraction = (time_s - before.time_s) / gap_s;
+    let position_m = before.position_m + (after.position_m - before.position_m) * fraction;
     let [from, to] = [before, after].map(|sample| angles_rad(&sample.attitude));
     let turn = (to - from).map(|angle| libm::remainder(angle, std::f64::consts::TAU));
-    Some(FlightSample { time_s, position_m, attitude: attitude(from + turn * done), ..*before })
+    Some(FlightSample { time_s, position_m, attitude: attitude(from + turn * fraction), ..*before })
 }

@@ -1,4 +1,4 @@
-//! Altitude hold over many seeds: the figures of each scenario, and their bounds.
+//! Altitude hold with many seeds: figures of each scenario, and their limits.
 
 use rayon::prelude::*;
 
@@ -8,23 +8,24 @@ use noctograph_core::error::{Result, within};
 use noctograph_core::settings::settings;
 use noctograph_sim::{AltitudeSensor, SimOptions};
 
-/// Time that a flight lasts, s.
+/// Duration of a flight, s.
 pub const DURATION_S: f64 = 60.0;
-/// Time from which a flight counts: the filter has settled, s.
+/// Time after which a flight counts, when the filter has settled, s.
 const FROM_S: f64 = 5.0;
-/// Time about an event in which innovations do not count, s.
+/// Time before and after an event in which innovations do not count, s.
 const EVENT_S: f64 = 0.5;
 /// Most runs of a scenario.
 const MAX_RUNS: f64 = 1e4;
-/// Mean squared error over variance of a consistent state: at most 20 % off in its σ.
+/// Range of the mean squared error over variance of a consistent state: its σ is at most 20 %
+/// wrong.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
-/// Figures of a scenario over its runs. Root mean squares are over time and runs.
+/// Figures of a scenario over its flights. Root mean squares are over time and flights.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct HoldFigures {
     /// Name of the scenario.
     pub scenario: &'static str,
-    /// Name of the model that flew.
+    /// Name of the model that was flown.
     pub model: &'static str,
     /// Number of flights.
     pub runs: u32,
@@ -40,11 +41,11 @@ pub struct HoldFigures {
     pub states: Vec<Consistency>,
     /// Normalized innovation squared of satellites, ranger and barometer, away from events.
     pub nis: [Option<f64>; 3],
-    /// Steps of the floor in a flight, on average: found, and seen by the ranger.
+    /// Mean number of floor steps in a flight: detected, and passed by the height sensor.
     pub steps: [f64; 2],
-    /// Limits. `None` for the scenario that stays hard.
+    /// Limits. `None` for the scenario without any.
     pub bounds: Option<Bounds>,
-    /// Limits that were missed.
+    /// A sentence for each limit that was exceeded.
     pub missed: Vec<String>,
 }
 
@@ -53,17 +54,17 @@ pub struct HoldFigures {
 pub struct Consistency {
     /// Name of the state.
     pub state: &'static str,
-    /// Mean over time and runs of the squared error over its variance, with its 95 % interval: 1 of
-    /// a filter whose covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    /// Mean over time and flights of the squared error over its variance, with its 95 % interval. 1
+    /// if the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
     pub error: Estimate,
     /// Its class.
     pub verdict: HoldVerdict,
 }
 
 settings! {
-    /// A standard deviation beside the error, within [`CONSISTENT`].
+    /// Size of the estimated standard deviation relative to the error, by [`CONSISTENT`].
     pub enum HoldVerdict {
-        /// As large.
+        /// Right.
         "consistent" => Consistent,
         /// Too small.
         "overconfident" => Overconfident,
@@ -73,6 +74,7 @@ settings! {
 }
 
 impl HoldVerdict {
+    /// Classifies a mean squared error over variance.
     fn from_error(squared_error: f64) -> Self {
         match squared_error {
             error if error < CONSISTENT[0] => Self::Conservative,
@@ -95,12 +97,12 @@ pub struct Bounds {
     pub hover_throttle: f64,
     /// Normalized innovation squared, least and most.
     pub nis: [f64; 2],
-    /// Difference of the steps found and seen in a flight.
+    /// Difference between detected and passed floor steps in a flight.
     pub steps: f64,
 }
 
 impl Bounds {
-    /// The limits of a scenario. None for a step of the floor while the satellites are silent, when
+    /// Returns the limits of a scenario. `None` for a floor step during a satellite outage, when
     /// only the barometer measures the altitude.
     fn new(scenario: HoldScenario) -> Option<Self> {
         let (estimate_m, hold_m) = match scenario {
@@ -115,11 +117,11 @@ impl Bounds {
     }
 }
 
-/// Flies a scenario with the seeds `seed`, `seed` + 1 … of a number of runs.
+/// Flies a scenario `runs` times, with the seeds `seed`, `seed` + 1 …, and returns its figures.
 ///
 /// # Errors
 ///
-/// As [`hold`]. [`noctograph_core::error::Error::Input`] for no or more than 10 000 runs.
+/// Those of [`hold`]. [`noctograph_core::error::Error::Input`] for no or more than 10 000 runs.
 pub fn hold_figures(
     model: HoldModel,
     options: &SimOptions,
@@ -128,19 +130,19 @@ pub fn hold_figures(
     runs: u32,
 ) -> Result<HoldFigures> {
     within("runs", runs.into(), 1.0, MAX_RUNS)?;
-    // Only means are kept of a flight: ten thousand of them fit into memory.
-    let flown = (0..runs).into_par_iter().map(|run| {
+    // Only the means of a flight are kept, so that ten thousand flights fit into memory.
+    let flights = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     });
-    // Of several errors that of the first run.
-    let flown: Vec<Result<FlightMeans>> = flown.collect();
-    let flown: Vec<FlightMeans> = flown.into_iter().collect::<Result<_>>()?;
-    let mean_of = |value: fn(&FlightMeans) -> f64| mean(flown.iter().map(value));
+    // Collected twice, so that of several errors the first one is returned.
+    let flights: Vec<Result<FlightMeans>> = flights.collect();
+    let flights: Vec<FlightMeans> = flights.into_iter().collect::<Result<_>>()?;
+    let mean_of = |value: fn(&FlightMeans) -> f64| mean(flights.iter().map(value));
     let root_mean_square = |square: fn(&FlightMeans) -> f64| {
-        bootstrap(&[flown.iter().map(square).collect()], |squares| mean(&*squares).sqrt())
+        bootstrap(&[flights.iter().map(square).collect()], |squares| mean(&*squares).sqrt())
     };
     let states = STATE_NAMES.iter().enumerate().map(|(index, state)| {
-        let squares = flown.iter().map(|run| run.states[index]).collect();
+        let squares = flights.iter().map(|run| run.states[index]).collect();
         let error = bootstrap(&[squares], |squares| mean(&*squares));
         Consistency { state, error, verdict: HoldVerdict::from_error(error.value) }
     });
@@ -154,7 +156,7 @@ pub fn hold_figures(
         hover_throttle: mean_of(|run| run.hover_throttle_sq).sqrt(),
         states: states.collect(),
         nis: AltitudeSensor::ALL.map(|sensor| {
-            let sums = flown.iter().map(|run| run.nis[sensor as usize]);
+            let sums = flights.iter().map(|run| run.nis[sensor as usize]);
             let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
             (n > 0.0).then(|| sum / n)
         }),
@@ -177,19 +179,20 @@ struct FlightMeans {
     states: [f64; 6],
     /// Sum of the normalized innovations squared, and their number.
     nis: [(f64, f64); 3],
-    /// Found by the filter, and seen by the ranger.
+    /// Floor steps: detected by the filter, and passed by the height sensor.
     steps: [f64; 2],
 }
 
 impl FlightMeans {
+    /// Computes the means of a flight after [`FROM_S`].
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
-        // Consistency counts away from events, where the model is wrong on purpose.
+        // Consistency counts away from events, at which the model is wrong on purpose.
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
-        // Sums and counts, so that flights with more readings weigh more.
+        // Sums and numbers, so that flights with more readings have more weight.
         let mut nis = [(0.0, 0.0); 3];
         for reading in quiet.iter().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
             let (sum, n) = &mut nis[reading.sensor as usize];
@@ -220,7 +223,7 @@ fn square(value: f64) -> f64 {
 }
 
 impl HoldFigures {
-    /// Limits that the scenario's figures miss.
+    /// Returns a sentence for each limit that the figures exceed.
     fn misses(&self) -> Vec<String> {
         let Some(bounds) = self.bounds else { return Vec::new() };
         let Bounds { estimate_m, hold_m, inside: [low, high], hover_throttle, nis, steps } = bounds;
@@ -240,12 +243,12 @@ impl HoldFigures {
             let throttle = self.hover_throttle;
             missed.push(format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"));
         }
-        // Consistency: of innovations in both directions, of states only if σ is too small.
+        // Innovations are checked in both directions, states only for too small a σ.
         let [low, high] = nis;
         let beyond = self.nis.iter().flatten().filter(|nis| !(low..=high).contains(*nis));
         missed.extend(beyond.map(|nis| format!("NIS {nis:.2}, not {low} to {high}")));
-        let too_sure = self.states.iter().filter(|s| s.verdict == HoldVerdict::Overconfident);
-        missed.extend(too_sure.map(|Consistency { state, error, .. }| {
+        let overconfident = self.states.iter().filter(|s| s.verdict == HoldVerdict::Overconfident);
+        missed.extend(overconfident.map(|Consistency { state, error, .. }| {
             format!("{state} overconfident: squared error over variance {:.2}", error.value)
         }));
         let [found, seen] = self.steps;

@@ -1,4 +1,4 @@
-//! The full simulator at constant altitude: a slow level flight on the altitude filter's estimates.
+//! Altitude hold in the full simulator: a slow level flight on the altitude filter's estimates.
 
 use nalgebra::Vector3;
 
@@ -10,7 +10,7 @@ use noctograph_plan::{Plan, PlanData, Setpoint};
 use noctograph_sim::vehicle::Plant;
 use noctograph_sim::{Avionics, Drone, SimOptions, fly_watched};
 
-/// Flies a scenario, as [`super::hold`] says.
+/// Flies a scenario: see [`super::hold()`].
 pub(super) fn hold(
     believed: &SimOptions,
     scenario: HoldScenario,
@@ -21,11 +21,11 @@ pub(super) fn hold(
     let plan = level_flight(duration_s);
     let rate_hz = actual.rates.control_hz;
     let ticks_per_sample = (rate_hz / SAMPLES_HZ).max(1);
-    let (mut samples, mut readings, mut steps) = (Vec::new(), Vec::new(), 0);
+    let (mut samples, mut readings, mut n_steps) = (Vec::new(), Vec::new(), 0);
     let drone = Drone { believed, ..Drone::new(&actual, seed) };
     let watch = &mut |tick: u32, plant: &Plant, avionics: &Avionics| {
         let Some(filter) = avionics.altitude() else { return };
-        // Readings of all ticks since the last sample go into the next.
+        // A sample has the readings of all ticks since the one before.
         readings.extend_from_slice(filter.readings());
         if tick.is_multiple_of(ticks_per_sample) {
             let throttle = avionics.motors().iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
@@ -33,15 +33,15 @@ pub(super) fn hold(
             let time_s = f64::from(tick) / f64::from(rate_hz);
             let readings = std::mem::take(&mut readings);
             samples.push(HoldSample::new(time_s, truth, filter, throttle, readings));
-            steps = filter.steps();
+            n_steps = filter.steps();
         }
     };
     fly_watched(&[(&plan, drone)], watch, &mut |_| {})?;
-    Ok(Hold { set_m: SET_M, samples, steps })
+    Ok(Hold { set_m: SET_M, samples, steps: n_steps })
 }
 
-/// True states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The floor is the
-/// one that the tilted ranger sees. A steady draft is part of α⁰.
+/// Returns the true states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The
+/// floor is the one that the tilted height sensor measures. A steady draft is part of α⁰.
 fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     let (body, vehicle) = (plant.body(), &actual.vehicle);
     let (position_m, down) = (body.position_m, -body.matrix().column(2));
@@ -52,7 +52,7 @@ fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     [z_m, v_m_s, offset_m_s2, plant.gain_m_s2(), ranger_m, barometer_m]
 }
 
-/// Setpoints along x at a steady speed, one a second.
+/// Returns a plan along x at a constant speed, with a setpoint each second.
 fn level_flight(duration_s: f64) -> Plan {
     let seconds = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
     let setpoints = seconds.chain([duration_s]).map(|time_s| Setpoint {

@@ -1,10 +1,10 @@
 //! Altitude hold from three imperfect sensors, with an unknown thrust map.
 //!
-//! A quadcopter measures its altitude by satellites, by a ranger that looks down onto a floor that
-//! is not flat, and by air pressure that drifts. How its throttle τ becomes lift is unknown and
-//! changes with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter)
-//! estimates altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude on
-//! its estimates through [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full
+//! A quadcopter measures its altitude with satellites, with a height sensor above an uneven floor,
+//! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes
+//! with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
+//! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude with its
+//! estimates through [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full
 //! simulator.
 //!
 //! Limits of the filter: while the throttle is held, α⁰ and α¹ are not observable separately (rank
@@ -30,9 +30,9 @@ use noctograph_sim::{
 
 /// Longest flight.
 const MAX_DURATION_S: f64 = 3600.0;
-/// Samples, and in the scalar model steps of the filter, per second: the lab sheet's.
+/// Samples per second, and steps of the filter in the scalar model, as in the lab sheet.
 const SAMPLES_HZ: u32 = 10;
-/// A change of the floor that is an event.
+/// Least change of the floor that counts as an event.
 const EVENT_M: f64 = 0.1;
 /// Altitude that is held.
 const SET_M: f64 = 1.5;
@@ -40,22 +40,22 @@ const SET_M: f64 = 1.5;
 settings! {
     /// The simulated drone.
     pub enum HoldModel {
-        /// Only vertical motion: a gain, an offset, a lag of the motors and gusts.
+        /// Only vertical motion: a gain, an offset, a motor lag and gusts.
         "scalar" => Scalar,
         /// The full simulator: body, rotors, battery, sensors, controller.
         "full" => Full,
     }
 }
 
-/// Holds an altitude for a time through a scenario, with the noise of a seed.
+/// Simulates altitude hold in a scenario for `duration_s`, with the noise of a seed.
 ///
 /// The drone, its sensors, the filter and the gains are those of the options. The drone's true lift
-/// differs from theirs by a fraction drawn from the seed.
+/// differs from the options' by a fraction that is drawn from the seed.
 ///
 /// # Errors
 ///
-/// As [`SimOptions::check`]. [`Error::Input`] for options without an altitude filter, and for a
-/// duration out of range. [`Error::Infeasible`] for a drone that does not stay in the air.
+/// Those of [`SimOptions::check`]. [`Error::Input`] for options without an altitude filter, and for
+/// a duration out of range. [`Error::Infeasible`] if the drone does not stay in the air.
 pub fn hold(
     model: HoldModel,
     options: &SimOptions,
@@ -84,7 +84,7 @@ pub struct Hold {
     pub set_m: f64,
     /// Samples, ten a second.
     pub samples: Vec<HoldSample>,
-    /// Steps of the floor that the filter found.
+    /// Number of floor steps that the filter detected.
     pub steps: u32,
 }
 
@@ -99,9 +99,9 @@ pub struct HoldSample {
     pub estimate: [f64; 6],
     /// Standard deviations of the estimates.
     pub sigma: [f64; 6],
-    /// Throttle that is commanded from now on.
+    /// Throttle that is commanded until the next sample.
     pub throttle: f64,
-    /// Readings since the sample before.
+    /// Readings since the previous sample.
     pub readings: Vec<HeightReading>,
 }
 
@@ -122,15 +122,15 @@ const STATE_COLUMNS: [&str; 6] =
     ["z_m", "v_m_s", "offset_m_s2", "gain_m_s2", "ranger_bias_m", "barometer_bias_m"];
 
 impl Hold {
-    /// Writes the flight as CSV, a row a sample.
+    /// Writes the flight as CSV, with a row for each sample.
     pub fn write_csv(&self, out: impl Write) -> std::io::Result<()> {
         let mut out = csv::Writer::from_writer(out);
         let columns = ["true", "estimated", "sigma"]
             .iter()
             .flat_map(|kind| STATE_COLUMNS.iter().map(move |state| format!("{state}_{kind}")));
-        let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
-        out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
-        // The last reading of each sensor since the sample before, or an empty cell.
+        let header = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
+        out.write_record(header.map(str::to_owned).into_iter().chain(columns))?;
+        // The last reading of each sensor since the previous sample, or an empty cell.
         for s in &self.samples {
             let numbers = [s.time_s, s.throttle].map(Some);
             let readings = AltitudeSensor::ALL.map(|sensor| {
@@ -145,8 +145,10 @@ impl Hold {
         out.flush()
     }
 
-    /// Times at which the floor below the ranger stepped, for at least two samples.
+    /// Returns the times at which the floor below the height sensor stepped, for at least two
+    /// samples.
     pub fn events_s(&self) -> Vec<f64> {
+        // State 4 is the height sensor's bias, minus the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);
         for pair in self.samples.windows(2) {
             let last_m = last_m.get_or_insert(pair[0].truth[4]);
@@ -160,6 +162,7 @@ impl Hold {
 }
 
 impl HoldSample {
+    /// Creates a sample with the filter's estimates and standard deviations.
     fn new(
         time_s: f64,
         truth: [f64; 6],
@@ -172,7 +175,7 @@ impl HoldSample {
         Self { time_s, truth, estimate, sigma, throttle, readings }
     }
 
-    /// Throttle −α⁰/α¹ that carries the drone's weight: true and estimated.
+    /// Returns the throttle −α⁰/α¹ that carries the drone's weight: true and estimated.
     pub fn hover_throttle(&self) -> [f64; 2] {
         [self.truth, self.estimate].map(|states| -states[2] / states[3])
     }

@@ -1,7 +1,7 @@
-//! A scalar drone that holds its altitude on the filter's estimates.
+//! Altitude hold in a scalar model.
 //!
-//! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the lag of the motors, at 100 Hz. Sensors, filter and
-//! controller run at 10 Hz, as the lab sheet asks.
+//! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the motors' lag, at 100 Hz. Sensors, filter and controller
+//! run at 10 Hz, as in the lab sheet.
 
 use super::scenario::{DRONE, GAIN_SPREAD, GUST, HoldScenario, OFFSET_SPREAD_M_S2};
 use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
@@ -11,12 +11,12 @@ use noctograph_core::random::Noise;
 use noctograph_sim::sensors::{Positioning, SensorOptions};
 use noctograph_sim::{AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains};
 
-/// Steps of the truth per second.
+/// Simulation steps per second.
 const TRUTH_HZ: u32 = 100;
-/// Spread of the barometer's bias at the start, m.
+/// Standard deviation of the barometer's initial bias, m.
 const BAROMETER_BIAS_M: f64 = 0.3;
 
-/// Flies a scenario, see [`super::hold()`].
+/// Flies a scenario: see [`super::hold()`].
 pub(super) fn hold(
     options: &SimOptions,
     scenario: HoldScenario,
@@ -39,11 +39,11 @@ pub(super) fn hold(
             if tick > 0 {
                 filter.predict(throttle, 1.0 / f64::from(SAMPLES_HZ));
             }
-            let hears_gnss = scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
+            let has_gnss = scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
             for (sensor, noise) in &mut sensors {
                 let error = noise.normal();
-                let is_heard = *sensor != AltitudeSensor::Gnss || hears_gnss;
-                if is_heard && carries(&options.sensors, *sensor) {
+                let is_available = *sensor != AltitudeSensor::Gnss || has_gnss;
+                if is_available && carries(&options.sensors, *sensor) {
                     filter.update(*sensor, truth.measured_m(*sensor, time_s, error));
                 }
             }
@@ -59,6 +59,7 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps: filter.steps() })
 }
 
+/// Returns true if the drone has the sensor.
 fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
     match sensor {
         AltitudeSensor::Gnss => sensors.positioning == Positioning::Gnss,
@@ -68,7 +69,7 @@ fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
     }
 }
 
-/// The drone as it is.
+/// The true drone and its sensors' biases.
 #[derive(Debug)]
 struct Truth<'a> {
     options: &'a SimOptions,
@@ -85,9 +86,9 @@ struct Truth<'a> {
 }
 
 impl<'a> Truth<'a> {
-    /// The scalar model at the set altitude, with gain, offset and bias drawn by the seed.
+    /// Creates the drone at the set altitude, with gain, offset and bias drawn from the seed.
     fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
-        // The same stream as in the full simulator: the drone is the same in both.
+        // The same random stream as in the full simulator, so that both have the same drone.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let hover = options.vehicle.hover_throttle();
         Self {
@@ -105,11 +106,12 @@ impl<'a> Truth<'a> {
         }
     }
 
+    /// Returns α¹ at `time_s`, which falls with the battery.
     fn gain(&self, time_s: f64) -> f64 {
         self.full_gain * self.scenario.lift_frac(time_s)
     }
 
-    /// True values of the altitude filter's states, in the order of [`AltitudeState`].
+    /// Returns the true values of the altitude filter's states, in the order of [`AltitudeState`].
     fn states(&self, time_s: f64) -> [f64; 6] {
         let drift_m_s = self.options.sensors.barometer.drift_m_s + self.scenario.drift_m_s();
         let barometer_m = self.barometer_m + drift_m_s * time_s;
@@ -117,6 +119,7 @@ impl<'a> Truth<'a> {
         [self.altitude_m, self.velocity_m_s, self.offset, gain, -floor_m, barometer_m]
     }
 
+    /// Returns a sensor's reading, with a noise of `error` standard deviations.
     fn measured_m(&self, sensor: AltitudeSensor, time_s: f64, error: f64) -> f64 {
         let [z, _, _, _, ranger_m, barometer_m] = self.states(time_s);
         let sensors = &self.options.sensors;
@@ -127,7 +130,7 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// Advances the vertical motion by one tick.
+    /// Advances the vertical motion by one step of the simulation.
     fn step(&mut self, throttle: f64, time_s: f64) {
         let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
         let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);

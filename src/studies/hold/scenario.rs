@@ -1,32 +1,32 @@
-//! Events of a flight at constant altitude, in the scalar model and in the full simulator.
+//! Events during altitude hold, for the scalar model and the full simulator.
 
 use noctograph_core::random::Noise;
 use noctograph_core::settings::settings;
 use noctograph_sim::SimOptions;
 use noctograph_sim::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
 
-/// σ of the true lift per throttle about the vehicle's, as a fraction of it.
+/// σ of the true lift per throttle, as a fraction of the vehicle's.
 pub(super) const GAIN_SPREAD: f64 = 0.05;
-/// σ of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
+/// σ of the true α⁰ about gravity, m/s²: lift without throttle, or a steady draft.
 pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
 /// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
 pub(super) const GUST: [f64; 2] = [0.15, 2.0];
 
-/// Height of the table, m, and when it is below the drone, s.
+/// Height of the table, m, and the time during which it is below the drone, s.
 const TABLE_M: f64 = 0.5;
 const TABLE_S: [f64; 2] = [20.0, 40.0];
-/// When the satellites are silent, s.
+/// Time without satellites, s.
 const SILENT_S: [f64; 2] = [20.0, 30.0];
-/// Fraction of the lift that the battery loses, and the time that this takes, s.
+/// Fraction of the lift that the battery loses, and the time for this, s.
 const DRAIN_FRAC: f64 = 0.25;
 const DRAIN_S: f64 = 60.0;
 /// Drift of the air pressure, m/s.
 const DRIFT_M_S: f64 = 0.02;
-/// Level speed in the full simulator, where the table waits until the drone comes, m/s.
+/// Speed in the full simulator, in which the drone flies over the table, m/s.
 pub(super) const SPEED_M_S: f64 = 0.2;
 /// Half the width of the table, m.
 const TABLE_HALF_WIDTH_M: f64 = 50.0;
-/// Steps of the search for the drained battery's voltage.
+/// Bisections in the search for the drained battery's voltage.
 const BISECTIONS: u32 = 60;
 
 settings! {
@@ -48,39 +48,42 @@ settings! {
 }
 
 impl HoldScenario {
-    /// True if a table is below the flight.
+    /// Returns true if there is a table on the floor.
     pub fn has_step(self) -> bool {
         matches!(self, Self::Step | Self::StepSilent)
     }
 
-    /// Height of the floor at a time, m.
+    /// Returns the height of the floor below the drone at `time_s`, m.
     pub(super) fn floor_m(self, time_s: f64) -> f64 {
-        let is_above = self.has_step() && (TABLE_S[0]..TABLE_S[1]).contains(&time_s);
-        if is_above { TABLE_M } else { 0.0 }
+        let is_above_table = self.has_step() && (TABLE_S[0]..TABLE_S[1]).contains(&time_s);
+        if is_above_table { TABLE_M } else { 0.0 }
     }
 
-    /// True if the satellites are heard at a time.
+    /// Returns true if the drone receives satellites at `time_s`.
     pub(super) fn hears_gnss(self, time_s: f64) -> bool {
         !(self.is_silent() && (SILENT_S[0]..SILENT_S[1]).contains(&time_s))
     }
 
+    /// Returns true if the scenario has a satellite outage.
     fn is_silent(self) -> bool {
         matches!(self, Self::Silent | Self::StepSilent)
     }
 
-    /// Fraction of the full lift that the battery gives at a time.
+    /// Returns the fraction of the full lift that the battery allows at `time_s`.
     pub(super) fn lift_frac(self, time_s: f64) -> f64 {
         if self == Self::Drain { 1.0 - DRAIN_FRAC * time_s / DRAIN_S } else { 1.0 }
     }
 
-    /// Drift of the barometer, m/s.
+    /// Returns the barometer's drift, m/s.
     pub(super) fn drift_m_s(self) -> f64 {
         if self == Self::Drift { DRIFT_M_S } else { 0.0 }
     }
 
-    /// The drone that truly flies the scenario in the full simulator.
+    /// Returns the options of the drone that actually flies in the full simulator, with the
+    /// scenario's events. `believed` are the filter's and the controller's.
     pub(super) fn applied(self, believed: &SimOptions, seed: u64) -> SimOptions {
         let mut actual = believed.clone();
+        // Drawn in the order of the scalar model.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let lift = 1.0 + GAIN_SPREAD * drawn.normal();
         let offset_m_s2 = OFFSET_SPREAD_M_S2 * drawn.normal();
@@ -97,7 +100,7 @@ impl HoldScenario {
         if self == Self::Drain {
             drain(&mut actual);
         }
-        // Gusts and draft as wind that makes the same acceleration through the body's drag.
+        // Gusts and draft as wind that causes the same acceleration through the body's drag.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
@@ -114,18 +117,18 @@ impl HoldScenario {
     }
 }
 
-/// Name of the noise that draws the true drone, the same in both models.
+/// Name of the random stream that draws the true drone in both models.
 pub(super) const DRONE: &str = "hold drone";
 
-/// Gives a drone in hover a battery whose lift falls by [`DRAIN_FRAC`] in [`DRAIN_S`], through its
-/// resistance and thrust: a straight open-circuit curve, and a charge that lasts as long.
+/// Replaces the battery by one whose lift in hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`]: its
+/// charge lasts that long, and its open-circuit voltage falls linearly.
 fn drain(options: &mut SimOptions) {
     let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;
     let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
     let full_v = battery.open_circuit_v(battery.charge_frac);
     let wanted_n = (1.0 - DRAIN_FRAC) * lift_n(battery, full_v, current_a);
-    // The voltage of the lift at the end, by bisection.
+    // The voltage at which the lift is as wanted in the end, by bisection.
     let (mut low_v, mut high_v) = (0.0, full_v);
     for _ in 0..BISECTIONS {
         let middle_v = 0.5 * (low_v + high_v);
@@ -145,7 +148,7 @@ fn drain(options: &mut SimOptions) {
     };
 }
 
-/// Full thrust at an open-circuit voltage while a current is drawn.
+/// Returns the full thrust at an open-circuit voltage while a current is drawn.
 fn lift_n(battery: &BatteryOptions, open_v: f64, current_a: f64) -> f64 {
     let [a, b, c, d] = battery.thrust_from_v_n;
     let v = open_v - battery.resistance_ohm * current_a;

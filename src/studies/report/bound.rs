@@ -1,4 +1,5 @@
-//! The bound of estimated positions as SVG: the word colored by it, and the room from above.
+//! Draws the bound of position estimates as SVG: the strokes colored by it, and the room from
+//! above.
 
 use std::ops::Range;
 
@@ -18,25 +19,26 @@ const MARGIN_PX: f64 = 56.0;
 const LEGEND_PX: f64 = 130.0;
 /// Height of capitals.
 const CAP_PX: f64 = 9.0;
-/// Between two points of the drawn path.
+/// Time between two points of the drawn path.
 const STEP_S: f64 = 0.05;
 
-/// A square view of these points, with a left edge.
+/// Returns a square window around points in meters, whose left edge is at `left_px`.
 fn view(points: impl IntoIterator<Item = [f64; 2]>, left_px: f64) -> Window {
     let [left, bottom, right, top] = geometry::bounds(points);
+    // At least a decimeter, since a single point has no extent.
     let span_m = (right - left).max(top - bottom).max(0.1);
     let middle_m = Point::new(0.5 * (left + right), 0.5 * (bottom + top));
     let corner_m = middle_m + 0.5 * span_m * Vec2::new(-1.0, 1.0);
     Window { corner_px: Point::new(left_px, MARGIN_PX), corner_m, px_per_m: VIEW_PX / span_m }
 }
 
-/// The end at which a label is anchored so that it stays within its view.
+/// Returns the anchor with which a label at `x_px` stays within its view.
 fn anchor(view: &Window, x_px: f64) -> Anchor {
     if x_px > view.corner_px.x + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
 }
 
-/// Draws the strokes of all drones colored by the bound, and beside them the anchors from above
-/// with the best position of one more.
+/// Returns an SVG of all drones' strokes colored by the bound, and beside it the anchors from
+/// above, with the best position of one more anchor.
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],
@@ -71,18 +73,19 @@ pub fn bound_map(
     canvas.svg()
 }
 
-/// The least and the greatest bound of a lit stroke, which have the first and the last color.
+/// Returns the range of the bound over lit strokes, which is that of the colors.
 fn lit_m(bounds: &[Bound]) -> Range<f64> {
     let samples = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
     let lit_m = range(samples.filter_map(|(sigma_m, letter)| letter.and(Some(*sigma_m))));
     if lit_m.start > lit_m.end { 0.0..1.0 } else { lit_m }
 }
 
+/// Writes black text from its lower left corner on.
 fn label(canvas: &mut Canvas, left: Point, text: &str) {
     canvas.text(text, left, Anchor::Start, CAP_PX, [0; 3]);
 }
 
-/// A drone's path from the front: lit strokes in the color of their bound, the rest thin.
+/// Draws a drone's path from the front: lit strokes in the color of their bound, the rest thin.
 fn draw_strokes(
     canvas: &mut Canvas,
     front: &Window,
@@ -90,17 +93,16 @@ fn draw_strokes(
     bound: &Bound,
     lit_m: &Range<f64>,
 ) {
-    // Thinned to the step that a viewer can tell apart.
-    let (mut shown_s, mut before) = (f64::NEG_INFINITY, None);
+    // Thinned to steps that a viewer can distinguish.
+    let (mut last_s, mut last) = (f64::NEG_INFINITY, None);
     for ((time_s, sigma_m), letter) in bound.time_s.iter().zip(&bound.sigma_m).zip(&bound.letter) {
-        if time_s - shown_s < STEP_S {
+        if time_s - last_s < STEP_S {
             continue;
         }
-        // Lit pieces are broad and colored, dark ones thin.
-        shown_s = *time_s;
+        last_s = *time_s;
         let design_m = plan.design_m(*time_s);
         let point = front.px(Point::new(design_m.x, design_m.z));
-        if let Some(from) = before {
+        if let Some(from) = last {
             let fraction = (sigma_m - lit_m.start) / (lit_m.end - lit_m.start).max(1e-6);
             let pen = match letter {
                 Some(_) => Pen::new(viridis(fraction), 6.0),
@@ -108,20 +110,19 @@ fn draw_strokes(
             };
             canvas.line([from, point], pen);
         }
-        before = Some(point);
+        last = Some(point);
     }
 }
 
-/// The anchors from above, each with its height and the number of drones that hear it.
+/// Draws the anchors from above, each with its height and the number of drones that receive it.
 fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones: usize) {
-    // Anchors in their order, since those before one decide its line.
     let mut drawn: Vec<Point> = Vec::new();
     for (index, [x_m, y_m, z_m]) in uwb.anchors_m.iter().enumerate() {
         let center = above.px(Point::new(*x_m, *y_m));
         let n_hear = uwb.heard.iter().filter(|heard| heard.contains(&index)).count();
         let is_heard_by_all = uwb.heard.is_empty() || n_hear == n_drones;
         let by = if is_heard_by_all { "all".to_owned() } else { n_hear.to_string() };
-        // Anchors on one pole have a line each.
+        // Labels of anchors on one pole, within 80 pixels, are below each other.
         let line = drawn.iter().filter(|other| (**other - center).hypot2() < 80.0 * 80.0).count();
         let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
         canvas.dot(center, 6.0, BLUE);
@@ -132,6 +133,7 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
     }
 }
 
+/// Draws the legend of the colors in centimeters.
 fn draw_legend(canvas: &mut Canvas, lit_m: &Range<f64>) {
     let x = 3.0 * MARGIN_PX + 2.0 * VIEW_PX - 20.0;
     label(canvas, Point::new(x, MARGIN_PX), "1 \u{3c3} over 3 axes");

@@ -1,7 +1,7 @@
-//! A canvas: lines, cells and words over white or over a photo, as SVG text or as pixels.
+//! Draws lines, cells and text on white or on a photo, as SVG or as pixels.
 //!
-//! Pixels have y down, from the upper left corner. Text is left to the viewer's sans-serif typeface
-//! in SVG, and written in single strokes as pixels.
+//! Pixels have y down, from the upper left corner. Text has the viewer's sans-serif typeface in
+//! SVG, and single strokes in pixels.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use kurbo::{Point, Rect, Vec2};
@@ -15,14 +15,14 @@ use noctograph_picture::photo::{self, Photo, PhotoData};
 /// Red, green, blue.
 pub(super) type Rgb = [u8; 3];
 
-/// Height of capitals, relative to the size of a typeface.
+/// Height of capitals, relative to the font size.
 pub(super) const CAP_RATIO: f64 = 0.7;
 
 /// Width of written strokes, and the space between characters, relative to the height of capitals.
 const STROKE_RATIO: f64 = 0.12;
 const SPACE_RATIO: f64 = 0.25;
 
-/// Attributes that a group of an SVG file gives its shapes.
+/// Attributes of a group of shapes in an SVG file, and the end of its tag.
 const GROUP: &str = "fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n";
 
 /// Style of a line.
@@ -31,40 +31,42 @@ pub(super) struct Pen {
     pub(super) color: Rgb,
     pub(super) width_px: f64,
     pub(super) dashed: bool,
-    /// True if the area inside the line is filled, thinly.
+    /// True if the area inside the line is filled with a light shade.
     pub(super) filled: bool,
 }
 
 impl Pen {
-    /// A solid line.
+    /// Returns the pen of a solid line.
     pub(super) const fn new(color: Rgb, width_px: f64) -> Self {
         Self { color, width_px, dashed: false, filled: false }
     }
 }
 
-/// The point of a text's lower edge that its position means.
+/// The point of a text's lower edge at its position.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
     Middle,
     End,
-    /// The middle of a text that is read from below to above.
+    /// The middle of a text that is rotated to read upward.
     Upward,
 }
 
-/// A surface for lines, dots and words: an SVG file or pixels.
+/// A surface for lines, dots and text: an SVG file or pixels.
 pub(super) trait Surface {
-    /// Begins a layer, by its name.
+    /// Begins a layer with a name.
     fn layer(&mut self, name: &str);
 
+    /// Draws a line through points.
     fn line(&mut self, points: impl IntoIterator<Item = Point>, pen: Pen);
 
+    /// Draws a filled disk.
     fn dot(&mut self, center: Point, radius_px: f64, color: Rgb);
 
-    /// Writes a text whose capitals have a height, from its lower left corner on.
+    /// Writes a text with capitals `cap_px` high, from its lower left corner on.
     fn write(&mut self, text: &str, corner: Point, cap_px: f64, color: Rgb);
 
-    /// The outline of a disk, as a polygon of 24 corners.
+    /// Draws the outline of a disk, as a polygon with 24 corners.
     fn ring(&mut self, center: Point, radius_px: f64, pen: Pen) {
         let corners = (0..=24).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) * std::f64::consts::TAU / 24.0);
@@ -74,8 +76,7 @@ pub(super) trait Surface {
     }
 }
 
-/// A part of a plane of the world, with y up: its upper left corner in pixels and in meters, and
-/// its scale.
+/// Maps a plane of the world, with y up, to pixels: by its upper left corner in both, and a scale.
 pub(super) struct Window {
     pub(super) corner_px: Point,
     pub(super) corner_m: Point,
@@ -83,30 +84,30 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The pixel of a point of the plane.
+    /// Returns the pixel of a point in the plane.
     pub(super) fn px(&self, point_m: Point) -> Point {
         let Vec2 { x, y } = point_m - self.corner_m;
         self.corner_px + self.px_per_m * Vec2::new(x, -y)
     }
 
-    /// The pixels of a rectangle of the plane.
+    /// Returns the pixels of a rectangle in the plane.
     pub(super) fn rect_px(&self, rect_m: Rect) -> Rect {
         Rect::from_points(self.px(rect_m.origin()), self.px(Point::new(rect_m.x1, rect_m.y1)))
     }
 }
 
-/// An SVG file's text that is drawn on.
+/// The text of an SVG file, to which shapes are appended.
 pub(super) struct Canvas(String);
 
 impl Canvas {
-    /// A white canvas. Its sides are rounded up to integers.
+    /// Creates a white canvas. Its sides are rounded up to integers.
     pub(super) fn white(size_px: [f64; 2]) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "thousands")]
         let size_px = size_px.map(|side| side.ceil() as u32);
         Self::new(size_px, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n")
     }
 
-    /// A canvas over a photo, which is embedded in the file.
+    /// Creates a canvas with a photo in the background, which is embedded in the file.
     pub(super) fn over(photo: &Photo) -> Self {
         let PhotoData { width_px, height_px, .. } = &**photo;
         let image = format!(
@@ -117,21 +118,21 @@ impl Canvas {
         Self::new([*width_px, *height_px], &image)
     }
 
-    /// A canvas over some SVG.
-    pub(super) fn new([width, height]: [u32; 2], ground: &str) -> Self {
+    /// Creates a canvas with a background, given as SVG elements.
+    pub(super) fn new([width, height]: [u32; 2], background: &str) -> Self {
         Self(format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-             viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\">\n{ground}<g {GROUP}"
+             viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\">\n{background}<g {GROUP}"
         ))
     }
 
-    /// The outline of a rectangle.
+    /// Draws the outline of a rectangle.
     pub(super) fn frame(&mut self, Rect { x0, y0, x1, y1 }: Rect, pen: Pen) {
         let corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)];
         self.line(corners.map(Point::from), pen);
     }
 
-    /// A rectangle without smoothed edges, so that neighbors meet.
+    /// Draws a rectangle without antialiasing, so that neighbors have no gap between them.
     pub(super) fn cell(&mut self, rect: Rect, color: Rgb) {
         let (Rect { x0, y0, .. }, width, height) = (rect, rect.width(), rect.height());
         self.0 += &format!(
@@ -141,7 +142,7 @@ impl Canvas {
         );
     }
 
-    /// Writes a text whose capitals have a height.
+    /// Writes a text with capitals `cap_px` high.
     pub(super) fn text(
         &mut self,
         text: impl AsRef<str>,
@@ -150,8 +151,8 @@ impl Canvas {
         cap_px: f64,
         color: Rgb,
     ) {
-        // Upward text is turned about its own point.
-        let (anchor, turned) = match anchor {
+        // Upward text is rotated about its position.
+        let (anchor, rotation) = match anchor {
             Anchor::Start => ("start", String::new()),
             Anchor::Middle => ("middle", String::new()),
             Anchor::End => ("end", String::new()),
@@ -160,11 +161,11 @@ impl Canvas {
         let (size, color, text) = (cap_px / CAP_RATIO, hex(color), escaped(text.as_ref()));
         self.0 += &format!(
             "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size:.1}\" \
-             fill=\"{color}\"{turned}>{text}</text>\n"
+             fill=\"{color}\"{rotation}>{text}</text>\n"
         );
     }
 
-    /// The file.
+    /// Returns the SVG file.
     pub(super) fn svg(self) -> String {
         self.0 + "</g>\n</svg>\n"
     }
@@ -204,23 +205,25 @@ impl Surface for Canvas {
     }
 }
 
-/// A photo as a surface.
+/// A photo that is drawn on.
 pub(super) struct Pixels {
     pixels: Pixmap,
-    letters: Font,
+    font: Font,
 }
 
 impl Pixels {
+    /// Creates the surface from a copy of a photo.
     pub(super) fn new(photo: &Photo) -> Self {
         let rgba = photo.rgb8.as_chunks::<3>().0.iter().flat_map(|&[r, g, b]| [r, g, b, 255]);
         let size = IntSize::from_wh(photo.width_px, photo.height_px);
         let pixels = size.and_then(|size| Pixmap::from_vec(rgba.collect(), size));
         Self {
             pixels: pixels.expect("a photo has pixels"),
-            letters: Font::open("simplex", Trace::CenterLine).expect("a font of ours"),
+            font: Font::open("simplex", Trace::CenterLine).expect("a font of ours"),
         }
     }
 
+    /// Returns the photo with everything that was drawn.
     pub(super) fn photo(self) -> Photo {
         let [width_px, height_px] = [self.pixels.width(), self.pixels.height()];
         let rgba = self.pixels.take();
@@ -228,19 +231,19 @@ impl Pixels {
         Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
-    /// The lines of a text from its lower left corner on, and its right end. Characters that the
-    /// font lacks are left out.
+    /// Returns the lines of a text from its lower left corner on, and the x of its right end.
+    /// Characters that the font lacks are omitted.
     pub(super) fn letters(&self, text: &str, corner: Point, cap_px: f64) -> (Vec<Vec<Point>>, f64) {
         let (mut lines, mut right) = (Vec::new(), 0.0);
         for character in text.chars() {
-            let Some(aspect) = self.letters.aspect(character) else { continue };
-            // Meters are pixels here, with the baseline at y = 0.
+            let Some(aspect) = self.font.aspect(character) else { continue };
+            // The cell's meters stand for pixels, with the baseline at y = 0.
             let (width_m, cap_height_m) = (aspect * cap_px, cap_px);
             let cell = Cell { left_m: right, baseline_m: 0.0, width_m, cap_height_m };
-            let moves = self.letters.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);
+            let moves = self.font.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);
             for run in moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit) {
-                let ends = std::iter::once(run[0].from_m).chain(run.iter().map(|step| step.to_m));
-                lines.push(ends.map(|[x, y]| corner + Vec2::new(x, -y)).collect());
+                let points = std::iter::once(run[0].from_m).chain(run.iter().map(|m| m.to_m));
+                lines.push(points.map(|[x, y]| corner + Vec2::new(x, -y)).collect());
             }
             right += width_m + SPACE_RATIO * cap_px;
         }
@@ -278,17 +281,19 @@ impl Surface for Pixels {
     }
 }
 
+/// Returns the paint of a color.
 fn paint([r, g, b]: Rgb) -> Paint<'static> {
     let mut paint = Paint::default();
     paint.set_color_rgba8(r, g, b, 255);
     paint
 }
 
-/// Text with the characters escaped that mean something in SVG and HTML.
+/// Returns a text with `&` and `<` escaped for SVG and HTML.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
+/// Returns a color as `#rrggbb`.
 fn hex([red, green, blue]: Rgb) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }

@@ -1,4 +1,4 @@
-//! The map of a coverage as SVG: color for the error, gray where fewer than two stations see.
+//! Draws a coverage map as SVG: colors for the error, grays for fewer than two visible stations.
 
 use kurbo::{Point, Rect, Vec2};
 
@@ -8,11 +8,11 @@ use noctograph_sim::sensors::{Coverage, CoveredPoint};
 
 /// Longer side of the map, pixels.
 const SIDE_PX: f64 = 720.0;
-/// Length of an axis with at most nine numbers.
+/// Assumed length of an axis when its ticks are chosen, for at most nine numbers.
 const AXIS_PX: f64 = 540.0;
 /// Margins for axes (left), title (above), axes (below) and legend (right), pixels.
 const MARGINS_PX: [f64; 4] = [60.0, 56.0, 52.0, 190.0];
-/// Least width of the whole: that of its title.
+/// Least width of the drawing, that of its title.
 const TITLE_PX: f64 = 580.0;
 /// Height of capitals.
 const CAP_PX: f64 = 9.0;
@@ -27,7 +27,7 @@ const VIRIDIS: [[f64; 3]; 5] = [
 const ONE_STATION: Rgb = [184; 3];
 const NO_STATION: Rgb = [90; 3];
 
-/// Draws a coverage, with a frame around the word if there is one.
+/// Returns an SVG of a coverage, with a frame around the word's bounds if they are given.
 pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     let map = Map::new(grid);
     let frame = map.window.rect_px(map.extent_m);
@@ -51,9 +51,10 @@ pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     canvas.svg()
 }
 
+/// A coverage with its window and colors.
 struct Map<'a> {
     grid: &'a Coverage,
-    /// Places of the grid, x and z.
+    /// Extent of the grid in x and z.
     extent_m: Rect,
     window: Window,
     /// Errors of the first and the last color: the smallest, and the 95th percentile, so that a few
@@ -62,9 +63,10 @@ struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
+    /// Creates the map below the title and right of the axis.
     fn new(grid: &'a Coverage) -> Self {
         let errors_m = grid.errors_m();
-        let ends = errors_m.first().zip(errors_m.get(errors_m.len() * 95 / 100));
+        let color_ends_m = errors_m.first().zip(errors_m.get(errors_m.len() * 95 / 100));
         let [right_m, top_m] = [&grid.x_m, &grid.z_m].map(|places_m| places_m[places_m.len() - 1]);
         let extent_m = Rect::new(grid.x_m[0], grid.z_m[0], right_m, top_m);
         let window = Window {
@@ -72,27 +74,29 @@ impl<'a> Map<'a> {
             corner_m: Point::new(extent_m.x0, extent_m.y1),
             px_per_m: SIDE_PX / extent_m.width().max(extent_m.height()),
         };
-        let errors_m = ends.map_or([0.0, 1.0], |(least, most)| [*least, *most]);
+        let errors_m = color_ends_m.map_or([0.0, 1.0], |(least, most)| [*least, *most]);
         Self { grid, extent_m, window, errors_m }
     }
 
-    /// One rectangle per run of places of one color in a row, from midway to midway.
+    /// Draws a rectangle for each run of equal colors in a row, from midway to midway between
+    /// places.
     fn draw_cells(&self, canvas: &mut Canvas) {
         let grid = self.grid;
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
-            // Equal neighbors are one rectangle, which keeps the file small.
+            // One rectangle for equal neighbors keeps the file small.
             let colors: Vec<Rgb> = colors.iter().map(|place| self.color(place)).collect();
             let [low_m, high_m] = edges_m(&grid.z_m, row, row);
-            let mut from = 0;
+            let mut first = 0;
             for run in colors.chunk_by(|a, b| a == b) {
-                let [start_m, end_m] = edges_m(&grid.x_m, from, from + run.len() - 1);
+                let [start_m, end_m] = edges_m(&grid.x_m, first, first + run.len() - 1);
                 let cell_m = Rect::new(start_m, low_m, end_m, high_m);
                 canvas.cell(self.window.rect_px(cell_m), run[0]);
-                from += run.len();
+                first += run.len();
             }
         }
     }
 
+    /// Returns a place's color: a gray for fewer than two stations, else that of its error.
     fn color(&self, place: &CoveredPoint) -> Rgb {
         match (place.n_stations, place.error_m) {
             (0, _) => NO_STATION,
@@ -104,6 +108,7 @@ impl<'a> Map<'a> {
         }
     }
 
+    /// Draws the frame, both axes with ticks and numbers, and their names.
     fn draw_axes(&self, canvas: &mut Canvas, frame: Rect) {
         let (pen, Rect { x0: left, y0: above, y1: bottom, .. }) = (Pen::new(BLACK, 1.0), frame);
         canvas.frame(frame, pen);
@@ -126,6 +131,7 @@ impl<'a> Map<'a> {
         canvas.text("z (m)", beside, Anchor::End, CAP_PX, BLACK);
     }
 
+    /// Draws the legend below its upper left corner.
     fn draw_legend(&self, canvas: &mut Canvas, corner: Point) {
         let title = corner + Vec2::new(0.0, 12.0);
         canvas.text("error, 1 σ", title, Anchor::Start, CAP_PX, BLACK);
@@ -149,13 +155,13 @@ impl<'a> Map<'a> {
     }
 }
 
-/// Edges of the cells from `first` to `last`: midway to their neighbors.
+/// Returns the edges of the cells from `first` to `last`, midway to their neighbors.
 fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
     [(first.saturating_sub(1), first), (last, (last + 1).min(places_m.len() - 1))]
         .map(|(i, j)| 0.5 * (places_m[i] + places_m[j]))
 }
 
-/// A color from dark (0) to light (1).
+/// Returns the color of the viridis map at a fraction, from dark (0) to light (1).
 pub(super) fn viridis(fraction: f64) -> Rgb {
     let place = fraction.clamp(0.0, 1.0) * 4.0;
     #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]

@@ -1,4 +1,4 @@
-//! An evening's page: its flights, its drones over time, and their conditions.
+//! The page of an evening: its flights, its drones over time, and their conditions.
 
 use super::Page;
 use super::canvas::{Pen, Rgb};
@@ -8,13 +8,13 @@ use crate::{Evening, EveningLog, LogFigures};
 
 /// Height of a panel.
 const HEIGHT_PX: f64 = 130.0;
-/// A figure of a log.
-type Of = fn(&LogFigures) -> Option<f64>;
+/// Selects a figure of a log.
+type Select = fn(&LogFigures) -> Option<f64>;
 /// Most drones with a curve.
 const MOST_DRONES: usize = 7;
 
-/// The page: the `printed` table of the evening, its drones over time, and the file of
-/// `conditions`.
+/// Returns the page: the `printed` table of the evening, plots of its drones over time, and the
+/// conditions file `conditions`.
 pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &str) -> Page {
     let (n, sound) = (evening.logs.len(), evening.sound().count());
     let drones = evening.drones();
@@ -23,9 +23,9 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
          hold against; gusts: those that turn a drone as its air did. -: the log does not show it.",
     );
-    // One panel a figure, with a curve for each drone over its sound flights.
-    let most = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
-    let panels: [(&str, f64, Of); 4] = [
+    // A panel for each figure, with a curve for each drone over its sound flights.
+    let most_logs = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
+    let panels: [(&str, f64, Select); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),
         ("trim x (mm)", 0.5, |f| Some(1e3 * f.trim_m[0])),
         ("trim y (mm)", 0.5, |f| Some(1e3 * f.trim_m[1])),
@@ -37,7 +37,7 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
             let curves: Vec<Curve> =
                 logs.zip(COLORS).map(|(logs, color)| curve(logs, figure, color)).collect();
             let values = curves.iter().flat_map(Curve::points).map(|(_, value)| value);
-            let axes = [0.5..most as f64 + 0.5, around(values, least)];
+            let axes = [0.5..most_logs as f64 + 0.5, around(values, least)];
             Panel { counts: true, ..Panel::new(axes, HEIGHT_PX, y_name, curves) }
         });
         let pens = COLORS.map(|color| Pen::new(color, 2.0));
@@ -55,14 +55,14 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
     page.section("Conditions").printed(conditions)
 }
 
-/// A figure of a drone's sound flights, in their order.
-fn curve(logs: &[EveningLog], figure: Of, color: Rgb) -> Curve {
+/// Returns the curve of a figure over a drone's sound flights, in their order.
+fn curve(logs: &[EveningLog], figure: Select, color: Rgb) -> Curve {
     let sound = logs.iter().filter(|log| log.flaws.is_empty()).enumerate();
     let points = sound.filter_map(|(index, log)| {
         Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
     });
     let points: Vec<(f64, f64)> = points.collect();
-    // A short bar at each flight, so that a single one is seen.
+    // A short bar at each flight, so that a single one is visible.
     let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
     let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
     Curve { pen: Pen::new(color, 2.0), pieces }

@@ -1,4 +1,4 @@
-//! A figure: panels under each other, with a title and a legend above them, as SVG.
+//! Draws figures as SVG: panels below each other, with a title and a legend above them.
 
 use std::ops::Range;
 
@@ -10,36 +10,35 @@ use super::canvas::{Anchor, CAP_RATIO, Canvas, Pen, Rgb, Surface};
 pub(super) const WIDTH_PX: f64 = 800.0;
 /// Margins left and right of a panel, for the labels of its axis.
 const SIDES_PX: [f64; 2] = [72.0, 24.0];
-/// The outer part of the margin, which stays empty.
+/// Outer part of the margin, which is empty.
 const EDGE_PX: f64 = 12.0;
 /// Width of a panel.
 pub(super) const PANEL_WIDTH_PX: f64 = WIDTH_PX - SIDES_PX[0] - SIDES_PX[1];
-/// Room above the first panel, with one row or two of the legend.
+/// Space above the first panel, with up to two rows of the legend.
 const HEAD_PX: f64 = 72.0;
 /// Height of a row of the legend, and width of its samples.
 const LEGEND_ROW_PX: f64 = 18.0;
 const LEGEND_LINE_PX: f64 = 28.0;
-/// Room below each panel, and more below the last for the name of its axis.
+/// Space below each panel, and further space below the last for the name of its axis.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
-/// Sizes of the letters of numbers, names, titles and marks, and the height kept free for a mark.
+/// Font sizes of numbers, names, titles and marks, and the height that is reserved for a mark.
 const NUMBER_EM_PX: f64 = 11.3;
 const NAME_EM_PX: f64 = 12.1;
 const TITLE_EM_PX: f64 = 16.1;
 const MARK_EM_PX: f64 = 9.7;
 const MARK_PX: f64 = 12.0;
-/// Depth of the lower edge of a text below its middle, and height of a line of text above its lower
-/// edge, relative to its size.
+/// Distances from a text's lower edge to its middle and to its top, relative to the font size.
 const MIDDLE_RATIO: f64 = 0.26;
 const ASCENT_RATIO: f64 = 0.76;
-/// Length of the marks of an axis, and the room between axis and numbers.
+/// Length of an axis's ticks, and the space between axis and numbers.
 const TICK_PX: f64 = 4.0;
 const LABEL_PX: f64 = 8.0;
-/// Space along an axis for each of its numbers, and the number that it always has space for.
+/// Space along an axis for each number, and the least number of numbers.
 const ROOM_PX: f64 = 60.0;
 const LEAST_NUMBERS: f64 = 4.0;
-/// Points of a curve nearer to each other than this are one.
+/// Least distance between two points of a curve.
 const THINNEST_PX: f64 = 0.4;
-/// Step along curves at which marks look for them.
+/// Step along curves at which marks check for overlaps.
 const STEP_PX: f64 = 3.0;
 
 pub(super) const BLACK: Rgb = [0, 0, 0];
@@ -49,7 +48,7 @@ pub(super) const GRAY: Rgb = [186, 186, 186];
 const INK: Rgb = [64, 64, 64];
 const GRID: Rgb = [232, 232, 232];
 
-/// A line through points, in pieces where it is interrupted.
+/// A line through points, possibly in several pieces.
 #[derive(Clone, Debug)]
 pub(super) struct Curve {
     pub(super) pen: Pen,
@@ -57,11 +56,12 @@ pub(super) struct Curve {
 }
 
 impl Curve {
-    /// A line without interruption.
+    /// Creates a line in one piece.
     pub(super) fn whole(pen: Pen, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self { pen, pieces: vec![points.into_iter().collect()] }
     }
 
+    /// Returns the points of all pieces.
     pub(super) fn points(&self) -> impl Iterator<Item = (f64, f64)> + Clone {
         self.pieces.iter().flatten().copied()
     }
@@ -72,7 +72,7 @@ impl Curve {
 pub(super) struct Panel {
     pub(super) x: Range<f64>,
     pub(super) y: Range<f64>,
-    /// True if the axis below counts: its numbers are integers.
+    /// True if the horizontal axis has only integers.
     pub(super) counts: bool,
     pub(super) height_px: f64,
     pub(super) y_name: &'static str,
@@ -81,7 +81,7 @@ pub(super) struct Panel {
 }
 
 impl Panel {
-    /// A panel without words.
+    /// Creates a panel without marks.
     pub(super) fn new(
         [x, y]: [Range<f64>; 2],
         height_px: f64,
@@ -104,20 +104,20 @@ pub(super) struct Mark {
 pub(super) struct Figure {
     pub(super) title: String,
     pub(super) legend: Vec<(String, Pen)>,
-    /// The axis of all panels.
+    /// Name of the horizontal axis of all panels.
     pub(super) x_name: &'static str,
     pub(super) panels: Vec<Panel>,
 }
 
 impl Figure {
-    /// The figure as an SVG file's text, [`WIDTH_PX`] wide.
+    /// Returns the figure as an SVG file, [`WIDTH_PX`] wide.
     pub(super) fn svg(&self) -> String {
         let (places, n_rows) = self.legend_places();
         let mut top_px = HEAD_PX + LEGEND_ROW_PX * f64::from(n_rows.saturating_sub(2));
         let panels_px: f64 = self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum();
         let mut canvas = Canvas::white([WIDTH_PX, top_px + panels_px + BELOW_PX[1] + EDGE_PX]);
         self.draw_title(&mut canvas);
-        // A single row is in the middle of the space of two closer ones.
+        // A single row is in the middle of the space for two.
         let first_px = if n_rows > 1 { 44.0 } else { 50.0 };
         for ((name, pen), (left_px, row)) in self.legend.iter().zip(places) {
             let left = Point::new(left_px, first_px + f64::from(row) * LEGEND_ROW_PX);
@@ -136,16 +136,17 @@ impl Figure {
         canvas.svg()
     }
 
+    /// Draws the title, smaller if it is long.
     fn draw_title(&self, canvas: &mut Canvas) {
         let title = self.title.replace('\n', " / ");
-        // A long word is written smaller, so that it is not cut off.
+        // The font size at which the panel's width holds the title, with 0.6 em for a character.
         let narrow_px = 1.6 * PANEL_WIDTH_PX / title.chars().count().max(1) as f64;
         let em_px = narrow_px.clamp(1.6, TITLE_EM_PX);
         let left = Point::new(SIDES_PX[0], 24.0 + MIDDLE_RATIO * em_px);
         text(canvas, &title, left, Anchor::Start, em_px);
     }
 
-    /// The left ends of the legend's entries with their rows, and the number of rows.
+    /// Returns the left end and the row of each entry of the legend, and the number of rows.
     fn legend_places(&self) -> (Vec<(f64, u32)>, u32) {
         let (mut left_px, mut row) = (SIDES_PX[0], 0);
         let mut places = Vec::new();
@@ -162,7 +163,7 @@ impl Figure {
 }
 
 impl Panel {
-    /// Draws it with its upper left corner at a point.
+    /// Draws the panel with its upper left corner at `corner`.
     fn draw(&self, canvas: &mut Canvas, corner: Vec2) {
         self.draw_axes(canvas, corner);
         for curve in &self.curves {
@@ -178,14 +179,15 @@ impl Panel {
         }
     }
 
-    /// A point of the data, in pixels from the panel's upper left corner.
+    /// Converts a point of the data to pixels from the panel's upper left corner.
     fn px(&self, (x, y): (f64, f64)) -> Point {
+        // Units of the data per pixel.
         let [x_per_px, y_per_px] = [(&self.x, PANEL_WIDTH_PX), (&self.y, self.height_px)]
             .map(|(range, length_px)| (range.end - range.start) / length_px);
         Point::new((x - self.x.start) / x_per_px, (self.y.end - y) / y_per_px)
     }
 
-    /// The grid, both axes with their ticks and numbers, and the name of the vertical one.
+    /// Draws the grid, both axes with ticks and numbers, and the name of the vertical axis.
     fn draw_axes(&self, canvas: &mut Canvas, corner: Vec2) {
         let (grid, ink) = (Pen::new(GRID, 1.0), Pen::new(INK, 1.0));
         let [right, down] = [Vec2::new(PANEL_WIDTH_PX, 0.0), Vec2::new(0.0, self.height_px)];
@@ -217,9 +219,9 @@ impl Panel {
         text(canvas, self.y_name, middle, Anchor::Upward, NAME_EM_PX);
     }
 
-    /// Rectangles of the marks' texts, in pixels from the panel's upper left corner. Each mark in
-    /// turn takes the nearest of several places that is inside the panel and free of earlier marks,
-    /// and free of curves, too, if there is such a place.
+    /// Returns the rectangles of the marks' texts, in pixels from the panel's upper left corner.
+    /// Each mark has the nearest place that is inside the panel and free of earlier marks, and also
+    /// free of curves if there is such a place.
     fn mark_places(&self) -> Vec<Rect> {
         let (drawn, panel) = (self.drawn_px(), Rect::new(0.0, 0.0, PANEL_WIDTH_PX, self.height_px));
         let mut taken: Vec<Rect> = Vec::new();
@@ -249,7 +251,8 @@ impl Panel {
         taken
     }
 
-    /// Points of all curves, a few pixels apart, from the panel's upper left corner.
+    /// Returns points on all curves, [`STEP_PX`] apart, in pixels from the panel's upper left
+    /// corner.
     fn drawn_px(&self) -> Vec<Point> {
         // Equal steps along each line.
         let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
@@ -257,48 +260,49 @@ impl Panel {
         for line in pieces.flat_map(|piece| piece.windows(2)) {
             let [from, to] = [line[0], line[1]].map(|point| self.px(point));
             let n = (libm::hypot(to.x - from.x, to.y - from.y) / STEP_PX).ceil().max(1.0);
-            let mut part = 0.0;
-            while part < n {
-                points.push(from.lerp(to, part / n));
-                part += 1.0;
-            }
+            #[expect(clippy::cast_possible_truncation, reason = "pixels of a figure")]
+            let parts = 0..n as u32;
+            points.extend(parts.map(|part| from.lerp(to, f64::from(part) / n)));
         }
         points
     }
 }
 
-/// Leaves out points that a pixel cannot tell from the one before.
+/// Returns points without those that are closer than [`THINNEST_PX`] to the one before.
 fn thinned(points: impl Iterator<Item = Point>) -> Vec<Point> {
-    let (mut kept, mut end): (Vec<Point>, _) = (Vec::new(), None);
+    let (mut kept, mut last_point): (Vec<Point>, _) = (Vec::new(), None);
     for point in points {
-        end = Some(point);
+        last_point = Some(point);
         if kept.last().is_none_or(|last| (point - *last).hypot2() >= THINNEST_PX * THINNEST_PX) {
             kept.push(point);
         }
     }
-    if kept.last() != end.as_ref() {
-        kept.extend(end);
+    // The last point stays, so that the curve has its full length.
+    if kept.last() != last_point.as_ref() {
+        kept.extend(last_point);
     }
     kept
 }
 
+/// Writes text of a font size in the color of the axes.
 fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f64) {
     canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
-/// From the least to the largest value.
+/// Returns the range from the least to the largest value. Without values its start is after its
+/// end.
 pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
-    let nothing = f64::INFINITY..f64::NEG_INFINITY;
-    values.into_iter().fold(nothing, |range, x| range.start.min(x)..range.end.max(x))
+    let empty = f64::INFINITY..f64::NEG_INFINITY;
+    values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))
 }
 
-/// Round numbers within a range, as many as there is space for along its axis: multiples of 1, 2 or
-/// 5 times a power of ten.
+/// Returns round numbers within a range, as many as an axis of `length_px` has space for: multiples
+/// of 1, 2 or 5 times a power of ten.
 pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     let most = (length_px / ROOM_PX).floor().max(LEAST_NUMBERS);
     let decade = libm::floor(libm::log10((range.end - range.start) / most));
     for step in [1.0, 2.0, 5.0, 10.0] {
-        // Tenths and hundredths as quotients of integers, so that they are rounded once.
+        // Ticks are integers · times / parts, so that tenths are rounded once.
         let [times, parts] = match decade < 0.0 {
             true => [step, libm::pow(10.0, -decade)],
             false => [step * libm::pow(10.0, decade), 1.0],
@@ -316,7 +320,7 @@ pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     Vec::new()
 }
 
-/// A number with as many decimals as it needs, and a proper minus.
+/// Formats a number with as many decimals as it needs, at most three, and a typographic minus.
 pub(super) fn number(value: f64) -> String {
     let rounded = (value * 1000.0).round() / 1000.0 + 0.0;
     rounded.to_string().replace('-', "−")

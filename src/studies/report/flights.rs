@@ -1,4 +1,4 @@
-//! Plots of flights: from above, from the front, and their errors over time.
+//! Plots flights: from above, from the front, and their errors and loads over time.
 
 use std::ops::Range;
 
@@ -18,15 +18,16 @@ pub struct NamedFlight {
     pub samples: Vec<FlightSample>,
 }
 
-/// A line is interrupted where a flight has no sample for longer than this.
+/// Longest time between two samples that a line connects.
 const LONGEST_LINE_S: f64 = 0.2;
-/// Heights of a panel with equal scales on both axes. A wider or taller flight gets more space.
+/// Least height of a panel with equal scales on both axes, and the height to which a tall flight is
+/// fitted.
 const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
-/// The flights from above, x to the right and y up, over the first trace's design, with black lines
-/// at the edges of the safety corridor. SVG. Panics if there is no trace, or one without samples.
+/// Returns an SVG of the flights from above, x to the right and y up, over the first trace's
+/// design, with black lines at the edges of the safety corridor. Panics without traces or samples.
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
@@ -36,14 +37,14 @@ pub fn top_view(traces: &[NamedFlight]) -> String {
     view.svg("Flight from above", "y (m)", [x, y])
 }
 
-/// The flights from the front, x to the right and z up, over the first trace's design. SVG. Panics
-/// if there is no trace, or one without samples.
+/// Returns an SVG of the flights from the front, x to the right and z up, over the first trace's
+/// design. Panics without traces or samples.
 pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
 
-/// Flown minus design over time, a panel an axis, each flight against its own design. SVG. Panics
-/// if there is no trace, or one without samples.
+/// Returns an SVG of flown minus design over time, with a panel for each axis. Each flight is
+/// compared with its own design. Panics without traces or samples.
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
@@ -65,7 +66,8 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     .svg()
 }
 
-/// A panel an axis of errors over time, about zero, with at least some meters to either side.
+/// Returns a panel for each axis with curves of errors over time. All have one scale, about zero,
+/// that reaches at least to `least_m`.
 pub(super) fn error_panels(
     time_s: &Range<f64>,
     least_m: f64,
@@ -73,10 +75,9 @@ pub(super) fn error_panels(
 ) -> Vec<Panel> {
     let axes = [0, 1, 2].map(curves);
     let errors_m = axes.iter().flatten().flat_map(Curve::points).map(|(_, error_m)| error_m.abs());
-    // One scale for all three axes.
     let most_m = 1.05 * errors_m.fold(least_m, f64::max);
     let zero = Curve::whole(Pen::new(BLACK, 1.0), [(time_s.start, 0.0), (time_s.end, 0.0)]);
-    // The line of no error lies below the curves.
+    // The zero line is drawn first, below the curves.
     let names = ["x error (m)", "y error (m)", "z error (m)"];
     let panels = names.into_iter().zip(axes).map(|(y_name, curves)| {
         let curves = [vec![zero.clone()], curves].concat();
@@ -85,13 +86,13 @@ pub(super) fn error_panels(
     panels.collect()
 }
 
-/// Samples over which the strongest motor command is drawn: 50 ms.
+/// Samples for each point of the plot of loads: 50 ms.
 const LOAD_SAMPLES: usize = 12;
-/// A motor's command at full power.
-const FULL: f64 = 65_535.0;
+/// Motor command at full power.
+const FULL_COMMAND: f64 = 65_535.0;
 
-/// The load of drones over time: the command of the strongest motor and, of drones with a battery,
-/// its voltage. SVG.
+/// Returns an SVG of the drones' load over time: the command of the strongest motor, and the
+/// battery's voltage for drones with a battery.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
     let [power, volts]: [Vec<Curve>; 2] = [power_percent, battery_v].map(|value| {
         let curves = flights.iter().enumerate().map(|(index, flight)| {
@@ -120,31 +121,36 @@ pub(super) fn load_over_time(flights: &[Flight]) -> String {
     .svg()
 }
 
-/// Command of the strongest motor from a sample on, as a percentage of full power.
+/// Returns the largest motor command in [`LOAD_SAMPLES`] from a sample on, in percent of full
+/// power. Always `Some`, like [`battery_v`].
 fn power_percent(flight: &Flight, row: usize) -> Option<f64> {
     let samples = flight.samples[row..].iter().take(LOAD_SAMPLES);
     let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
-    Some(100.0 * most / FULL)
+    Some(100.0 * most / FULL_COMMAND)
 }
 
+/// Returns the battery's voltage at a sample. `None` without a battery.
 fn battery_v(flight: &Flight, row: usize) -> Option<f64> {
     flight.extra.get(BATTERY_V)?.get(row).copied()
 }
 
+/// Returns the pen of the flight with an index.
 fn pen(index: usize) -> Pen {
     Pen::new([BLUE, VERMILION][index % 2], 1.75)
 }
 
-/// The traces with their pens. The last is drawn first, so that the first lies on top.
+/// Returns the traces with their pens.
 fn pens(traces: &[NamedFlight]) -> impl DoubleEndedIterator<Item = (&NamedFlight, Pen)> {
     traces.iter().enumerate().map(|(index, trace)| (trace, pen(index)))
 }
 
 impl NamedFlight {
+    /// Returns true if a design is not zero.
     fn has_design(&self) -> bool {
         self.samples.iter().any(|sample| sample.design_m.norm() > 0.0)
     }
 
+    /// Returns the curve of a value, interrupted at gaps.
     fn curve(&self, pen: Pen, value: impl Fn(&FlightSample) -> (f64, f64)) -> Curve {
         let pieces = self.samples.chunk_by(|a, b| b.time_s - a.time_s <= LONGEST_LINE_S);
         let pieces = pieces.map(|piece| piece.iter().map(&value).collect());
@@ -161,6 +167,7 @@ pub(super) struct View {
 }
 
 impl View {
+    /// Creates the view of the first design and all flights, with the first flight on top.
     fn new(traces: &[NamedFlight], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
         let mut view = Self::default();
         if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
@@ -173,8 +180,7 @@ impl View {
         view
     }
 
-    /// Ranges of both axes, with a margin and including these heights, so that a meter is as long
-    /// on either.
+    /// Returns the ranges of both axes with equal scales. They include a margin and `heights_m`.
     fn ranges(&self, heights_m: impl IntoIterator<Item = f64>) -> [Range<f64>; 2] {
         let points = self.curves.iter().flat_map(Curve::points);
         let [x, y] =
@@ -189,12 +195,13 @@ impl View {
         [widened(x, (y.end - y.start) * PANEL_WIDTH_PX / high_px), y]
     }
 
-    /// The view of x to the right and z up. SVG.
+    /// Returns an SVG of the view from the front, x to the right and z up.
     pub(super) fn svg_from_front(self, title: &str) -> String {
         let ranges = self.ranges([]);
         self.svg(title, "z (m)", ranges)
     }
 
+    /// Returns an SVG of the view with given ranges.
     fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
         let height_px = (PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start)).round();
         let panel = Panel::new([x, y], height_px, y_name, self.curves);
@@ -203,7 +210,7 @@ impl View {
     }
 }
 
-/// The range, or one about the same middle that is at least this long.
+/// Returns a range about the same middle that is at least `least` long.
 fn widened(range: Range<f64>, least: f64) -> Range<f64> {
     let (middle, length) = (0.5 * (range.start + range.end), range.end - range.start);
     let half = 0.5 * length.max(least);

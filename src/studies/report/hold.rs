@@ -1,4 +1,4 @@
-//! Figure of a flight at constant altitude: truth, estimates with their bands, innovations.
+//! Draws a flight at constant altitude: truth, estimates with their bands, innovations.
 
 use super::canvas::Pen;
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
@@ -15,12 +15,12 @@ const SET: Pen = Pen::new([230, 159, 0], 1.0);
 const REJECTED: Pen = Pen::new([204, 121, 167], 2.0);
 const BAND: Pen = Pen::new(GRAY, 1.0);
 
-/// Innovations beyond this are drawn at the edge of their panel.
+/// Innovations beyond this are drawn at the edge of the panel.
 const EDGE_SIGMAS: f64 = 5.0;
 
-/// Five panels over the time: altitude, vertical velocity, thrust map, biases, innovations in
-/// standard deviations. Bands are two standard deviations. Strokes at the edge of the last panel
-/// are ranges that the filter rejected.
+/// Returns an SVG with five panels over time: altitude, vertical velocity, thrust map, biases, and
+/// innovations in standard deviations. Bands are two standard deviations. Strokes at the edge of
+/// the last panel are readings that the filter rejected.
 pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let set = curve(flight, SET, |_| flight.set_m);
     let thrust = vec![
@@ -66,11 +66,12 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     .svg()
 }
 
+/// Returns the curve of a value over time.
 fn curve(flight: &Hold, pen: Pen, value: impl Fn(&HoldSample) -> f64) -> Curve {
     Curve::whole(pen, flight.samples.iter().map(|s| (s.time_s, value(s))))
 }
 
-/// A state's band, truth and estimate.
+/// Returns the curves of a state: its band, truth and estimate.
 fn state(flight: &Hold, index: usize, pen: Pen) -> Vec<Curve> {
     vec![
         curve(flight, BAND, |s| s.estimate[index] + 2.0 * s.sigma[index]),
@@ -80,7 +81,8 @@ fn state(flight: &Hold, index: usize, pen: Pen) -> Vec<Curve> {
     ]
 }
 
-/// Curve of a sensor's accepted innovations, in standard deviations, interrupted at rejected ones.
+/// Returns the curve of a sensor's accepted innovations, in standard deviations, interrupted at
+/// rejected ones.
 fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     let points = flight.samples.iter().map(|sample| {
         let reading = sample.readings.iter().find(|reading| reading.sensor == sensor)?;
@@ -92,7 +94,7 @@ fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     Curve { pen, pieces: pieces.map(|piece| piece.iter().copied().flatten().collect()).collect() }
 }
 
-/// A stroke at the edge for each rejected reading.
+/// Returns a stroke at the edge of the panel for each rejected reading.
 fn rejected(flight: &Hold) -> Curve {
     let readings = flight.samples.iter().flat_map(|s| s.readings.iter().map(|r| (s.time_s, r)));
     let strokes = readings.filter(|(_, reading)| !reading.taken).map(|(time_s, reading)| {

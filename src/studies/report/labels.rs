@@ -1,4 +1,4 @@
-//! Labels on a photo: a name beside what it names, with a line to it.
+//! Labels things on a photo: a name beside each, with a line to it.
 
 use kurbo::{Point, Vec2};
 
@@ -8,38 +8,39 @@ use noctograph_picture::photo::Photo;
 const PEN: Pen = Pen::new([255, 232, 150], 1.3);
 /// Height of capitals.
 const CAP_PX: f64 = 11.0;
-/// Radius of the ring about what is named.
+/// Radius of the ring around a thing.
 const RING_PX: f64 = 3.5;
 
-/// A name and what it names.
+/// The name of a thing on a photo.
 #[derive(Clone, Debug)]
 pub struct Label {
-    /// The name. Characters that the font `simplex` lacks are left out.
+    /// The name. Characters that the font `simplex` lacks are omitted.
     pub text: String,
     /// Lower left corner of the text, in pixels from the photo's upper left corner.
     pub text_px: [f64; 2],
-    /// The middle of what is named.
+    /// Middle of the thing, in pixels.
     pub named_px: [f64; 2],
 }
 
-/// The photo with its labels.
+/// Returns a photo with labels drawn on it.
 pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
     let mut pixels = Pixels::new(photo);
     for Label { text, text_px, named_px } in labels {
         let [corner, center] = [text_px, named_px].map(|[x, y]| Point::new(*x, *y));
         pixels.write(text, corner, CAP_PX, PEN.color);
         let (_, right) = pixels.letters(text, corner, CAP_PX);
-        // From the nearest point beside the text, over it or below it, to the ring.
+        // The line begins at the nearest point beside the text, above or below it. `up` is in
+        // capitals.
         let (from_x, up) = match center.x {
             x if x < corner.x => (corner.x - 0.5 * CAP_PX, 0.5),
             x if x > right => (right + 0.5 * CAP_PX, 0.5),
             x => (x, if center.y > corner.y { -0.4 } else { 1.4 }),
         };
         let Vec2 { x, y } = Point::new(from_x, corner.y - up * CAP_PX) - center;
-        let part = RING_PX / libm::hypot(x, y);
-        if part < 1.0 {
+        let ring_part = RING_PX / libm::hypot(x, y);
+        if ring_part < 1.0 {
             let away = Vec2::new(x, y);
-            pixels.line([center + away, center + part * away], PEN);
+            pixels.line([center + away, center + ring_part * away], PEN);
         }
         pixels.ring(center, RING_PX, PEN);
     }

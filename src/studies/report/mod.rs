@@ -1,12 +1,12 @@
-//! Report: products as pictures and pages for people.
+//! Reports: draws products as pictures and pages.
 //!
 //! Products in: [`Flight`](noctograph_core::flight::Flight)s, [`Plan`](noctograph_plan::Plan)s and
 //! [`Photo`](noctograph_picture::photo::Photo)s. Products out: plots as SVG text, and one photo
 //! laid over another ([`photos`]).
 //!
-//! Method: curves are thinned to what a pixel can show and drawn on one canvas. Nothing but the
-//! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colors are those of
-//! Okabe and Ito (2008), which people with any color vision can tell apart.
+//! Method: curves are thinned to the resolution of pixels and drawn on one canvas. The bytes depend
+//! only on the numbers. Text has the viewer's sans-serif typeface. Colors are those of Okabe and
+//! Ito (2008), which people with any color vision can distinguish.
 //!
 //! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
 //!

@@ -1,5 +1,5 @@
-//! A verdict on its photo: intended, missing and surplus strokes, and each letter's probability, as
-//! SVG or as a photo.
+//! Draws a verdict on its photo, as SVG or as a photo: intended, missing and surplus strokes, and
+//! each letter's probability.
 
 use kurbo::{Point, Vec2};
 
@@ -13,32 +13,33 @@ const MISSING: Rgb = [255, 80, 200];
 const STRAY: Rgb = [240, 228, 66];
 const CELL: Rgb = [150, 150, 150];
 
-/// Height of a label, relative to the width of its cell: seven characters fill it.
+/// Height of a label, relative to the width of its cell, so that seven characters fit.
 const LABEL_RATIO: f64 = 0.13;
 
-/// The overlay as an SVG file's text, with the photo inside and a layer for each kind of mark.
+/// Returns the overlay as an SVG file that contains the photo, and a layer for each kind of mark.
 pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
     let mut canvas = Canvas::over(photo);
     draw(&mut canvas, photo, marks, verdict);
     canvas.svg()
 }
 
-/// Only the marks, to be laid over the photo (SVG).
+/// Returns an SVG of the marks without the photo, to be laid over it.
 pub(super) fn marks_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
     let mut canvas = Canvas::new([photo.width_px, photo.height_px], "");
     draw(&mut canvas, photo, marks, verdict);
     canvas.svg()
 }
 
-/// The overlay as a photo.
+/// Returns the photo with the marks drawn on it.
 pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
     let mut pixels = Pixels::new(photo);
     draw(&mut pixels, photo, marks, verdict);
     pixels.photo()
 }
 
+/// Draws all marks and labels, the most important last.
 fn draw(canvas: &mut impl Surface, photo: &Photo, marks: &Marks, verdict: &Verdict) {
-    // Pens grow with the photo. What matters most is drawn last.
+    // Pens are wider on larger photos.
     let pen_px = (f64::from(photo.width_px.max(photo.height_px)) / 800.0).max(0.8);
     canvas.layer("cells");
     for corners in &marks.cells {
@@ -64,12 +65,12 @@ fn draw(canvas: &mut impl Surface, photo: &Photo, marks: &Marks, verdict: &Verdi
     }
 }
 
+/// Converts coordinates to a point.
 fn point([x, y]: &[f64; 2]) -> Point {
     Point::new(*x, *y)
 }
 
-/// Writes above a cell, as narrow as it: the letter with its probability, and below it its first
-/// rival.
+/// Writes above a cell, and as narrow as it, the letter with its probability and its first rival.
 fn label(canvas: &mut impl Surface, corners: &[[f64; 2]], letter: &LetterVerdict) {
     let ([first, second, ..], Some(p)) = (corners, letter.p) else { return };
     let (corner, cap_px) = (point(first), LABEL_RATIO * (second[0] - first[0]));

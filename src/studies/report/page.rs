@@ -1,7 +1,7 @@
-//! A page: one HTML file that needs nothing else, to be opened, printed or handed in.
+//! Builds a page: one self-contained HTML file, to be opened, printed or handed in.
 //!
-//! It reads without scripts, prints on A4, and follows the viewer's choice of light or dark.
-//! Scripts only add what moves: pictures in a row become a film, a path in space turns under the
+//! It is readable without scripts, prints on A4, and follows the viewer's choice of light or dark.
+//! Scripts only add motion: pictures in a row become a film, and a path in space rotates under the
 //! pointer.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -18,11 +18,12 @@ pub struct Page {
 }
 
 impl Page {
-    /// A page with a title and the sentence that says most.
+    /// Creates a page with a title and a lead sentence, which may be empty.
     pub fn new(title: &str, lead: &str) -> Self {
         Self { title: escaped(title), lead: escaped(lead), body: String::new() }
     }
 
+    /// Appends HTML.
     fn with(mut self, html: &str) -> Self {
         self.body += html;
         self
@@ -33,17 +34,17 @@ impl Page {
         self.with(&format!("<h2>{}</h2>\n", escaped(title)))
     }
 
-    /// A paragraph.
+    /// Appends a paragraph.
     pub fn text(self, text: &str) -> Self {
         self.with(&format!("<p>{}</p>\n", escaped(text)))
     }
 
-    /// Text as the terminal shows it.
+    /// Appends text as the terminal shows it.
     pub fn printed(self, text: &str) -> Self {
         self.with(&format!("<pre>{}</pre>\n", escaped(text)))
     }
 
-    /// A table with a row of names. Nothing if it is empty.
+    /// Appends a table below a row of names. Nothing if it has no rows.
     pub fn table<const N: usize>(
         self,
         names: [&str; N],
@@ -53,31 +54,31 @@ impl Page {
         self.rows(&names.map(str::to_owned), &rows)
     }
 
-    /// A table of any width. Nothing if it is empty.
+    /// Appends a table of any width below a row of names. Nothing if it has no rows.
     pub fn rows(self, names: &[String], rows: &[Vec<String>]) -> Self {
-        fn row(cell: &str, cells: &[String]) -> String {
-            let cells = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text)));
+        fn row(tag: &str, cells: &[String]) -> String {
+            let cells = cells.iter().map(|text| format!("<{tag}>{}</{tag}>", escaped(text)));
             format!("<tr>{}</tr>\n", cells.collect::<String>())
         }
         if rows.is_empty() {
             return self;
         }
-        // User text only enters a page through `escaped`.
+        // Users' text is escaped wherever it enters a page.
         let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
         let names = row("th", names);
         self.with(&format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n"))
     }
 
-    /// A drawing from a file (SVG), whose scripts do not run.
-    pub fn drawing(self, svg: &[u8], shows: &str) -> Self {
-        let image = image("svg+xml", svg, shows);
+    /// Appends a drawing from an SVG file, whose scripts do not run, with an alternative text.
+    pub fn drawing(self, svg: &[u8], alt: &str) -> Self {
+        let image = image("svg+xml", svg, alt);
         self.with(&format!("<figure class=\"drawn\">{image}</figure>\n"))
     }
 
-    /// Drawings (SVG), side by side where there is room.
+    /// Appends SVG drawings, side by side if there is space.
     pub fn drawings<T: AsRef<str>>(self, drawings: &[T]) -> Self {
         let figures = drawings.iter().map(|svg| {
-            // An XML declaration has no place inside a page.
+            // An XML declaration is not allowed inside a page.
             let svg = svg.as_ref();
             format!("<figure>{}</figure>\n", svg.find("<svg").map_or("", |begin| &svg[begin..]))
         });
@@ -85,10 +86,11 @@ impl Page {
         self.with(&format!("<div class=\"drawings\">\n{figures}</div>\n"))
     }
 
-    /// A photo (JPEG), and a drawing of the same size that can be laid over it.
-    pub fn photo(self, jpeg: &[u8], shows: &str, over: Option<&str>) -> Self {
-        let image = image("jpeg", jpeg, shows);
-        self.with(&match over {
+    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size that the viewer
+    /// can lay over it.
+    pub fn photo(self, jpeg: &[u8], alt: &str, overlay: Option<&str>) -> Self {
+        let image = image("jpeg", jpeg, alt);
+        self.with(&match overlay {
             None => format!("<figure class=\"photo\">{image}</figure>\n"),
             Some(svg) => format!(
                 "<figure class=\"photo\"><input type=\"checkbox\" id=\"over\">\
@@ -98,7 +100,7 @@ impl Page {
         })
     }
 
-    /// Photos (JPEG) in a row, with their captions, which play as a film if scripts run.
+    /// Appends photos (JPEG) with captions in a row, which play as a film if scripts run.
     pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
         let frames = pictures.iter().map(|(jpeg, caption)| {
             let caption = escaped(caption);
@@ -109,7 +111,8 @@ impl Page {
         self.with(&format!("<div class=\"film\">\n{frames}</div>\n"))
     }
 
-    /// Paths in space that turn under the pointer: points in millimeters, and true if they are lit.
+    /// Appends paths in space that rotate under the pointer: points in millimeters, with true if
+    /// lit.
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
         let paths = paths_mm.iter().map(|path| {
             path.iter().map(|([x, y, z], lit)| [*x, *y, *z, i32::from(*lit)]).collect()
@@ -122,7 +125,7 @@ impl Page {
         ))
     }
 
-    /// The file.
+    /// Returns the HTML file.
     pub fn html(&self) -> String {
         let Self { title, lead, body } = self;
         let lead = match lead.as_str() {
@@ -140,9 +143,10 @@ impl Page {
     }
 }
 
-fn image(kind: &str, bytes: &[u8], shows: &str) -> String {
-    let (shows, base64) = (shows.replace('"', "&quot;"), BASE64_STANDARD.encode(bytes));
-    format!("<img alt=\"{shows}\" src=\"data:image/{kind};base64,{base64}\">")
+/// Returns an embedded image with an alternative text. `kind` is the subtype of its media type.
+fn image(kind: &str, bytes: &[u8], alt: &str) -> String {
+    let (alt, base64) = (alt.replace('"', "&quot;"), BASE64_STANDARD.encode(bytes));
+    format!("<img alt=\"{alt}\" src=\"data:image/{kind};base64,{base64}\">")
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Two photos in one frame: one laid over the other.
+//! Shrinks, warps and overlays photos.
 
 use std::ops::Range;
 
@@ -7,48 +7,47 @@ use kurbo::Vec2;
 use noctograph_core::srgb;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Transform of a point `q` of one picture, in pixels from its top left corner, to
+/// Maps a point `q` in one picture, in pixels from its top left corner, to
 /// `scale R(rotation) q + shift` in another.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
-    /// Pixels of the other per pixel of the one.
+    /// Pixels of the second picture per pixel of the first.
     pub scale: f64,
-    /// From x to y: clockwise in the picture.
+    /// Rotation from x to y, clockwise in the picture.
     pub rotation_rad: f64,
-    /// Image of the corner of the one.
+    /// Position of the first picture's corner in the second.
     pub shift_px: [f64; 2],
 }
 
 impl Similarity {
-    /// The transform that leaves the least squares of pairs of points (Umeyama, IEEE Transactions
-    /// on Pattern Analysis 13, 1991).
+    /// Returns the transform between pairs of points with the least squared error (Umeyama, IEEE
+    /// Transactions on Pattern Analysis 13, 1991).
     pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
         let pairs = pairs.iter().map(|pair| pair.map(|[x, y]| Vec2::new(x, y)));
         let n = pairs.len().max(1) as f64;
         let [from, to] =
             [0, 1].map(|side| pairs.clone().fold(Vec2::ZERO, |sum, pair| sum + pair[side]) / n);
-        // About the centroids: of a turn the sine is in the cross and the cosine in the dot
-        // product.
-        let (mut along, mut across, mut square) = (0.0, 0.0, f64::MIN_POSITIVE);
+        // About the centroids, dot and cross products give the cosine and the sine of the rotation.
+        let (mut dot, mut cross, mut square) = (0.0, 0.0, f64::MIN_POSITIVE);
         for [a, b] in pairs.map(|[a, b]| [a - from, b - to]) {
-            along += a.dot(b);
-            across += a.cross(b);
+            dot += a.dot(b);
+            cross += a.cross(b);
             square += a.hypot2();
         }
-        let scale = libm::hypot(along, across) / square;
-        let rotation_rad = libm::atan2(across, along);
+        let scale = libm::hypot(dot, cross) / square;
+        let rotation_rad = libm::atan2(cross, dot);
         let [x, y] = Self { scale, rotation_rad, shift_px: [0.0; 2] }.apply([from.x, from.y]);
         Self { scale, rotation_rad, shift_px: [to.x - x, to.y - y] }
     }
 
-    /// Image of a point.
+    /// Maps a point.
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.rotation_rad);
         let (a, b) = (self.scale * cos, self.scale * sin);
         [a * x - b * y + self.shift_px[0], b * x + a * y + self.shift_px[1]]
     }
 
-    /// The inverse transform.
+    /// Returns the inverse transform.
     pub fn inverse(&self) -> Self {
         let back =
             Self { scale: 1.0 / self.scale, rotation_rad: -self.rotation_rad, shift_px: [0.0; 2] };
@@ -57,7 +56,7 @@ impl Similarity {
 }
 
 /// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
-/// it replaces. Smaller photos stay as they are.
+/// that it replaces. Smaller photos are returned unchanged.
 pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     let longest = photo.width_px.max(photo.height_px);
     if longest <= longest_px {
@@ -91,24 +90,25 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     Photo::made(PhotoData { width_px, height_px, rgb8, ..photo.into_data() })
 }
 
-/// The pixels of a side of `n_before` that the pixel `i` of `n` replaces.
+/// Returns the range of pixels, of `n_before` on a side, that pixel `i` of `n` replaces.
 fn replaced(i: u32, n: u32, n_before: u32) -> Range<usize> {
     let [begin, end] = [i, i + 1].map(|i| i as usize * n_before as usize / n as usize);
     begin..end.max(begin + 1)
 }
 
-/// Warps a render into a frame, padded with black. Also returns which pixels it covers.
+/// Warps a render into a picture of the given size, with black around it. Returns the picture, and
+/// true for each pixel that the render covers.
 pub fn placed(
     render: &Photo,
     transform: &Similarity,
     [width_px, height_px]: [u32; 2],
 ) -> (Photo, Vec<bool>) {
     let back = transform.inverse();
-    // A render with more pixels than the frame is shrunk first, or its trails would have gaps.
-    let smaller = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
+    // A larger render is shrunk first, since its trails would have gaps otherwise.
+    let longest_px = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
-    let small = shrink(render.clone(), (smaller.round() as u32).max(1));
-    // Both sides are rounded, so that their ratios differ a little.
+    let small = shrink(render.clone(), (longest_px.round() as u32).max(1));
+    // Both sides are rounded, so their ratios differ slightly.
     let ratio = [
         f64::from(small.width_px) / f64::from(render.width_px),
         f64::from(small.height_px) / f64::from(render.height_px),
@@ -144,7 +144,7 @@ pub fn placed(
     (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
-/// The two pixels around a coordinate of a side of `n`, and the weight of the second.
+/// Returns the two pixels around a coordinate on a side of `n`, and the weight of the second.
 fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
     let first = place.floor();
@@ -155,8 +155,8 @@ fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     (pixels, weight)
 }
 
-/// Luminance of two pictures of one size in one: the render's orange, the photograph's blue, and
-/// white if they agree. Panics if the sizes differ.
+/// Overlays the luminance of two pictures of one size: the render is orange, the photo blue, and
+/// both together white. Panics if the sizes differ.
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();
@@ -169,7 +169,7 @@ pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     Photo::made(PhotoData { rgb8: rgb8.collect(), scene_toml: None, ..**photo })
 }
 
-/// The nearest level of a light.
+/// Returns the sRGB level that is nearest to a linear light from 0 to 1.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn encoded(light: f32) -> u8 {
     (255.0 * srgb::encoded_from_linear(f64::from(light.clamp(0.0, 1.0))) + 0.5) as u8

@@ -1,4 +1,4 @@
-//! The shot plan: tripod, drones, stations and word from above and from the side, to scale.
+//! Draws the shot plan: camera, drones, stations and word from above and from the side, to scale.
 
 use kurbo::{Point, Rect, Vec2};
 
@@ -12,7 +12,7 @@ use noctograph_pipeline::shoot::Shot;
 const SIDE_PX: f64 = 560.0;
 const MARGIN_PX: f64 = 56.0;
 const CAP_PX: f64 = 9.0;
-/// Distance of the audience behind the camera if no room is known, an assumption: space for the
+/// Assumed distance of the audience behind the camera if no room is known: space for the
 /// photographer.
 const AUDIENCE_M: f64 = 1.0;
 const GRAY: Rgb = [150; 3];
@@ -22,8 +22,8 @@ const TRIPOD: Rgb = [86, 180, 233];
 const DRONE: Rgb = [0, 158, 115];
 const STATION: Rgb = [204, 121, 167];
 
-/// The shot plan from above (x to the right, y away from the camera) and from the left (y to the
-/// right, z up). SVG. Lengths in meters. The word's plane is y = 0.
+/// Returns SVGs of the shot plan from above (x to the right, y away from the camera) and from the
+/// left (y to the right, z up). Lengths are in meters. The word's plane is y = 0.
 pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2] {
     let things = things(shot, placement);
     [
@@ -32,10 +32,10 @@ pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2
     ]
 }
 
-/// Something in the room: its name, its color, and its position or two corners of its box.
+/// A thing in the room: its name, its color, and its position or two opposite corners.
 type Thing = (String, Rgb, Vec<[f64; 3]>);
 
-/// Contents of the room: flight, camera, stations, audience.
+/// Returns the things in the room: word, take-off points, camera, audience, tripods and stations.
 fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let mut things = Vec::new();
     if let Some([w, d, h]) = placement.map(|placement| placement.room_m) {
@@ -76,7 +76,7 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     things
 }
 
-/// Tripods of all cameras but the scene's, each with the number of its cameras.
+/// Returns the tripods of all cameras except the scene's, each with its number of cameras.
 fn tripods(placement: &ShotPlan) -> Vec<Thing> {
     let tripods = placement.cameras[1..].iter().filter_map(|camera| camera.tripod_m.map(rounded));
     let tripods: Vec<[f64; 3]> = tripods.collect();
@@ -90,17 +90,17 @@ fn tripods(placement: &ShotPlan) -> Vec<Thing> {
     things.collect()
 }
 
-/// To centimeters, without a negative zero.
+/// Rounds a position to centimeters. Adding 0 makes a negative zero positive.
 fn rounded(place_m: [f64; 3]) -> [f64; 3] {
     place_m.map(|m| (100.0 * m).round() / 100.0 + 0.0)
 }
 
-/// Draws the plan from one side.
+/// Returns an SVG of the plan from one side. `axes` are the coordinates to the right and up.
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
     let places = things.iter().flat_map(|(.., places_m)| places_m);
     let places = places.map(|place| axes.map(|axis| place[axis]));
     let [left, bottom, right, top] = bounds(places.chain([[0.0; 2]]));
-    // Half a meter of space on each side.
+    // `inset` of kurbo enlarges: half a meter of space on each side.
     let extent_m = Rect::new(left, bottom, right, top).inset(0.5);
     let px_per_m = SIDE_PX / extent_m.width().max(extent_m.height());
     let corner_m = Point::new(extent_m.x0, extent_m.y1);
@@ -117,7 +117,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.text(format!("{} (m)", names[0]), below, Anchor::End, CAP_PX, BLACK);
     let beside = frame.origin() - Vec2::new(6.0, 8.0);
     canvas.text(format!("{} (m)", names[1]), beside, Anchor::End, CAP_PX, BLACK);
-    // Things over the grid, each with its line of the legend.
+    // Things over the grid, each with its line in the legend.
     for (index, (name, color, places_m)) in things.iter().enumerate() {
         let [right, up] = axes;
         let places_m = places_m.iter().map(|place| Point::new(place[right], place[up]));
@@ -132,24 +132,25 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Lines with their numbers, one a meter, or fewer by tens in a large room. Those at 0 are solid.
+/// Draws grid lines with numbers, every meter, or every 10 or 100 in a large room. Those at 0 are
+/// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {
         grid_m *= 10.0;
     }
-    // Upright lines with numbers below, then level ones with numbers on the left.
+    // Vertical lines with numbers below, then horizontal ones with numbers on the left.
     let Rect { x0, y0, x1, y1 } = extent_m;
-    for (is_upright, [low_m, high_m]) in [(true, [x0, x1]), (false, [y0, y1])] {
+    for (is_vertical, [low_m, high_m]) in [(true, [x0, x1]), (false, [y0, y1])] {
         let mut line_m = (low_m / grid_m).ceil() * grid_m + 0.0; // never -0
         while line_m <= high_m {
-            let ends_m = match is_upright {
+            let ends_m = match is_vertical {
                 true => [(line_m, y0), (line_m, y1)],
                 false => [(x0, line_m), (x1, line_m)],
             };
             let ends = ends_m.map(|end_m| window.px(end_m.into()));
             canvas.line(ends, Pen { dashed: line_m != 0.0, ..Pen::new(GRAY, 0.5) });
-            let (label, anchor) = match is_upright {
+            let (label, anchor) = match is_vertical {
                 true => (Vec2::new(0.0, 16.0), Anchor::Middle),
                 false => (Vec2::new(-6.0, 4.0), Anchor::End),
             };

@@ -1,11 +1,11 @@
-//! The drawing of a plan: lit strokes, dark transits, speeds and times.
+//! Draws plans: lit strokes, dark transits, speeds and times.
 
 use super::canvas::{Pen, Rgb};
 use super::figure::{Curve, Mark};
 use super::flights::View;
 use noctograph_plan::Plan;
 
-/// Lit speeds as fractions of the fastest, and their colors from slow to fast.
+/// Upper ends of speed ranges, as fractions of the largest lit speed, with their colors.
 const SPEEDS: [(f64, Rgb); 4] = [
     (0.25, [204, 51, 17]),
     (0.5, [238, 153, 51]),
@@ -14,32 +14,33 @@ const SPEEDS: [(f64, Rgb); 4] = [
 ];
 const LIT_PX: f64 = 4.5;
 const DARK: Pen = Pen::new([120, 120, 120], 1.5);
-/// A dash of a dark path and the gap after it, together.
+/// Length of a dash and a gap of a dark path together.
 const DASH_M: f64 = 0.03;
-/// Strokes beyond this number have no times beside them: nobody could read them.
+/// Most strokes whose times are written beside them. More would be illegible.
 const MOST_TIMES: usize = 80;
 
-/// The plans of one word from the front: lit strokes colored by speed, dark paths dashed, the time
-/// at which each stroke begins, take-offs and landings, and the numbers of the strokes of a
-/// drawing. SVG. Panics if there is no setpoint.
+/// Returns an SVG of a word's plans from the front: lit strokes colored by speed, dark paths
+/// dashed, the time at which each stroke begins, take-offs and landings. `numbers` are a drawing's
+/// strokes with their positions. Panics if there is no setpoint.
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();
-    let lit_speeds = lines.iter().filter(|line| line.lit).map(|line| line.speed_m_s);
-    let fastest_m_s = lit_speeds.fold(1e-9, f64::max);
+    let lit_m_s = lines.iter().filter(|line| line.lit).map(|line| line.speed_m_s);
+    // Not 0, so that the slowest range is not empty.
+    let fastest_m_s = lit_m_s.fold(1e-9, f64::max);
     // The dark paths below, then a curve for each range of lit speeds that occurs.
     let dashes = lines.iter().filter(|l| !l.lit && l.along_m.rem_euclid(DASH_M) < 0.5 * DASH_M);
     let mut curves = vec![Curve { pen: DARK, pieces: pieces(dashes) }];
     let mut legend = vec![("dark".to_owned(), DARK)];
-    let mut from_m_s = 0.0;
+    let mut low_m_s = 0.0;
     for (fraction, color) in SPEEDS {
-        let range_m_s = from_m_s..fraction * fastest_m_s;
-        from_m_s = range_m_s.end;
-        // The upper end of a range belongs to it.
-        let of_speed = lines
+        let range_m_s = low_m_s..fraction * fastest_m_s;
+        low_m_s = range_m_s.end;
+        // The factor makes a range include its upper end.
+        let in_range = lines
             .iter()
             .filter(|line| line.lit && range_m_s.contains(&(line.speed_m_s * (1.0 - 1e-9))));
-        let pieces = pieces(of_speed);
+        let pieces = pieces(in_range);
         if pieces.is_empty() {
             continue;
         }
@@ -61,61 +62,74 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
         .svg_from_front(&format!("{word}, planned: {longest_s:.1} s"))
 }
 
-/// A setpoint of a plan from the front.
+/// Returns the x and z of a plan's setpoint.
 fn place(plan: &Plan, row: usize) -> (f64, f64) {
     let position_m = plan.setpoints[row].position_m;
     (position_m.x, position_m.z)
 }
 
-/// Length of the line that shows a point of light, and largest extent of one.
+/// Length of the line that is drawn for a point of light, and largest size of a point.
 const DOT_M: f64 = 0.008;
 
-/// A short piece of the design.
+/// A straight piece of the design, seen from the front.
+#[derive(Clone)]
 struct Line {
     from: (f64, f64),
     to: (f64, f64),
     lit: bool,
     speed_m_s: f64,
-    /// Length of the path since take-off.
+    /// Length of the path from take-off to the line, for the dashes.
     along_m: f64,
 }
 
-/// Lit strokes and dark transits of a plan as lines.
+/// Returns the lines of a plan's lit strokes and dark transits, and of its points of light.
 fn lines(plan: &Plan) -> Vec<Line> {
     let lit = plan.lit();
-    let mut lines: Vec<Line> = Vec::new();
-    let mut along_m = 0.0;
-    // Lit lines as they are, dark ones cut for their dashes.
+    [segment_lines(plan, &lit), dots(plan, &lit)].concat()
+}
+
+/// Returns a line for each lit segment between setpoints, and several for a dark one, each half as
+/// long as a dash with its gap.
+fn segment_lines(plan: &Plan, lit: &[f64]) -> Vec<Line> {
+    let (mut lines, mut segment_along_m) = (Vec::new(), 0.0);
     for (row, pair) in plan.setpoints.windows(2).enumerate() {
         let (from, to, lit) = (place(plan, row), place(plan, row + 1), lit[row] > 0.0);
         let length_m = libm::hypot(to.0 - from.0, to.1 - from.1);
         let speed_m_s = length_m / (pair[1].time_s - pair[0].time_s);
-        // Dark paths in parts of half a dash.
-        let n = if lit { 1.0 } else { (length_m / DASH_M * 2.0).ceil() };
-        let mut part = 0.0;
-        while part < n && length_m > 1e-9 {
-            let [from, to] = [part / n, (part + 1.0) / n]
-                .map(|t| (from.0 + (to.0 - from.0) * t, from.1 + (to.1 - from.1) * t));
-            let along_m = along_m + length_m * part / n;
-            lines.push(Line { from, to, lit, speed_m_s, along_m });
-            part += 1.0;
+        // A drone that rests has no line.
+        if length_m > 1e-9 {
+            #[expect(clippy::cast_possible_truncation, reason = "kilometers")]
+            let n = if lit { 1 } else { (length_m / DASH_M * 2.0).ceil() as u32 };
+            lines.extend((0..n).map(|part| {
+                let [from, to] = [part, part + 1]
+                    .map(|end| f64::from(end) / f64::from(n))
+                    .map(|t| (from.0 + (to.0 - from.0) * t, from.1 + (to.1 - from.1) * t));
+                let along_m = segment_along_m + length_m * f64::from(part) / f64::from(n);
+                Line { from, to, lit, speed_m_s, along_m }
+            }));
         }
-        along_m += length_m;
+        segment_along_m += length_m;
     }
-    // A short line for each stroke that is too short to be seen: a point of light.
+    lines
+}
+
+/// Returns a short line for each lit stroke that is too short to be visible: a point of light.
+fn dots(plan: &Plan, lit: &[f64]) -> Vec<Line> {
+    let mut lines = Vec::new();
     let rows: Vec<usize> = (0..lit.len()).filter(|row| lit[*row] > 0.0).collect();
     for stroke in rows.chunk_by(|a, b| a + 1 == *b) {
         let (x, z) = place(plan, stroke[0]);
         let mut others = stroke.iter().map(|row| place(plan, *row));
         if others.all(|(other_x, other_z)| libm::hypot(other_x - x, other_z - z) < DOT_M) {
             let (from, to) = ((x - 0.5 * DOT_M, z), (x + 0.5 * DOT_M, z));
+            // Colored as the slowest.
             lines.push(Line { from, to, lit: true, speed_m_s: 1e-6, along_m: 0.0 });
         }
     }
     lines
 }
 
-/// Lines that follow each other, as pieces of a curve.
+/// Joins lines that follow each other to pieces of a curve.
 fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
     for line in lines {
@@ -127,7 +141,7 @@ fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
     pieces
 }
 
-/// The times at which strokes begin, and start and end of the flight.
+/// Returns marks with the times at which strokes begin, and at the start and the end of the flight.
 fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
     let lit = plan.lit();
     let drone = if n_plans > 1 { format!("{}: ", index + 1) } else { String::new() };

@@ -1,4 +1,4 @@
-//! A sheet of photos: rows with a name, photos with a caption.
+//! Lays out sheets of photos: rows with titles, and photos with captions.
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
@@ -13,27 +13,28 @@ const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
 const TEXT_PX: f32 = 22.0;
 /// Height of a line of text with its leading.
 const LINE_PX: usize = 32;
-/// Space around the photos.
+/// Space between photos.
 const GAP_PX: usize = 12;
 /// Level of the sheet's background, and of its text.
 const GROUND: u8 = 24;
 const INK: u8 = 235;
 
-/// Photos of a spread beside each other.
+/// Number of a spread's photos in a row.
 const ROW_PHOTOS: usize = 4;
-/// Height of a capital in the photos of a study.
+/// Height of capitals in the photos of a study.
 const CAP_HEIGHT_PX: f64 = 110.0;
 
-/// The same at rising speeds, of which there are eight in a row.
+/// Height of capitals in the photos of a ladder, of which there are eight in a row.
 const FAST_CAP_HEIGHT_PX: f64 = 70.0;
 
 /// A row of a sheet: its title, and photos with their captions.
 type Row = (String, Vec<(Photo, String)>);
 
-/// The median and the worst photo of each scene of a prepared study ([`Study::prepare`]).
+/// Returns a sheet with the median and the worst photo of each contender. `prepared` is the result
+/// of [`Study::prepare`].
 pub fn study_sheet(
     study: &Study,
-    ready: &[Prepared],
+    prepared: &[Prepared],
     ranking: &Ranking,
     records: &[Record],
 ) -> Result<Photo> {
@@ -42,13 +43,13 @@ pub fn study_sheet(
         let p = measures.legibility.value;
         let title = format!("{}: read with probability {p:.3}", measures.contender);
         let mut photos = Vec::new();
-        // Photos are made anew, larger than those that were read.
+        // Photos are taken again, larger than those that were read.
         for (name, index) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
             let (trial, Record { word, outcome, .. }) = (trials[index], &records[index]);
             if outcome.flown.is_some() {
-                let ready = &ready[trial.contender * study.words.len() + trial.word];
+                let scene = &prepared[trial.contender * study.words.len() + trial.word];
                 let (read, p) = (&outcome.read, outcome.probability);
-                let photo = ready.photo(trial.seed, CAP_HEIGHT_PX)?;
+                let photo = scene.photo(trial.seed, CAP_HEIGHT_PX)?;
                 photos.push((photo, format!("{name}: {word} as {read}, {p:.2}")));
             }
         }
@@ -57,10 +58,11 @@ pub fn study_sheet(
     Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
-/// A photo of the first word on each rung of a [`Study::ladder`], in a row for each contender.
+/// Returns a sheet with a row for each contender: a photo of the first word on each rung of a
+/// [`Study::ladder`].
 pub fn acuity_sheet(
     ladder: &[Study],
-    ready: &[Vec<Prepared>],
+    prepared: &[Vec<Prepared>],
     acuity: &Acuity,
     records: &[Vec<Record>],
 ) -> Result<Photo> {
@@ -70,14 +72,14 @@ pub fn acuity_sheet(
             format!("{}: reads up to {value:.2} m/s ({low:.2} to {high:.2})", limit.contender);
         let mut photos = Vec::new();
         // The first flight of the contender on each rung. A lost drone has no photo.
-        let rungs = ladder.iter().zip(ready).zip(limit.rungs.iter().zip(records));
-        for ((study, ready), (rung, records)) in rungs {
+        let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));
+        for ((study, prepared), (rung, records)) in rungs {
             let mut flown = records.iter().zip(study.trials());
             let first = flown.find(|(record, _)| record.contender == limit.contender);
             let Some((Record { outcome, .. }, trial)) = first else { continue };
             if outcome.flown.is_some() {
-                let ready = &ready[trial.contender * study.words.len() + trial.word];
-                let photo = ready.photo(trial.seed, FAST_CAP_HEIGHT_PX)?;
+                let scene = &prepared[trial.contender * study.words.len() + trial.word];
+                let photo = scene.photo(trial.seed, FAST_CAP_HEIGHT_PX)?;
                 let (speed_m_s, p) = (rung.stroke_speed_m_s, outcome.probability);
                 photos.push((photo, format!("{speed_m_s:.2} m/s: {p:.2}")));
             }
@@ -87,7 +89,7 @@ pub fn acuity_sheet(
     Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
-/// Photos with their captions, in rows of a few.
+/// Returns a sheet of photos with captions, four in a row, below a title.
 pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     let titles = std::iter::once(title).chain(std::iter::repeat(""));
     let rows = titles.zip(photos.chunks(ROW_PHOTOS));
@@ -96,9 +98,9 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     )
 }
 
-/// Lays out photos with their captions in rows below their titles, each at its size, from the left.
+/// Lays out rows of photos, each row below its title and each photo above its caption.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The widest row, and the height of all of them with two lines of text each.
+    // The widest row, and the height of all rows with two lines of text each.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });
@@ -127,6 +129,7 @@ fn contact_sheet(rows: &[Row]) -> Photo {
     Photo::made(sheet)
 }
 
+/// Copies a photo to a position in the sheet, in which it fits.
 fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     let [width, row_bytes] = [sheet.width_px as usize, 3 * photo.width_px as usize];
     for (y, row) in photo.rgb8.chunks_exact(row_bytes).enumerate() {
@@ -135,7 +138,7 @@ fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     }
 }
 
-/// Writes one line of text with its upper left corner at a pixel. What does not fit is cut off.
+/// Writes one line of text from its upper left corner on, as far as it fits.
 fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
     let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
     let scaled = font.as_scaled(TEXT_PX);
@@ -152,7 +155,7 @@ fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
             let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
             let index = 3 * (y * width + x);
             if x < width && index + 3 <= sheet.rgb8.len() {
-                // Thin strokes cover half a pixel: they are drawn twice as strong.
+                // Thin strokes cover half a pixel, so they are drawn with twice the contrast.
                 let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
                 #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
                 sheet.rgb8[index..index + 3].fill((f32::from(GROUND) + ink) as u8);

@@ -1,4 +1,4 @@
-//! The report of a shot: photo, verdict, flight, safety, camera and room on one page.
+//! Builds the report of a shot: photo, verdict, flight, safety, camera and room on one page.
 
 use std::path::Path;
 
@@ -17,12 +17,12 @@ use noctograph_pipeline::preflight::ShotPlan;
 use noctograph_pipeline::shoot::{Shot, writing};
 use noctograph_score::LetterVerdict;
 
-/// Moments of the exposure, and the width of their pictures.
+/// Number of pictures of the growing exposure, and their width.
 const N_MOMENTS: u32 = 12;
 const MOMENT_PX: u32 = 560;
-/// Most points of the path in space, of all drones.
-const MAX_PLACES: usize = 2000;
-/// Quality of photos, and of the moments' small ones.
+/// Most points in the paths of all drones together.
+const MAX_PATH_POINTS: usize = 2000;
+/// JPEG quality of the photo, and of the small pictures of the exposure.
 const JPEG_QUALITY: [u8; 2] = [85, 80];
 /// Probabilities below this are not printed.
 pub const LEAST_PROBABILITY: f64 = 0.01;
@@ -36,17 +36,17 @@ pub struct ShotNotes<'a> {
     pub printed: &'a str,
     /// Findings of the preflight.
     pub findings: &'a [Diagnostic],
-    /// Positions of the things in the room, if it is known.
+    /// Positions of cameras and audience, if the room is known.
     pub placement: Option<&'a ShotPlan>,
-    /// A change in the words of the program that makes the page.
+    /// Formats a change for the program that creates the page.
     pub typed: fn(&Change) -> String,
-    /// The command that makes the shot again.
+    /// The command that repeats the shot.
     pub command: &'a str,
     /// Further drawings of the flight, such as its band over many flights (SVG).
     pub drawings: &'a [String],
 }
 
-/// The report of a shot.
+/// Returns the report of a shot.
 pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let scene = &shot.shoot.scene;
     let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();
@@ -54,12 +54,12 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         "" => drawing.to_string_lossy().into_owned(),
         word => word.replace('\n', " "),
     };
-    let over = shot.marks.as_ref().zip(shot.verdict.as_ref());
-    let over = over.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
+    let judged = shot.marks.as_ref().zip(shot.verdict.as_ref());
+    let overlay = judged.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
     let jpeg = photo::jpeg(&shot.photo, JPEG_QUALITY[0]);
-    let shows = format!("simulated long-exposure photograph of {subject}");
+    let alt = format!("simulated long-exposure photograph of {subject}");
     // The photo with its verdict first, since most readers look no further.
-    let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &shows, over.as_deref());
+    let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &alt, overlay.as_deref());
     page = page.section("As printed").printed(notes.printed);
     let mut moments = Vec::new();
     shot.moments(shot.camera.width_px.min(MOMENT_PX), N_MOMENTS, &mut |time_s, photo| {
@@ -84,7 +84,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         page = page.table(["what", "where"], placement.rows());
     }
     page = page.drawings(&shot_plan(shot, notes.placement));
-    // Then everything that makes the same shot elsewhere.
+    // Everything that is needed to repeat the shot elsewhere.
     page = page.section("To make it again").printed(notes.command);
     let changes = scene.portable().changes();
     let end = if changes.is_empty() { ": none." } else { ":" };
@@ -96,19 +96,20 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     Ok(page.table(["digest", "SHA-256"], digests))
 }
 
-/// Letters that are likely besides the expected one, each with its probability.
+/// Returns the likely letters besides the expected one, each with its probability, as a text.
 pub fn rivals(letter: &LetterVerdict) -> String {
     let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_PROBABILITY);
     rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
 }
 
+/// Appends the drawings of plans and flights to the page.
 fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     let plans: Vec<_> = shot.shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     if plans.iter().any(|plan| !plan.setpoints.is_empty()) {
         let numbers = shot.shoot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
         page = page.section("Plan").drawings(&[plan_view(&plans, &shot.shoot.scene.word, numbers)]);
     }
-    // Flights without samples, as of a light trace, have no plots.
+    // Flights without samples, such as light traces, have no plots.
     let traces = shot.flights.iter().enumerate().map(|(index, flight)| NamedFlight {
         name: format!("drone {}", index + 1),
         samples: flight.samples.clone(),
@@ -125,11 +126,12 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-/// The paths of all drones in millimeters. A point is lit if a lamp of its drone writes there.
+/// Returns the paths of all drones in millimeters. A point is lit if a writing lamp of its drone
+/// is.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     // Samples are skipped, so that the page stays small.
-    let step = n_samples.div_ceil(MAX_PLACES).max(1);
+    let step = n_samples.div_ceil(MAX_PATH_POINTS).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let paths = shot.flights.iter().enumerate().map(|(drone, flight)| {
         let points = flight.samples.iter().step_by(step).map(|sample| {
@@ -144,14 +146,16 @@ fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     paths.collect()
 }
 
+/// Returns true if a lamp is lit at `time_s`.
 fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
     let next = lamp.samples.partition_point(|sample| sample.time_s <= time_s);
     next > 0 && lamp.samples[next - 1].level > 0.0
 }
 
+/// Returns rows with the camera's settings, as a photographer makes them by hand.
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
-    // Settings as a photographer sets them by hand.
+    // Without a set distance the lens is focused on the word's plane.
     let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
     let focus = match focus_m < INFINITY_M {
         true => format!("{focus_m:.2} m, by hand"),

@@ -1,4 +1,4 @@
-//! The plot of a study: flight time against legibility.
+//! Plots the candidates of a search: flight time against legibility.
 
 use std::ops::Range;
 
@@ -7,15 +7,16 @@ use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION, range};
 
 const ORANGE: Rgb = [230, 159, 0];
 
-/// Okabe and Ito (2008), from the strongest on.
+/// Colors of Okabe and Ito (2008), the strongest first.
 pub(super) const COLORS: [Rgb; 7] =
     [BLUE, VERMILION, [0, 158, 115], ORANGE, [204, 121, 167], [86, 180, 233], BLACK];
 
 /// Height of the panel.
 const HEIGHT_PX: f64 = 360.0;
 
-/// Candidates as flight time (s) and P(read) (0 to 1): those within the limits, those that were
-/// given up or broke a limit, the Pareto front as a line, and the start. SVG.
+/// Returns an SVG of candidates by flight time (s) and P(read) (0 to 1): those within the limits,
+/// `others` that were given up or broke a limit, the Pareto front as a line, and the original
+/// scene.
 pub fn pareto(
     within: &[(f64, f64)],
     others: &[(f64, f64)],
@@ -29,7 +30,7 @@ pub fn pareto(
     let unit = ((x.end - x.start) / 150.0, (y.end - y.start) / 75.0);
     let [gray, orange] = [Pen::new(GRAY, 1.5), Pen::new(ORANGE, 1.0)];
     let [blue, vermilion] = [Pen::new(BLUE, 2.0), Pen::new(VERMILION, 3.0)];
-    // What matters most is drawn last.
+    // The most important curves are drawn last.
     let curves = vec![
         crosses(orange, others, unit, 0.4),
         crosses(gray, within, unit, 0.6),
@@ -53,7 +54,7 @@ pub fn pareto(
     .svg()
 }
 
-/// A cross at each point, of a size in units of the axes.
+/// Returns a cross at each point. Its half widths are `size` times the units (x, y).
 fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Curve {
     let (dx, dy) = (x * size, y * size);
     let strokes = points.iter().flat_map(|&(s, p)| {
@@ -62,7 +63,8 @@ fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Cu
     Curve { pen, pieces: strokes.collect() }
 }
 
-/// Range of an axis around all values, with a margin.
+/// Returns the range of an axis that holds all values, with a margin of at least half of `least`. 0
+/// to 1 without values.
 pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let Range { start, end } = range(values);
     if start > end {

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Without this folder Mesa's device-select layer prints an error at each look at the graphics devices.
+# Without this folder Mesa's device-select layer prints an error at each query of the graphics devices.
 if "XDG_RUNTIME_DIR" not in os.environ:
     os.environ.setdefault("NODEVICE_SELECT", "1")
 
@@ -43,7 +43,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """The environments, which need gymnasium."""
+    """Imports the environments on first use, since they need gymnasium."""
     if name in ("Env", "VectorEnv", "sb3_env"):
         from . import learning
 
@@ -52,7 +52,7 @@ def __getattr__(name: str) -> Any:
 
 
 def attitude_rad(quaternion: ArrayLike, order: str = "xyzw") -> NDArray[np.float64]:
-    """Yaw, pitch and roll of quaternions, as `Flight` takes them.
+    """Converts quaternions to yaw, pitch and roll, as `Flight` expects them.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def attitude_rad(quaternion: ArrayLike, order: str = "xyzw") -> NDArray[np.float
 def from_pybullet(
     time_s: ArrayLike, observations: ArrayLike, *, light: Any = None, design_m: ArrayLike | None = None
 ) -> Flight:
-    """The flight of a drone of gym-pybullet-drones.
+    """Returns the flight of one drone from gym-pybullet-drones.
 
     Parameters
     ----------

@@ -32,14 +32,14 @@ class Calibration(TypedDict):
 
 
 class Candidate(TypedDict):
-    """One setting of the knobs with its figures."""
+    """One point of the search with its figures."""
 
     number: int
-    """Its number, in the order of asking."""
+    """Its number, in the order of the search."""
     settings: dict[str, Any]
-    """The scene's values of the keys that the knobs turn, in their own units."""
+    """The scene's values of the knobs' keys, in their own units."""
     n_flights: int
-    """Flights that it was judged by."""
+    """Number of flights behind its figures."""
     merit: float
     """Mean merit."""
     legibility: float
@@ -49,9 +49,9 @@ class Candidate(TypedDict):
     duration_s: float | None
     """Mean time of a flight. `None` if every drone was lost."""
     broken: float
-    """Excess over its limits, in limits: 0 keeps to all of them."""
+    """Sum of the excesses over its limits, each as a fraction of the limit. 0 if it keeps all limits."""
     given_up: bool
-    """Given up after half of its flights."""
+    """True if it was given up after half of its flights."""
 
 
 class Cause(TypedDict):
@@ -181,9 +181,9 @@ class Outcome(Flown, TypedDict):
     probability: float
     """Probability that a viewer reads the word and no other at first sight, 0 to 1: `read_probability`."""
     log_odds: float
-    """Its log-odds, −10 to 10: they have a slope where the probability is flat."""
+    """Its log-odds, −10 to 10: they still change where the probability hardly does."""
     similarity: float
-    """Mean probability of the intended letters, 0 to 1. It has a slope where the word's has none."""
+    """Mean probability of the intended letters, 0 to 1. It changes even while the word is illegible."""
     lost: str | None
     """How a drone was lost. `None` if none was."""
 

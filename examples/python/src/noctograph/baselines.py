@@ -1,5 +1,5 @@
 # pyright: basic
-"""`VectorEnv` for Stable-Baselines3, which it needs."""
+"""`VectorEnv` as an environment of Stable-Baselines3, which this module needs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Drones(VecEnv):
         observations, rewards, over, _, found = self._drones.step(self._actions)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if over.any():
-            # The drones' next step begins the episodes that ended and holds what the others do.
+            # The next step begins the episodes that ended, and continues the others.
             ended = observations.copy()
             observations = self._drones.begin_again(observations)
             for index in np.flatnonzero(over):

@@ -1,4 +1,4 @@
-"""Commands of the program as functions: their tables, figures and files."""
+"""Commands of the program as functions that return their tables, figures and files."""
 
 from __future__ import annotations
 
@@ -85,12 +85,12 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
         try:
             text, keys = _command(words)
         except InputError as error:
-            # Paths of temporary files mean nothing to the caller.
+            # The caller does not know the paths of temporary files.
             parts = (error.place, error.found, error.wanted, error.hint)
             raise InputError(*(part.replace(folder + os.sep, "") for part in parts)) from None
         keys = keys or {}
         if isinstance(keys.get("warnings"), list):
-            # Warnings about the file of an object are left out: the object has them already.
+            # Warnings about the file of an object are omitted, since the object has them already.
             kept = [str(text) for text in keys["warnings"] if not str(text).startswith(folder + os.sep)]
             keys["warnings"] = [text.replace(folder + os.sep, "") for text in kept]
             for text_of_warning in keys["warnings"]:
@@ -99,7 +99,7 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
-    """A command that writes files, or one called `name`. Without an `output` the report has them."""
+    """Runs a command that writes files, or one called `name`. Without an `output` its report has them."""
     if output is not None or options.get("region"):
         return command(verb, *inputs, output=output, **options)
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
@@ -132,7 +132,7 @@ def check(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
 
 
 def export(scene: Scene | str, to: str, *plans: Plan, output: PathLike | None = None, **options: Any) -> Report:
-    """Files that a drone or another program flies from.
+    """Exports files from which a drone or another program flies.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def export(scene: Scene | str, to: str, *plans: Plan, output: PathLike | None = 
 
 
 def identify(log: PathLike | Flight, **options: Any) -> Report:
-    """Mass, inertia, delays and noise of a drone, from the log of a flight.
+    """Identifies mass, inertia, delays and noise of a drone from the log of a flight.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def compare(
     output: PathLike | None = None,
     **options: Any,
 ) -> Report:
-    """Errors between two flights, along each axis, after their clocks and places are aligned.
+    """Compares two flights: errors along each axis, after their clocks and frames are aligned.
 
     Parameters
     ----------
@@ -208,18 +208,18 @@ def compare(
     flights = [it if design is None else _designed(it, design) for it in (a, b)]
     lack = any(isinstance(it, Flight) and np.isnan(it.design_m).any() for it in flights)
     if lack and not options.keys() & {"align", "offset"}:
-        options["align"] = "flown"  # no design sets the clocks
+        options["align"] = "flown"  # the clocks cannot be aligned by a design
     return _with_files("compare", *flights, output=output, **options)
 
 
 def _designed(flight: PathLike | Flight, plan: Plan) -> Flight:
-    """A flight or log with the design of a plan, in place of its own."""
+    """Returns a flight or log with the design of a plan instead of its own."""
     flight = flight if isinstance(flight, Flight) else import_log(flight)
     return flight.with_design(plan)
 
 
 def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) -> Report:
-    """Positions of drones from ranges between them and three or more anchors.
+    """Estimates positions of drones from ranges between them and three or more anchors.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) ->
 
 
 def coverage(scene: Scene | str, *, output: PathLike | None = None, **options: Any) -> Report:
-    """How well the base stations or anchors of a scene can place its drones, as a table and a map.
+    """Computes how well the base stations or anchors of a scene can locate its drones, as a table and a map.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ def coverage(scene: Scene | str, *, output: PathLike | None = None, **options: A
 
 
 def gains(scene: Scene | str, **options: Any) -> Report:
-    """Gains and stability margins of a scene's controller.
+    """Computes gains and stability margins of a scene's controller.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ def gains(scene: Scene | str, **options: Any) -> Report:
 
 
 def hold(scenario: str = "all", *, runs: int = 80, output: PathLike | None = None, **options: Any) -> Report:
-    """Altitude hold from three imperfect sensors: errors of the estimate, and whether its σ can be believed.
+    """Simulates altitude hold with three imperfect sensors: errors of the estimate, and whether its σ is right.
 
     Parameters
     ----------
@@ -301,7 +301,7 @@ def hold(scenario: str = "all", *, runs: int = 80, output: PathLike | None = Non
 
 
 def meter(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
-    """Stops over saturation of each lamp, and the exposure to set.
+    """Computes each lamp's stops over saturation, and the exposure to set.
 
     Parameters
     ----------

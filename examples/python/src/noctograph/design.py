@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 class Design(NamedTuple):
-    """The design of a plan at some times. Of one time, without the axis of times.
+    """The design of a plan at some times. For a single time there is no axis of times.
 
     Attributes
     ----------
@@ -35,6 +35,6 @@ class Design(NamedTuple):
 
 
 def _design(is_one: bool, columns: list[Any], lights: dict[str, Any]) -> Design:
-    """A design of arrays with a row for each time, or only of their first rows."""
+    """Creates a design from arrays with a row for each time, or only from their first rows."""
     row = 0 if is_one else slice(None)
     return Design(*(column[row] for column in columns), {name: levels[row] for name, levels in lights.items()})

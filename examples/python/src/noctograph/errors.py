@@ -1,4 +1,4 @@
-"""Exceptions and warnings of noctograph, with what was found, where, and what to do."""
+"""Exceptions and warnings of noctograph: they say what was found, where, and what to do."""
 
 import inspect
 import warnings
@@ -46,7 +46,7 @@ class NoctographWarning(UserWarning):
 
 
 def warn(text: str) -> None:
-    """Warns in the name of the line outside the package that led here."""
+    """Issues a warning at the line outside the package from which this was called."""
     frame, level = inspect.currentframe(), 1
     while frame is not None and str(frame.f_globals.get("__name__")).split(".")[0] == "noctograph":
         frame, level = frame.f_back, level + 1

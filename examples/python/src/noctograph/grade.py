@@ -1,4 +1,4 @@
-"""Marks for a class: scenes and controllers in Python under one task. A fault affects only its owner.
+"""Grades a class: scenes and Python controllers for one task. A fault affects only its owner.
 
 A submission is a scene or a few of its keys (TOML), of which the task's controller keys may differ, or a
 controller in Python, as ``nc.fly`` takes it. The simulation runs here; a controller runs in a process of its own
@@ -37,15 +37,15 @@ from .commands import PathLike, Report, command
 from .errors import InfeasibleError, InputError
 from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
 
-#: Seeds of a word if none are named, as of ``noctograph rank --task``.
+#: Number of seeds for a word without one, as in ``noctograph rank --task``.
 SEEDS = 100
-#: Seeds below this can be found by trial, as of ``noctograph rank``.
+#: Seeds below this can be guessed, as in ``noctograph rank``.
 PUBLIC_SEEDS = 1 << 32
-#: What Python itself needs of a system.
+#: Paths that Python itself needs.
 SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
-#: Time in which a guard ends its processes, s. It is killed after it, and the kernel ends the rest.
+#: Time in which a guard has to end its processes, s. Then it is killed, and the kernel ends the rest.
 GUARD_S = 10.0
-#: Period of the checks for a stop, and for further processes of a submission, s.
+#: Time between checks for a stop and for further processes of a submission, s.
 STOPS_S = 0.1
 #: CPU time of other threads of a submission in flight, s: those of a package fall asleep within a millisecond.
 WORKS_S = 0.02
@@ -65,17 +65,17 @@ class Limits:
 
 
 class Failed(Exception):
-    """Why a submission has no place."""
+    """Says why a submission has no place."""
 
 
 def _line(answer: bytes) -> str:
-    """What a process says, which a table can hold."""
+    """Returns the output of a process in a form that fits into a table."""
     text = answer.decode("utf-8", "replace")
     return "".join(sign if sign.isprintable() else " " for sign in text[:200])
 
 
 class _Process:
-    """A controller in a process of its own."""
+    """A controller in a separate process."""
 
     def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, shown: Sequence[str], running: _Running) -> None:
         self.limits, self.waited_s, self.looks_s, self.flights, self.running = limits, 0.0, 0.0, 0, running
@@ -106,11 +106,11 @@ class _Process:
             raise
 
     def control(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Motor commands for the flights that are not over."""
+        """Returns motor commands for the flights that are not over."""
         return self._ask("m", rows.tobytes(), 4 * len(rows)).reshape(-1, 4)
 
     def estimator(self, start: NDArray[np.float64]) -> Callable[[dict[str, Any], float], NDArray[np.float64]]:
-        """An estimator of one flight, as `fly` takes it."""
+        """Returns the estimator of one flight, as `fly` calls it."""
         flight, self.flights = self.flights, self.flights + 1
         self._ask("e", json.dumps({"start": start.tolist()}).encode(), 0)
 
@@ -121,7 +121,7 @@ class _Process:
         return update
 
     def _ask(self, kind: str, message: bytes, n: int) -> NDArray[np.float64]:
-        """The n numbers that a message is answered with."""
+        """Sends a message and returns the n numbers of its answer."""
         begun = time.monotonic()
         if begun > self.looks_s:
             self._is_alone()
@@ -163,10 +163,10 @@ class _Process:
         except TimeoutError:
             raise Failed("it does not listen") from None
         except OSError:
-            pass  # it ended: what it said last is read
+            pass  # it has ended: its last output is read
 
     def _receive(self, kind: str, most: int, within_s: float) -> bytes:
-        """The answer of a kind, or why there is none."""
+        """Returns the next answer of a kind, or fails with the reason why there is none."""
         until, parts, length = time.monotonic() + within_s, bytearray(), 4
         while len(parts) < length:
             try:
@@ -204,7 +204,7 @@ class _Process:
         return f"killed by {names[number]} (memory or CPU time)" if number in names else f"exit code {code}"
 
     def end(self) -> None:
-        """Ends it and all that it started: its guard does when its pipe is closed, see `isolated.guard`."""
+        """Ends the process and all that it started. Closing its pipe makes the guard do so: see `isolated.guard`."""
         self.wire.close()
         assert self.process.stdin is not None
         self.process.stdin.close()
@@ -243,31 +243,31 @@ def _workers(n: int | None) -> Generator[tuple[ThreadPoolExecutor, _Running]]:
 def _fly(
     scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, shown: Sequence[str], running: _Running
 ) -> tuple[list[str], str]:
-    """Outcomes of a controller's flights as JSON, and what was not shut off."""
+    """Returns the outcomes of a controller's flights as JSON, and what could not be blocked."""
     process, motors = _Process(source, scene, len(seeds), limits, shown, running), np.zeros((len(seeds), 4))
     try:
         estimator = process.estimator if process.estimates else None
         sessions = Sessions(scene, len(seeds), conditions, estimator, not process.controls)
         sessions.reset(list(seeds))
-        seen = sessions.look()
+        seen = sessions.observations()
         while not (over := seen["landed"] | seen["lost"]).all():
             if not process.controls:
                 sessions.step(None, [sessions.command_hz // 10] * len(seeds))
-                seen = sessions.look()
+                seen = sessions.observations()
                 continue
             flying = np.flatnonzero(~over)
             rows = [flying.astype(float), seen["state"][flying], seen["reference"][flying], seen["time_s"][flying]]
             motors[over] = 0
             motors[flying] = process.control(np.column_stack(rows))
             sessions.step(motors, [1] * len(seeds))
-            seen = sessions.look()
+            seen = sessions.observations()
     finally:
         process.end()
     return sessions.outcomes()[1], process.left
 
 
 def _shown(hidden: Sequence[str]) -> list[str]:
-    """What a controller's process may read: Python with its packages, but no folder of them that holds what is hidden."""
+    """Returns the folders that a controller may read: Python and its packages, without those that hold hidden files."""
     private = [Path(it).resolve() for it in hidden]
     packages = [it for it in sys.path if not any(path.is_relative_to(Path(it).resolve()) for path in private)]
     paths = [*SYSTEM, sys.base_prefix, sys.prefix, *os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep), *packages]
@@ -289,7 +289,7 @@ def _submissions(given: PathLike | Sequence[PathLike]) -> dict[str, Path]:
 
 
 def _handed(folder: Path, student: str) -> list[tuple[str, Path]]:
-    """Files of a folder, and of the folders of its students."""
+    """Returns the files in a folder and in its students' folders."""
     entries = sorted(folder.iterdir())
     hidden = [it.name for it in entries if it.name.startswith((".", "_"))]
     if hidden:
@@ -380,7 +380,7 @@ def grade(
         try:
             if file.is_symlink():
                 raise Failed("a link, which is not followed")
-            ending = file.suffix.lower() if file.is_file() else ""  # neither a folder nor a pipe
+            ending = file.suffix.lower() if file.is_file() else ""  # a folder or a pipe has none
             if ending == ".py" and os.name == "posix":
                 if file.stat().st_size > MOST_BYTES:
                     raise Failed(f"more than {MOST_BYTES} bytes")
@@ -483,4 +483,4 @@ if __name__ == "__main__":
         sys.exit(main())
     except KeyboardInterrupt:
         print("error: interrupted: no marks are written", file=sys.stderr, flush=True)
-        os._exit(130)  # without the flights that threads still photograph
+        os._exit(130)  # without waiting for flights that threads still photograph

@@ -32,30 +32,30 @@ from .commands import Report
 from .studies import _made, _takes_time  # pyright: ignore[reportPrivateUsage]
 
 NAME = "submission.py"
-#: Flight, estimate, reference and time of a row.
+#: Columns of a row: flight, estimate, reference and time.
 COLUMNS = 1 + 12 + 9 + 1
 #: Readings that are arrays.
 VECTORS = ("rate_rad_s", "specific_force_m_s2", "position_m")
-#: Audit events that no controller has a reason for, but for files of its own folder and what imports do.
+#: Audit events that no controller needs, except for files in its own folder and imports.
 NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
 IMPORTS = ("os.listdir", "os.scandir", "os.walk", "os.fwalk", "os.putenv", "os.unsetenv")
 #: Those whose first argument is a file, of its own folder perhaps.
 FILES = ("open", "os.chmod", "os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate", "os.utime", "shutil.")
 #: Those that it has no reason for once it flies.
 FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
-#: What it may write while it is loaded, in its own folder, bytes.
+#: Bytes that it may write to its own folder while it is loaded.
 WRITTEN = 4 << 20
 # Linux: unshare(2), mount(2), mount_setattr(2), prctl(2), capset(2).
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
 NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR = 0x1000_0000, 1, 0x8000, 442
 DEATH_SIGNAL, DUMPABLE, SECCOMP, SUBREAPER, NO_NEW_PRIVILEGES = 1, 4, 22, 36, 38
-#: System calls that make a thread or a process: clone, fork, vfork, clone3.
+#: System calls that create a thread or a process: clone, fork, vfork, clone3.
 CLONES = {"x86_64": (56, 57, 58, 435), "aarch64": (220, 435)}
 BIND, CAPABILITIES = 0x1000 | 0x4000, 0x2008_0522
 
 
 def receive(wire: socket.socket) -> bytes:
-    """One message: its length, then its bytes."""
+    """Reads one message: its length, then its bytes."""
 
     def exactly(n: int) -> bytes:
         parts = bytearray()
@@ -75,13 +75,13 @@ def send(wire: socket.socket, message: bytes) -> None:
 
 
 def fail(wire: socket.socket, why: str) -> NoReturn:
-    """Ends the process with the reason."""
+    """Sends the reason and ends the process."""
     send(wire, b"f" + why[:200].encode("utf-8", "replace"))
     os._exit(1)
 
 
 def children() -> list[int]:
-    """Processes whose parent is this one."""
+    """Returns the processes whose parent is this one."""
     found: list[int] = []
     for process in filter(str.isdigit, os.listdir("/proc")):
         with contextlib.suppress(OSError), open(f"/proc/{process}/stat") as file:
@@ -193,7 +193,7 @@ def handed_in(code: CodeType, scene: Scene) -> tuple[Any, Any]:
 
 
 def said(error: BaseException) -> str:
-    """An exception and the line of the submission that raised it."""
+    """Returns a text with an exception and the line of the submission that raised it."""
     trace, line = error.__traceback__, ""
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == NAME:
@@ -208,7 +208,7 @@ def said(error: BaseException) -> str:
 
 
 def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
-    """The answer of a submission as numbers of a shape."""
+    """Returns the answer of a submission as numbers of a shape. Fails if it has another one."""
     found = np.asarray(found)
     if found.shape != shape or found.dtype.kind not in "fiu":
         raise TypeError(f"{what}s are wanted, {shape[0]} of them, not {found.dtype} of shape {found.shape}")
@@ -218,7 +218,7 @@ def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
 
 
 def estimate(makes: list[Any], running: list[Any], message: bytes) -> bytes:
-    """The estimate of a flight by its readings, or nothing when the flight begins."""
+    """Returns the estimate of a flight from its readings, or nothing when the flight begins."""
 
     def vector(value: Any) -> Any:
         return np.array(value, float)
@@ -317,7 +317,7 @@ def main() -> NoReturn:
             fail(wire, what + line)
 
     def limit(what: int, most: int) -> None:
-        with contextlib.suppress(ValueError, OSError):  # lower already, or unknown to macOS
+        with contextlib.suppress(ValueError, OSError):  # it is already lower, or macOS does not have it
             resource.setrlimit(what, (most, most))
 
     try:

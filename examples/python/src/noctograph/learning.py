@@ -81,7 +81,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         seeds = [None] * self.num_envs if not isinstance(seed, list) else seed
         self._sessions.reset([self._draw() if given is None else given for given in seeds])
         self._over[:] = False
-        seen = self._sessions.look()
+        seen = self._sessions.observations()
         self._time_s = seen["time_s"]
         return self._observe(seen), {}
 
@@ -101,7 +101,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             self._sessions.reset([self._draw() if over else None for over in begun])
         commands = np.clip(self._hover * (1 + actions), 0, MOTOR_MAX)
         self._sessions.step(commands, np.where(begun, 0, self._turns).tolist())
-        seen = self._sessions.look()
+        seen = self._sessions.observations()
         distance = np.linalg.norm(seen["position_m"] - seen["design_m"], axis=1)
         elapsed_s = np.where(begun, 0, seen["time_s"] - self._time_s)
         reward = elapsed_s * np.clip(1 - distance / WORTHLESS_M, 0, 1)
@@ -120,7 +120,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Begins the episodes that ended in the last step at once, and returns their first observations among the others'."""
         begun = self._over.copy()
         self._sessions.reset([self._draw() if over else None for over in begun])
-        seen = self._sessions.look()
+        seen = self._sessions.observations()
         self._time_s = seen["time_s"]
         self._over[:] = False
         return np.where(begun[:, None], self._observe(seen), observations)

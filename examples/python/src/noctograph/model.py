@@ -1,4 +1,4 @@
-"""The drone of a scene as equations of motion, for controllers and filters that predict."""
+"""Equations of motion of a scene's drone, for controllers and filters that predict."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Model:
         self._thrust_n_s2 = float(vehicle["rotor_thrust_n_s2"])
         self._command_n = float(vehicle["k_f_n"])
         self._given = 1 - np.array(vehicle["motor_loss_frac"], float)
-        # Torques about the center of mass and thrust, of the rotors' thrusts in N.
+        # Torques about the center of mass and thrust, from the rotors' thrusts in N.
         self._wrench = np.linalg.inv(scene.motors_from_wrench) / self._command_n
         x_m, y_m = vehicle["center_of_mass_m"]
         self._wrench[:2] += np.array([[-y_m], [x_m]]) * self._wrench[3]
@@ -55,19 +55,19 @@ class Model:
         self.n = 16 if max(self._lags_s) > 0 else 12
 
     def hover(self, position_m: ArrayLike = (0, 0, 0), yaw_rad: float = 0) -> tuple[Floats, Floats]:
-        """States x and inputs u of a drone that stands in the air, but for a center of mass that is off."""
+        """Returns states x and inputs u of a hovering drone, apart from an offset of its center of mass."""
         u = np.full(4, self.mass_kg * GRAVITY_M_S2 / 4 / self._command_n)
         state = np.concatenate([np.asarray(position_m, float), [yaw_rad], np.zeros(8)])
         return self.complete(state, u), u
 
     def complete(self, state: ArrayLike, u: ArrayLike) -> Floats:
-        """States x of the twelve of a controller, with rotors that have followed the commands u."""
+        """Returns the states x from the twelve of a controller, with rotors that have settled at the commands u."""
         state = np.asarray(state, float)
         speeds = np.broadcast_to(self._followed(u), (*state.shape[:-1], 4))
         return np.concatenate([state, speeds], -1)[..., : self.n]
 
     def f(self, x: ArrayLike, u: ArrayLike) -> Floats:
-        """Time derivative ẋ of the states x under the motor commands u."""
+        """Returns the time derivative ẋ of the states x under the motor commands u."""
         x, followed = np.asarray(x, float), self._followed(u)
         of_all = np.broadcast_shapes(x.shape[:-1], followed.shape[:-1])
         x, followed = np.broadcast_to(x, (*of_all, self.n)), np.broadcast_to(followed, (*of_all, 4))
@@ -105,7 +105,7 @@ class Model:
         return np.concatenate([np.stack(slopes, -1), change], -1)[..., : self.n]
 
     def step(self, x: ArrayLike, u: ArrayLike, dt_s: float) -> Floats:
-        """States after a time in which the commands are held, by one Runge-Kutta step of order 4. Up to 20 ms."""
+        """Returns the states after up to 20 ms of constant commands, by one Runge-Kutta step of order 4."""
         x = np.asarray(x, float)
         k1 = self.f(x, u)
         k2 = self.f(x + dt_s / 2 * k1, u)
@@ -125,6 +125,6 @@ class Model:
         return a.T, b.T
 
     def _followed(self, u: ArrayLike) -> Floats:
-        """Speeds of the rotors, rad/s, that commands lead to."""
+        """Returns the rotor speeds, rad/s, at which the rotors settle under commands."""
         thrust_n = np.clip(np.asarray(u, float), 0, 65_535) * self._command_n * self._given
         return np.sqrt(thrust_n / self._thrust_n_s2)

@@ -88,7 +88,7 @@ class Outcomes:
 
 
 class _Line:
-    """A progress bar of text, if tqdm is not installed. Notebooks and terminals show it."""
+    """A progress bar as text, used if tqdm is not installed, for notebooks and terminals."""
 
     def __init__(self, what: str) -> None:
         self.what, self.shown, self.begun = what, -1, time.monotonic()
@@ -107,13 +107,13 @@ class _Line:
 
 @contextmanager
 def _bar(progress: Progress, what: str) -> Any:
-    """The caller's progress, a bar of tqdm if that is installed, else one of text, or none."""
+    """Returns the caller's progress function, a tqdm bar if that is installed, else a text bar, or none."""
     if callable(progress) or not progress:
         yield progress if callable(progress) else None
         return
     try:
         with warnings.catch_warnings():
-            # Without ipywidgets a notebook has the bar as text.
+            # Without ipywidgets a notebook shows the bar as text.
             warnings.simplefilter("ignore")
             from tqdm.auto import tqdm
     except ImportError:
@@ -133,7 +133,7 @@ def _bar(progress: Progress, what: str) -> Any:
 
 
 def _takes_time(controller: Controller) -> bool:
-    """True if a controller takes a third positional argument: the time."""
+    """Returns true if a controller accepts a third positional argument, the time."""
     try:
         parameters = inspect.signature(controller).parameters.values()
     except (TypeError, ValueError):
@@ -143,7 +143,7 @@ def _takes_time(controller: Controller) -> bool:
 
 
 def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
-    """The answer of a controller as motor commands."""
+    """Returns the motor commands in a controller's answer."""
     commands = np.asarray(found)
     if commands.dtype.kind not in "biuf" or commands.shape != shape:
         what = f"{commands.dtype} of shape {commands.shape}"
@@ -152,7 +152,7 @@ def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
 
 
 def _made(controller: Controller, scene: Scene) -> Controller:
-    """A controller for a flight: a new one of a class, which gets the scene if its constructor has a `scene`."""
+    """Returns a flight's controller, a new one of a class, which gets the scene if its constructor has a `scene`."""
     if not isinstance(controller, type):
         return controller
     return controller(scene) if "scene" in inspect.signature(controller).parameters else controller()
@@ -174,7 +174,7 @@ def _fly_controlled(
     each = [None if controller is None else _made(controller, scene) for _ in (seeds[:1] if vectorized else seeds)]
     timed = each[0] is not None and _takes_time(each[0])
     motors = np.zeros((n, 4))
-    while not (over := (seen := sessions.look())["landed"] | seen["lost"]).all():
+    while not (over := (seen := sessions.observations())["landed"] | seen["lost"]).all():
         rows = (seen["state"], seen["reference"], seen["time_s"])[: 3 if timed else 2]
         if controller is None:  # an estimator with the scene's controller
             sessions.step(None, [sessions.command_hz // 10] * n)
@@ -203,7 +203,7 @@ def _kept(
     key: object,
     fly: Callable[[], tuple[dict[str, Any], list[str]]],
 ) -> list[str]:
-    """Outcomes of flights: from a folder, if classes of the same files have flown those of the same key before."""
+    """Returns outcomes of flights, from a folder if it has those of the same key and of classes from the same files."""
     classes = [it for it in makers if isinstance(it, type)]
     files = [getattr(sys.modules.get(it.__module__), "__file__", None) for it in classes]
     if folder is None or len(classes) < sum(it is not None for it in makers) or None in files:
@@ -221,7 +221,7 @@ def _kept(
 
 
 def _words(scene: Scene, words: Words | None, seeds: int) -> list[tuple[str, int]]:
-    """Words with their numbers of seeds."""
+    """Returns words with their numbers of seeds."""
     if isinstance(words, Mapping):
         return list(words.items())
     return [(word, seeds) for word in ([scene.word] if words is None else words)]
@@ -375,7 +375,7 @@ def rank(
 
 
 def _ranked(*arguments: Any) -> Report:
-    """The report of a ranking, with its tables as files."""
+    """Returns the report of a ranking, with its tables as files."""
     text, keys = _ranking(*arguments)
     files = {f"{name}.csv": table.encode() for name, table in keys.pop("csv").items()}
     return Report(text, keys, files)

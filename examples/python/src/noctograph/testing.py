@@ -1,4 +1,4 @@
-"""Golden photographs, flights and verdicts for tests: what a person last looked at, and what is found now."""
+"""Golden photographs, flights and verdicts for tests: those that a person approved, to compare with new ones."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def assert_golden(
 
 
 def _is_blessed(golden: Path) -> bool:
-    """True if a golden is written anew: NOCTOGRAPH_BLESS is 1. Another value gets a warning."""
+    """Returns true if goldens are replaced: NOCTOGRAPH_BLESS is 1. Another value causes a warning."""
     value = os.environ.get("NOCTOGRAPH_BLESS")
     if value == "1":
         warnings.warn(f"NOCTOGRAPH_BLESS=1: {golden} is written anew", stacklevel=3)
@@ -98,7 +98,7 @@ def _is_blessed(golden: Path) -> bool:
 
 
 def _moved(key: str, found: Any, wanted: Any) -> list[str]:
-    """A line for each value that differs, named by its path."""
+    """Returns a line for each value that differs, with its path."""
     if isinstance(found, dict) and isinstance(wanted, dict):
         new, old = cast("dict[str, Any]", found), cast("dict[str, Any]", wanted)
         return [line for name in {**old, **new} for line in _moved(f"{key}.{name}", new.get(name), old.get(name))]
@@ -111,7 +111,7 @@ def _moved(key: str, found: Any, wanted: Any) -> list[str]:
 
 
 def _facts(found: Shot | Flight | Mapping[str, Any]) -> dict[str, Any]:
-    """What a golden keeps of a product, as JSON gives it back."""
+    """Returns the part of a product that a golden stores, as JSON would return it."""
     if isinstance(found, Flight):
         return {"flight_sha256": found.sha256}
     if isinstance(found, Shot):
