@@ -55,6 +55,7 @@ pub(super) fn in_source<'a>(
 fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
     let n_strokes = colors.len();
     let mut named = vec![false; n_strokes];
+    // A part is a number, a range of numbers, or a color by its name or in CSS.
     for text in list.split(',').map(str::trim).filter(|text| !text.is_empty()) {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let range = first.trim().parse().ok().zip(last.trim().parse().ok());
