@@ -72,7 +72,7 @@ fn number(cell: &str) -> Option<f64> {
 }
 
 /// Returns the seconds since 1970 of a date such as `2023-05-04 12:34:56.789`, or those since
-/// midnight of a time of day. A date alone is its midnight.
+/// midnight of a time of day. A date without a time is its midnight.
 ///
 /// Also read: `T` between date and time, `/` and `.` in dates, names of months, `AM` and `PM`,
 /// zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, milliseconds after a third colon, minutes
