@@ -140,7 +140,7 @@ struct Filter {
 impl Filter {
     /// A filter with the time constant `time_s` in steps of `dt_s`, with both stages at zero.
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
-        // F = (decay 0, coupling decay) by rows, exact for the step, and the entries of Q = P − F P Fᵀ.
+        // F = (decay 0, coupling decay) by rows, exact for the step, and entries of Q = P − F P Fᵀ.
         let decay = libm::exp(-dt_s / time_s);
         let coupling = decay * dt_s / time_s;
         let q11 = 1.0 - decay * decay;
