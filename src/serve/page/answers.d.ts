@@ -10,9 +10,9 @@ interface About extends Host {
   kiosk: boolean;
   /** True if no entries are accepted at the moment. */
   paused: boolean;
-  /** What the wall shows. */
+  /** Which photos the wall shows. */
   wall: WallRule;
-  /** Limits of what is asked for. */
+  /** Limits of requests. */
   limits: Limits;
   /** Colors that the page offers. */
   colors: OfferedColor[];
@@ -20,21 +20,21 @@ interface About extends Host {
   deck: string;
   /** The text of the scene, if the visitors' browsers make photos. */
   base?: string;
-  /** The scene that the controls begin with, on the host's machine. */
+  /** The scene that the controls show at the start, on the host's machine. */
   scene?: Record<string, any>;
 }
 
 /** A sentence of advice. */
 interface Advice {
-  /** The kind of fault that it removes. */
+  /** The kind of fault that the advice removes. */
   kind: CauseKind;
   /** A sentence for people. */
   text: string;
-  /** Gain in readability, 0 to 1, when the photo is read without any fault of the kind. null if these cannot be taken out. */
+  /** Gain in readability, 0 to 1, when the photo is read without any fault of the kind. null if these cannot be removed. */
   gain: number | null;
 }
 
-/** What a page gets back with its answer. */
+/** The members of a request that its page gets back with the answer. */
 interface Asked {
   /** The request for a large photo, which is sent again to have the photo flown. */
   id?: string;
@@ -54,7 +54,7 @@ interface Brand {
   logo: boolean;
 }
 
-/** Method of a verdict's readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds `m` of the letters, the log-odds `r` of the word against its rival, and how usual its spelling `s` is: the mean of ln p over its letters, each after the four before it, above −2.2, times 1 − m / 8, for m from 0 to 8. */
+/** Logistic regression of the readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))`. `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean over its letters of ln p, each after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8. */
 interface Calibration {
   /** Readers whose reading it predicts. */
   reader: string;
@@ -68,25 +68,25 @@ interface Calibration {
   spelling: number;
 }
 
-/** A fault in the photo, and the letter's gain without it. */
+/** A fault in the photo, and the gain from mending it. */
 interface Cause {
-  /** Its kind. */
+  /** Kind of the fault. */
   kind: CauseKind;
-  /** Index of the letter, from 0, or null if it concerns the whole word. */
+  /** Index of the letter, from 0, or null if the fault concerns the whole word. */
   letter: number | null;
   /** Length, distance or width in the plane of the word. */
   length_mm: number | null;
-  /** Its middle in the plane of the word, to the right and up. */
+  /** Middle of the fault in the plane of the word, to the right and up. */
   at_m: [number, number] | null;
   /** The part of a stroke that is missing. */
   missing: MissingRun | null;
   /** Delay of the lamp, if light leads from stroke to stroke and the speed is known. */
   lamp_delay_s: number | null;
-  /** First and last moment of the gap in the log that a part of a stroke is missing for. */
+  /** Start and end of the log gap in which a part of a stroke is missing. */
   log_gap_s: [number, number] | null;
-  /** The letter that it looks like, for a fault of design. */
+  /** The letter that this one looks like, for a fault of design. */
   reads_as: string | null;
-  /** Gain in the letter's probability, −1 to 1, when the photo is read without the fault. null if the fault cannot be taken out. */
+  /** Gain in the letter's probability, −1 to 1, when the photo is read without the fault. null if the fault cannot be removed. */
   gain: number | null;
 }
 
@@ -101,7 +101,7 @@ interface Change {
   value: string | null;
 }
 
-/** A drawing as in its file: in whole pixels of a picture, otherwise in thousandths of its larger side. y points down. */
+/** A drawing as its file contains it. Coordinates are whole pixels of a picture, or thousandths of the larger side of another drawing. y points down. */
 interface DrawnSource {
   /** Corners of the sheet of paper. */
   corners: [[number, number], [number, number], [number, number], [number, number]] | null;
@@ -117,24 +117,24 @@ interface DrawnStroke {
   color: string | null;
 }
 
-/** Facts about a photo that its entry keeps. */
+/** Facts about a photo that its entry stores. */
 interface Figures {
   /** Number of drones. 0 in an entry of an earlier version. */
   drones: number;
-  /** Seconds of the longest flight. */
+  /** Duration of the longest flight. */
   flight_s: number;
-  /** True if the word is read. Null for a drawing, as its letters, text and reason. */
+  /** True if the word is read. For a drawing it is null, as are letters, text and reason. */
   legible: boolean | null;
   letters: LetterVerdict[] | null;
   /** Problems that make any word unreadable. */
   obstacles: Message[];
   read: string | null;
   reason: Reason | null;
-  /** Checks that stop its flight: none, or it would not have been kept. */
+  /** Checks that stop its flight. Always empty, since such a photo is refused. */
   stops: Message[];
 }
 
-/** An entry for the operator. It borrows, since a queue of hundreds is requested often. */
+/** An entry as the operator gets it. It borrows, since a queue of hundreds is requested often. */
 interface ForOperator extends Figures {
   id: string;
   number: number;
@@ -145,7 +145,7 @@ interface ForOperator extends Figures {
   visitor: string | null;
 }
 
-/** An entry for its visitor. */
+/** An entry as its visitor gets it. */
 interface ForVisitor {
   id: string;
   number: number;
@@ -157,7 +157,7 @@ interface ForVisitor {
   flight_s: number;
   read: string | null;
   legible: boolean | null;
-  /** Entries that fly before it, and the time that they take. */
+  /** Number of entries that fly before it, and the time that they take. */
   ahead: number;
   ahead_s: number;
 }
@@ -174,7 +174,7 @@ interface Host {
   network: boolean;
 }
 
-/** Facts about the large photo: the members of `preview --json`, and what the page needs. */
+/** Facts about the large photo: the members of `preview --json`, and others for the page. */
 interface LargeFacts extends PhotoFacts, Partial<Verdict> {
   /** The controller that flew. */
   controller: Record<string, any>;
@@ -182,9 +182,9 @@ interface LargeFacts extends PhotoFacts, Partial<Verdict> {
   drones: number;
   /** SHA-256 of the flights. */
   flight_sha256: string | null;
-  /** Changes that help a word that does not read. */
+  /** Changes that make an unreadable word easier to read. */
   remedies: Suggestion[];
-  /** What stops its flight. */
+  /** Checks that stop its flight. */
   stops: Message[];
 }
 
@@ -192,7 +192,7 @@ interface LargeFacts extends PhotoFacts, Partial<Verdict> {
 interface LetterVerdict {
   /** The expected letter. */
   expected: string;
-  /** The likeliest letter, or null if no letter is likelier than each letter. */
+  /** The likeliest letter, or null if light that is no letter is likelier. */
   best: string | null;
   /** Probability of the expected letter in the choice among all, the other letters being right, 0 to 1, or null for punctuation, which is not judged. */
   p: number | null;
@@ -200,7 +200,7 @@ interface LetterVerdict {
   no_letter: number | null;
   /** The three likeliest other letters, the likeliest first. */
   rivals: Rival[];
-  /** Offset of the letter from its place in the word, to the right and up. This and the next four are null if faults were not looked for. */
+  /** Offset of the letter from its position in the word, to the right and up. This and the next four fields are null if not computed. */
   shift_m: [number, number] | null;
   /** Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights. */
   recall: number | null;
@@ -218,15 +218,15 @@ interface LetterVerdict {
 interface LightMap {
   /** Seconds of the longest flight. */
   seconds: number;
-  /** In the order of their first times. */
+  /** Strokes of light in the order of their first times. */
   strokes: MappedStroke[];
 }
 
-/** Limits of what a page asks for. */
+/** Limits of a page's requests. */
 interface Limits {
-  /** Most characters of a word. */
+  /** Greatest number of characters in a word. */
   letters: number;
-  /** Most bytes of a request. */
+  /** Greatest number of bytes in a request. */
   body_bytes: number;
 }
 
@@ -252,33 +252,33 @@ interface MappedStroke {
 interface Message {
   /** Name of the sentence: `word-long`. */
   key: string;
-  /** Its figures, by name with their unit. */
+  /** Values in the sentence. Their names have units. */
   values: any;
-  /** An English sentence, for a page without one. */
+  /** An English sentence, for a page that lacks the key. */
   text: string;
-  /** What to do, in English, or nothing. */
+  /** Advice in English, or empty. */
   hint: string;
 }
 
 /** A part of an intended stroke without light. */
 interface MissingRun {
-  /** The run of the pen within the letter, from 0. */
+  /** Index of the run of the pen within the letter. */
   stroke: number;
-  /** Start along the run. */
+  /** Start of the missing part along the run. */
   from_mm: number;
-  /** End along the run. */
+  /** End of the missing part along the run. */
   to_mm: number;
 }
 
-/** A color that the page offers: that of the screen, and the bytes of each lamp that show it. */
+/** A color that the page offers, on the screen and for each lamp. */
 interface OfferedColor {
   /** Its name. */
   name: string;
-  /** That of the screen (sRGB). */
+  /** Red, green and blue on the screen (sRGB). */
   screen: [number, number, number];
-  /** White, red, green and blue of the color deck. */
+  /** White, red, green and blue for the color deck. */
   "color-led": [number, number, number, number];
-  /** White, red, green and blue of the ring. */
+  /** White, red, green and blue for the ring. */
   ring: [number, number, number, number];
 }
 
@@ -302,11 +302,11 @@ interface PhotoFacts {
 
 /** Placement of the word against the intended one. */
 interface Placement {
-  /** To the right and up, in the plane of the word. */
+  /** Shift to the right and up, in the plane of the word. */
   shift_m: [number, number];
-  /** Size by intended size, about the middle of the word. */
+  /** Ratio of the size to the intended size. */
   scale: number;
-  /** Counterclockwise, about the middle of the word. */
+  /** Rotation about the middle of the word, counterclockwise. */
   rotation_rad: number;
 }
 
@@ -323,11 +323,11 @@ interface Queue {
 /** Why a word is not legible. */
 type Reason = "not_in_photo" | "no_light" | "too_small" | "out_of_range" | "other_length" | "misread" | "unsure";
 
-/** Another letter that a place resembles. */
+/** Another letter that this one resembles. */
 interface Rival {
   /** The letter. */
   letter: string;
-  /** Its probability in the choice among all, 0 to 1. */
+  /** Probability of the letter in the choice among all, 0 to 1. */
   p: number;
 }
 
@@ -335,7 +335,7 @@ interface Rival {
 interface RivalWord {
   /** The word. */
   word: string;
-  /** Its probability in the choice between it and the expected word, 0 to 1. */
+  /** Probability of the word in the choice between it and the expected one, 0 to 1. */
   p: number;
 }
 
@@ -344,7 +344,7 @@ type Role = "visitor" | "operator" | "entry";
 
 type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
 
-/** Changes of a scene that help its word. */
+/** Changes of a scene that make its word easier to read. */
 interface Suggestion {
   /** Increase of the probability that the word is read. */
   gain: number;
@@ -358,13 +358,13 @@ interface Suggestion {
 interface Verdict {
   /** The expected word. */
   word: string;
-  /** The likeliest letter in the place of each, `?` for none. Punctuation is copied. */
+  /** The likeliest letter for each expected one, `?` for none. Punctuation is copied. */
   read: string;
   /** True if the readability reaches `legible_probability`, and no other word is likelier. */
   legible: boolean;
   /** Probability that a viewer reads the word at first sight, 0 to 1. */
   readability: number;
-  /** The likeliest other word, or null if nothing can be seen. */
+  /** The likeliest other word, or null if nothing is visible. */
   rival: RivalWord | null;
   /** Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the strokes that has light and the fraction of the light that has strokes. null if it was not computed. */
   faithfulness: number | null;
@@ -372,17 +372,17 @@ interface Verdict {
   calibration: Calibration;
   /** Placement of the word, or null if there is no light. */
   placement: Placement | null;
-  /** Height of a capital in the photo, pixels, or null if the photo does not show the place. */
+  /** Height of a capital in the photo, pixels, or null if the word is outside the photo. */
   cap_height_px: number | null;
-  /** One for each letter of the word, in its order. */
+  /** One verdict for each letter of the word, in its order. */
   letters: LetterVerdict[];
   /** Why the word is not legible, or null if it is. */
   reason: Reason | null;
-  /** The text that is read without knowledge of the word, or null if nothing can be seen. */
+  /** The text that is read without knowledge of the word, or null if nothing is visible. */
   second_opinion: string | null;
-  /** Faults, the most costly first, or empty if they were not looked for. */
+  /** Faults, the most costly first, or empty if not computed. */
   causes: Cause[];
-  /** At most three changes, the most gainful first, or empty if faults were not looked for. */
+  /** At most three changes, those with the largest gain first, or empty if not computed. */
   advice: Advice[];
 }
 
@@ -400,5 +400,5 @@ interface WallPhoto {
   flying: boolean;
 }
 
-/** What the wall shows. */
+/** Which photos the wall shows. */
 type WallRule = "approved" | "open";

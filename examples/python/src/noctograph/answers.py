@@ -9,15 +9,15 @@ class Advice(TypedDict):
     """A sentence of advice."""
 
     kind: CauseKind
-    """The kind of fault that it removes."""
+    """The kind of fault that the advice removes."""
     text: str
     """A sentence for people."""
     gain: float | None
-    """Gain in readability, 0 to 1, when the photo is read without any fault of the kind. `None` if these cannot be taken out."""
+    """Gain in readability, 0 to 1, when the photo is read without any fault of the kind. `None` if these cannot be removed."""
 
 
 class Calibration(TypedDict):
-    """Method of a verdict's readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds `m` of the letters, the log-odds `r` of the word against its rival, and how usual its spelling `s` is: the mean of ln p over its letters, each after the four before it, above −2.2, times 1 − m / 8, for m from 0 to 8."""
+    """Logistic regression of the readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))`. `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s` says how usual the spelling is: the mean over its letters of ln p, each after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8."""
 
     reader: str
     """Readers whose reading it predicts."""
@@ -55,26 +55,26 @@ class Candidate(TypedDict):
 
 
 class Cause(TypedDict):
-    """A fault in the photo, and the letter's gain without it."""
+    """A fault in the photo, and the gain from mending it."""
 
     kind: CauseKind
-    """Its kind."""
+    """Kind of the fault."""
     letter: int | None
-    """Index of the letter, from 0, or `None` if it concerns the whole word."""
+    """Index of the letter, from 0, or `None` if the fault concerns the whole word."""
     length_mm: float | None
     """Length, distance or width in the plane of the word."""
     at_m: list[float] | None
-    """Its middle in the plane of the word, to the right and up."""
+    """Middle of the fault in the plane of the word, to the right and up."""
     missing: MissingRun | None
     """The part of a stroke that is missing."""
     lamp_delay_s: float | None
     """Delay of the lamp, if light leads from stroke to stroke and the speed is known."""
     log_gap_s: list[float] | None
-    """First and last moment of the gap in the log that a part of a stroke is missing for."""
+    """Start and end of the log gap in which a part of a stroke is missing."""
     reads_as: str | None
-    """The letter that it looks like, for a fault of design."""
+    """The letter that this one looks like, for a fault of design."""
     gain: float | None
-    """Gain in the letter's probability, −1 to 1, when the photo is read without the fault. `None` if the fault cannot be taken out."""
+    """Gain in the letter's probability, −1 to 1, when the photo is read without the fault. `None` if the fault cannot be removed."""
 
 
 CauseKind = Literal[
@@ -137,7 +137,7 @@ class LetterVerdict(TypedDict):
     expected: str
     """The expected letter."""
     best: str | None
-    """The likeliest letter, or `None` if no letter is likelier than each letter."""
+    """The likeliest letter, or `None` if light that is no letter is likelier."""
     p: float | None
     """Probability of the expected letter in the choice among all, the other letters being right, 0 to 1, or `None` for punctuation, which is not judged."""
     no_letter: float | None
@@ -145,7 +145,7 @@ class LetterVerdict(TypedDict):
     rivals: list[Rival]
     """The three likeliest other letters, the likeliest first."""
     shift_m: list[float] | None
-    """Offset of the letter from its place in the word, to the right and up. This and the next four are `None` if faults were not looked for."""
+    """Offset of the letter from its position in the word, to the right and up. This and the next four fields are `None` if not computed."""
     recall: float | None
     """Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights."""
     precision: float | None
@@ -162,11 +162,11 @@ class MissingRun(TypedDict):
     """A part of an intended stroke without light."""
 
     stroke: int
-    """The run of the pen within the letter, from 0."""
+    """Index of the run of the pen within the letter."""
     from_mm: float
-    """Start along the run."""
+    """Start of the missing part along the run."""
     to_mm: float
-    """End along the run."""
+    """End of the missing part along the run."""
 
 
 class Outcome(Flown, TypedDict):
@@ -192,11 +192,11 @@ class Placement(TypedDict):
     """Placement of the word against the intended one."""
 
     shift_m: list[float]
-    """To the right and up, in the plane of the word."""
+    """Shift to the right and up, in the plane of the word."""
     scale: float
-    """Size by intended size, about the middle of the word."""
+    """Ratio of the size to the intended size."""
     rotation_rad: float
-    """Counterclockwise, about the middle of the word."""
+    """Rotation about the middle of the word, counterclockwise."""
 
 
 Reason = Literal[
@@ -212,12 +212,12 @@ Reason = Literal[
 
 
 class Rival(TypedDict):
-    """Another letter that a place resembles."""
+    """Another letter that this one resembles."""
 
     letter: str
     """The letter."""
     p: float
-    """Its probability in the choice among all, 0 to 1."""
+    """Probability of the letter in the choice among all, 0 to 1."""
 
 
 class RivalWord(TypedDict):
@@ -226,7 +226,7 @@ class RivalWord(TypedDict):
     word: str
     """The word."""
     p: float
-    """Its probability in the choice between it and the expected word, 0 to 1."""
+    """Probability of the word in the choice between it and the expected one, 0 to 1."""
 
 
 class Verdict(TypedDict):
@@ -235,13 +235,13 @@ class Verdict(TypedDict):
     word: str
     """The expected word."""
     read: str
-    """The likeliest letter in the place of each, `?` for none. Punctuation is copied."""
+    """The likeliest letter for each expected one, `?` for none. Punctuation is copied."""
     legible: bool
     """True if the readability reaches `legible_probability`, and no other word is likelier."""
     readability: float
     """Probability that a viewer reads the word at first sight, 0 to 1."""
     rival: RivalWord | None
-    """The likeliest other word, or `None` if nothing can be seen."""
+    """The likeliest other word, or `None` if nothing is visible."""
     faithfulness: float | None
     """Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the strokes that has light and the fraction of the light that has strokes. `None` if it was not computed."""
     calibration: Calibration
@@ -249,14 +249,14 @@ class Verdict(TypedDict):
     placement: Placement | None
     """Placement of the word, or `None` if there is no light."""
     cap_height_px: float | None
-    """Height of a capital in the photo, pixels, or `None` if the photo does not show the place."""
+    """Height of a capital in the photo, pixels, or `None` if the word is outside the photo."""
     letters: list[LetterVerdict]
-    """One for each letter of the word, in its order."""
+    """One verdict for each letter of the word, in its order."""
     reason: Reason | None
     """Why the word is not legible, or `None` if it is."""
     second_opinion: str | None
-    """The text that is read without knowledge of the word, or `None` if nothing can be seen."""
+    """The text that is read without knowledge of the word, or `None` if nothing is visible."""
     causes: list[Cause]
-    """Faults, the most costly first, or empty if they were not looked for."""
+    """Faults, the most costly first, or empty if not computed."""
     advice: list[Advice]
-    """At most three changes, the most gainful first, or empty if faults were not looked for."""
+    """At most three changes, those with the largest gain first, or empty if not computed."""
