@@ -168,7 +168,7 @@ impl Augmented {
     }
 }
 
-/// Returns W with WᵀW the inverse of a covariance, by the eigenvectors of its correlations.
+/// Returns `W` with `WᵀW` the inverse of a covariance, by the eigenvectors of its correlations.
 fn whitening(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
     let scaled =
