@@ -78,7 +78,7 @@ fn a_log_that_names_no_firmware_is_flown_by_a_guess_that_is_said() {
         String::from_utf8(run.get_output().stderr.clone()).unwrap()
     };
     let warned = said("log.csv", "flown.csv");
-    assert!(warned.contains("log.csv: it names no firmware, and is flown as by"), "{warned}");
+    assert!(warned.contains("log.csv: it names no firmware, so release"), "{warned}");
     assert!(!said("flown.csv", "again.csv").contains("firmware"), "a flight of ours has none");
 }
 
