@@ -297,8 +297,8 @@ struct JobMaker<'a> {
 }
 
 impl JobMaker<'_> {
-    /// Does a job in a new folder that contains all of its files, so that the answer reveals no path
-    /// on this machine.
+    /// Does a job in a new folder that contains all of its files, so that the answer reveals no
+    /// path on this machine.
     fn make_in(&self, parent: &Path, Job { product, subject, .. }: &Job) -> Made {
         let Ok(_folder) = JobFolder::enter(parent) else { return Err(Key::DiskFull.into()) };
         let studio = Studio {

@@ -31,8 +31,8 @@ const SUBSETS: usize = 20_000;
 const MAX_ENUMERATED: usize = 14;
 
 /// Weight, in values, of the prior variance of probabilities (`mean_of_probabilities`). A larger
-/// weight widens the intervals of few values: with six good flights they contain the mean in 99 % of
-/// cases at a weight of 1, and in 90 to 93 % at 0.
+/// weight widens the intervals of few values: with six good flights they contain the mean in 99 %
+/// of cases at a weight of 1, and in 90 to 93 % at 0.
 const PRIOR_VALUES: f64 = 0.25;
 
 /// A figure and its confidence interval at a stated level.

@@ -306,7 +306,8 @@ fn median_change(contrast: &[f64], width: usize) -> f64 {
 }
 
 /// True if many edges of the ink, which has a contrast above `least`, are soft: no pixel nearby has
-/// much less contrast than the strongest one. `levels` are the greatest contrasts around each pixel.
+/// much less contrast than the strongest one. `levels` are the greatest contrasts around each
+/// pixel.
 fn has_soft_edges(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> bool {
     let weakest = extremes(contrast, width, NEAR, f64::min);
     let edges = (width..contrast.len()).filter(|pixel| {

@@ -175,8 +175,8 @@ impl Levels8 {
         Self { start: start.collect(), least }
     }
 
-    /// Writes the nearest levels of a row of pixels. Clips the light in `channels` to what levels can
-    /// show.
+    /// Writes the nearest levels of a row of pixels. Clips the light in `channels` to what levels
+    /// can show.
     pub(super) fn write_row(&self, channels: &mut [Vec<f32>; 3], out: &mut [u8]) {
         noctograph_core::dispatch!(|| {
             channels.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));

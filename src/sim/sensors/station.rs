@@ -106,8 +106,8 @@ impl StationPose {
     }
 }
 
-/// Returns the crossing of a point and a sweep plane without tilt, in the station's frame: the angle
-/// is `atan2(y, x)` for axis 1 and `atan2(z, x)` for axis 2. `u` is the point.
+/// Returns the crossing of a point and a sweep plane without tilt, in the station's frame: the
+/// angle is `atan2(y, x)` for axis 1 and `atan2(z, x)` for axis 2. `u` is the point.
 fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     let (ahead, aside) = (u.x, u[axis]);
     let square = ahead * ahead + aside * aside;
