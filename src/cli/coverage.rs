@@ -68,7 +68,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let grid = coverage(&scene.sensors, bounds_m, args.depth, args.step)?;
     let map = coverage_map(&grid, word_m);
     let path = output.keep(map)?;
-    Ok(described(&grid, scene.sensors.lighthouse.stations.len(), bounds_m).with_files(&[path]))
+    Ok(coverage_report(&grid, scene.sensors.lighthouse.stations.len(), bounds_m)
+        .with_files(&[path]))
 }
 
 /// Reports the Cramér–Rao bound of the position along the flights that write a word, and the best
@@ -119,8 +120,8 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 ";
 
 /// Reports a map of base stations.
-fn described(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
-    // Only points that two stations see have an error. There may be none.
+fn coverage_report(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
+    // Errors are sorted. Only points that two stations see have one, and there may be none.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);

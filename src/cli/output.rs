@@ -30,18 +30,19 @@ pub(super) enum Outputs {
 }
 
 impl Outputs {
-    /// Opens `path`, or by default `kind.csv` or the folder `kinds`.
-    pub(super) fn create(path: Option<&Path>, kind: &'static str, n: usize) -> Result<Self> {
-        if let Some(path) = path.filter(|path| n > 1 && is_csv(path) && !path.is_dir()) {
-            let (actual, hint) = (format!("a file for {n} drones"), "leave out .csv");
+    /// Opens `path` for the files of `n_drones`: for one drone a table (`kind.csv` by default) with
+    /// its scene beside it, for several a folder (`kinds` by default).
+    pub(super) fn create(path: Option<&Path>, kind: &'static str, n_drones: usize) -> Result<Self> {
+        if let Some(path) = path.filter(|path| n_drones > 1 && is_csv(path) && !path.is_dir()) {
+            let (actual, hint) = (format!("a file for {n_drones} drones"), "leave out .csv");
             let place = path.display().to_string();
             return Err(Error::input(place, actual, "a folder for a file of each", hint));
         }
-        let path = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
+        let path_or = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
         // All are opened before the long work: a path that cannot be written is refused at once.
-        Ok(match n {
+        Ok(match n_drones {
             1 => {
-                let path = path(format!("{kind}.csv"));
+                let path = path_or(format!("{kind}.csv"));
                 let file = Output::create(&path)?;
                 // A device or a pipe has no file beside it.
                 let scene =
@@ -49,7 +50,7 @@ impl Outputs {
                 Self::One(file, scene.transpose()?)
             }
             _ => {
-                let path = path(format!("{kind}s"));
+                let path = path_or(format!("{kind}s"));
                 let folder = OutputFolder::create(&path)?;
                 Self::Several(path, folder, kind)
             }

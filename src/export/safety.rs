@@ -47,9 +47,9 @@ pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
 /// all platforms).
 pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
-/// Time below its low voltage after which the firmware reports a low battery, s
-/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off
-/// empties no battery.
+/// Time below the low voltage after which the firmware reports a low battery, s
+/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). A shorter sag, as at
+/// take-off, does not count.
 pub const LOW_BATTERY_S: f64 = 5.0;
 /// Oldest cflib that has what the script uses: arming requests, and commands of protocol 8.
 pub const OLDEST_CFLIB: &str = "0.1.27";

@@ -61,7 +61,7 @@ const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 /// Characters as high as capitals. The first that a face has counts.
 const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
 
-/// Characters whose strokes are as wide as those of the others.
+/// Characters whose stroke width is typical of their script.
 const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
 
 /// A face with a cache of its traced characters.

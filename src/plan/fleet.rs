@@ -65,7 +65,8 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
-    // The strokes are divided anywhere, or only between letters: the assignment that ends first.
+    // The strokes are divided anywhere, or only between letters. The assignment that ends first
+    // wins.
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);

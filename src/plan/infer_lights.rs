@@ -39,10 +39,11 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
     let mut letters = Vec::with_capacity(flight.samples.len());
     for sample in &flight.samples {
-        let begun = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
-        letters.push(begun.map(|(letter, _)| letter));
-        levels.push(f64::from(begun.is_some_and(|(_, lit)| lit)));
-        if begun.is_some() {
+        // The letter of the move that the setpoint is on, and if it is lit. None between moves.
+        let current = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
+        letters.push(current.map(|(letter, _)| letter));
+        levels.push(f64::from(current.is_some_and(|(_, lit)| lit)));
+        if current.is_some() {
             let [from_m, to_m] = &mut flown_m[progress.index];
             (*from_m, *to_m) = (from_m.min(progress.along_m), to_m.max(progress.along_m));
         }

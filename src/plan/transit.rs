@@ -37,8 +37,9 @@ pub(super) struct Transit {
 }
 
 impl Transit {
-    /// The fastest path between two states, lasting a multiple of `tick_s`. `None` if none was
-    /// found, which has not happened for states within the limits.
+    /// Returns the fastest path between two states that keeps the acceleration limit, or, if none
+    /// does, the one that exceeds it least. It lasts a multiple of `tick_s`. `None` if there is no
+    /// path, which has not happened for states within the limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         // Each axis is allowed the acceleration of either end, so that both together may exceed the
         // limit.
@@ -46,6 +47,7 @@ impl Transit {
         for fraction in ACCELERATION_FRACTIONS {
             let acceleration_m_s2 = fraction * style.acceleration_m_s2;
             let gentler = EvenStyle { acceleration_m_s2, ..style.clone() };
+            // A lower limit has no path either.
             let Some(path) = Self::fastest(from, to, &gentler, tick_s) else { break };
             let most_m_s2 = path.max_norm(|state| state.acceleration_m_s2);
             if most_m_s2 <= MAX_EXCESS * style.acceleration_m_s2 {

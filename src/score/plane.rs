@@ -157,11 +157,13 @@ impl Grid {
         Some(bounds([a?, b?, c?, d?]))
     }
 
-    /// Returns the side of the middle pixel in the photo, or `None` if it is behind the camera.
+    /// Returns the side of the page's middle pixel in the photo, or `None` if it is behind the
+    /// camera.
     pub(super) fn pixel_px(&self, view: &View, placed: &Placed) -> Option<f64> {
         let middle = [self.width / 2, self.height / 2];
         let [x, y] = self.image_point(view, placed, middle)?;
         let [right, below] = self.image_point(view, placed, [middle[0] + 1, middle[1] + 1])?;
+        // The geometric mean of both sides of a pixel that is hardly rotated.
         Some(((right - x).abs() * (below - y).abs()).sqrt())
     }
 
@@ -219,7 +221,7 @@ impl LetterPage {
     }
 
     /// True if a part of a cell is on the page.
-    pub(super) fn is_near(&self, cell: &Cell) -> bool {
+    pub(super) fn overlaps_page(&self, cell: &Cell) -> bool {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
         let lower_left = self.grid.page_from_plane(Point::new(left_m, baseline_m));
         let upper_right = Point::new(left_m + width_m, baseline_m + cap_height_m);

@@ -276,7 +276,7 @@ impl Reader {
             () if legible => None,
             () if has_few_px => Some(Reason::TooSmall),
             () if has_other_length || reads_other_length || !is_whole => Some(Reason::OtherLength),
-            () if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
+            () if !placement.overlaps_page(reach_m) => Some(Reason::OutOfRange),
             () if is_read && is_likeliest => Some(Reason::Unsure),
             () => Some(Reason::Misread),
         };

@@ -172,7 +172,7 @@ fn text(lines: &[ReadLine]) -> String {
     lines.iter().map(|line| &line.text[..]).collect::<Vec<_>>().join("\n")
 }
 
-/// Returns the clearest reading of some lines that is wanted.
+/// Returns the clearest of the lines' readings for which `is_wanted` is true.
 fn clearest(
     lines: impl Iterator<Item = Line>,
     budget: &mut usize,

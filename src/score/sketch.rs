@@ -59,7 +59,7 @@ impl Reader {
         let dark_moves = between.chain(dark).collect();
         // With several lines, letters above and below are neighbors as well.
         let near = glyphs.iter().enumerate().filter(|(other, _)| *other != index);
-        let near = near.filter(|(_, other)| page.is_near(&other.cell));
+        let near = near.filter(|(_, other)| page.overlaps_page(&other.cell));
         let lit = near.flat_map(|(_, other)| &other.moves).filter(|step| step.lit);
         let beside = lit.map(|step| on_page(page, step.from_m, step.to_m)).collect();
         Sketch { ink, trace, shift, own: bent.segments(), bent, beside, dark_moves }

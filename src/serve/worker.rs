@@ -117,10 +117,12 @@ impl Maker {
                 let values = json!({ "seconds": limit.as_secs() });
                 Message::from(Key::TooSlow).with_values(values)
             })?;
+            // A worker that ends without an answer ran into its memory limit.
             let answer = answer.map_err(|_gone| Key::TooLarge)?;
             *slot = Some(worker);
             answer
         });
+        // A dropped handle lets its task run on, which is right for a keystroke's photo.
         let made = match is_live {
             true => made.await,
             false => (&mut AbortOnDrop(made).0).await,
@@ -295,8 +297,8 @@ struct JobMaker<'a> {
 }
 
 impl JobMaker<'_> {
-    /// Does a job in a new folder that contains all of its files, so that the answer has no path of
-    /// this machine.
+    /// Does a job in a new folder that contains all of its files, so that the answer reveals no
+    /// path on this machine.
     fn make_in(&self, parent: &Path, Job { product, subject, .. }: &Job) -> Made {
         let Ok(_folder) = JobFolder::enter(parent) else { return Err(Key::DiskFull.into()) };
         let studio = Studio {

@@ -138,7 +138,7 @@ impl Avionics {
         self.logs_covariance = true;
     }
 
-    /// Replaces the estimator by one outside the program, which `make` makes of the state at rest.
+    /// Replaces the estimator with an external one, which `make` creates from the state at rest.
     pub fn estimate_by(&mut self, make: impl FnOnce([f64; 12]) -> Update) {
         let state = self.estimator.state();
         self.estimator = Box::new(Outside { update: make(state.into()), state });

@@ -30,9 +30,9 @@ const SUBSETS: usize = 20_000;
 /// Most values whose subsets are all enumerated.
 const MAX_ENUMERATED: usize = 14;
 
-/// Weight, in values, of the prior variance of probabilities (`mean_of_probabilities`). More widens
-/// the intervals of few values: those of six good flights hold the mean in 99 % of cases with a
-/// weight of 1, and in 90 to 93 % with 0.
+/// Weight, in values, of the prior variance of probabilities (`mean_of_probabilities`). A larger
+/// weight widens the intervals of few values: with six good flights they contain the mean in 99 %
+/// of cases at a weight of 1, and in 90 to 93 % at 0.
 const PRIOR_VALUES: f64 = 0.25;
 
 /// A figure and its confidence interval at a stated level.

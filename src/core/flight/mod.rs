@@ -51,8 +51,8 @@ pub struct FlightData {
     /// of the log, held between their own samples. Of a simulated flight: [`SATURATED_S`] and,
     /// where the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
-    /// Gaps in a real log: times of the last sample before and of the first sample after, in rising
-    /// order. Nothing is known in between: no line is drawn and no lamp shines across one.
+    /// Gaps in a real log: the times of the last sample before and the first sample after each, in
+    /// ascending order. Nothing is known in between, so no line is drawn and no lamp shines there.
     pub gaps: Vec<[f64; 2]>,
     /// Quantities that the log lacks: zeros in the samples.
     pub unlogged: BTreeSet<Quantity>,

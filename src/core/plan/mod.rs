@@ -75,7 +75,8 @@ impl PlanData {
         self
     }
 
-    /// The position that is sent for a setpoint: that of feedforward, or the setpoint's own.
+    /// Returns the position that is sent for a setpoint: the feedforward position if there is one,
+    /// else the setpoint's own.
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
     }

@@ -26,7 +26,7 @@ const LONGEST: f64 = 3.6;
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
-/// Protrusion of a spur into a corner, from which the line bends there: a corner of 130°.
+/// Least protrusion of a spur into a corner at which the line bends there. 0.1 is a corner of 130°.
 const BENDS: f64 = 0.1;
 
 /// A path's end is a tip where its radius falls below the first value, by the path's median

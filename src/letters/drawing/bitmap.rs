@@ -22,7 +22,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::bounds;
 
-/// Pixels of the longer side to which a picture is made smaller.
+/// Length in pixels to which the longer side of a larger picture is scaled down.
 const LONGER_SIDE: u32 = 1200;
 
 /// Budget steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
@@ -200,8 +200,8 @@ fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Takes the work and the memory of decoding, which are known from the header, off the budget.
-/// Refuses a JPEG that is cut off.
+/// Charges the budget for the work and memory of decoding, both known from the header. Refuses a
+/// truncated JPEG.
 fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> Result<()> {
     let n_decoded = usize::try_from(n_decoded).unwrap_or(usize::MAX);
     budget.steps(STEPS_PER_BYTE.saturating_mul(n_decoded))?;

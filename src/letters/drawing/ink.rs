@@ -305,7 +305,9 @@ fn median_change(contrast: &[f64], width: usize) -> f64 {
     quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
 }
 
-/// True if many of the edges are soft. `levels` are the greatest contrasts around each pixel.
+/// True if many edges of the ink, which has a contrast above `least`, are soft: no pixel nearby has
+/// much less contrast than the strongest one. `levels` are the greatest contrasts around each
+/// pixel.
 fn has_soft_edges(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> bool {
     let weakest = extremes(contrast, width, NEAR, f64::min);
     let edges = (width..contrast.len()).filter(|pixel| {

@@ -45,7 +45,7 @@ pub(super) fn check<'a, 'input>(
     let page = lengths.flatten().flat_map(magnitudes).fold(100.0, f64::max);
     let mut counting = Counting { styles, page, known: HashMap::new(), marker: [0.0; 5] };
     let (work, _) = counting.count(root, 0)?;
-    // Each vertex may have the largest marker, and a path's ends one more each.
+    // Upper bound: each vertex has the largest marker, and each end of a path one more.
     let has_marker = counting.marker[ELEMENTS] > 0.0;
     let n_markers = if has_marker { work[VERTICES] + 2.0 * work[ELEMENTS] } else { 0.0 };
     let [elements, bytes, _, curves, steps] =

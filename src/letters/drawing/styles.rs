@@ -105,7 +105,8 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// Declarations of an element: name, value, and true if it is from CSS. The last of a name counts.
+/// Declarations of an element: name, value, and true if it is from CSS. The last one with a name
+/// counts.
 pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 
 /// The declarations of all elements, and the steps of computing them.

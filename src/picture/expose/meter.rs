@@ -298,6 +298,7 @@ fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
 /// Returns the exposure that a segment leaves at a point, in lx s.
 fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
+    // A segment with a half width is a rectangle, as of a lamp that is seen with its shape.
     if segment.half_px != Px::ZERO {
         return rectangle_lx_s(segment, point_px);
     }

@@ -89,7 +89,7 @@ pub fn develop(
     let levels = Levels8::cached(options.tone);
     let (_, rgb8) = process(film, camera, room, options, seed, |light, out| {
         options.tone.mix(light);
-        levels.row(light, out);
+        levels.write_row(light, out);
     })?;
     let (width_px, height_px) = (film.width_px, film.height_px);
     Photo::new(PhotoData { width_px, height_px, rgb8, scene_toml: None })

@@ -175,12 +175,13 @@ impl Levels8 {
         Self { start: start.collect(), least }
     }
 
-    /// Writes the nearest levels of the pixels of a row, and clips the light in `rows`.
-    pub(super) fn row(&self, rows: &mut [Vec<f32>; 3], out: &mut [u8]) {
+    /// Writes the nearest levels of a row of pixels. Clips the light in `channels` to what levels
+    /// can show.
+    pub(super) fn write_row(&self, channels: &mut [Vec<f32>; 3], out: &mut [u8]) {
         noctograph_core::dispatch!(|| {
-            rows.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));
+            channels.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));
         });
-        let [red, green, blue] = &*rows;
+        let [red, green, blue] = &*channels;
         let pixels = out.as_chunks_mut::<3>().0.iter_mut();
         for ([r_out, g_out, b_out], ((r, g), b)) in pixels.zip(red.iter().zip(green).zip(blue)) {
             (*r_out, *g_out, *b_out) = (self.level(*r), self.level(*g), self.level(*b));
@@ -248,7 +249,7 @@ mod tests {
                 assert!(error.abs() < 1.5, "{tone:?} {light}: {error}");
             }
             let mut out = [9; 6];
-            eight.row(&mut [-1.0, 7.0, 1.0].map(|light| vec![0.0, light]), &mut out);
+            eight.write_row(&mut [-1.0, 7.0, 1.0].map(|light| vec![0.0, light]), &mut out);
             assert_eq!(out, [0, 0, 0, 0, 255, 255]);
             assert_eq!((sixteen.level(-1.0), sixteen.level(7.0)), (0, 65535));
         }

@@ -469,7 +469,8 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
         });
         let place = Place(steps.collect());
         let actual = error.inner().message().replace('\n', "; ");
-        // For a value of the wrong type, the usual mistake, serde's message is reworded.
+        // A value of the wrong type is the most common mistake. Serde's message about it is
+        // reworded.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {

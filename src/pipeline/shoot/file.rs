@@ -95,7 +95,7 @@ pub(super) fn encode(
     Ok(readout.encode_png16(scene.photo.tone, (camera, dots_per_inch), &notes, Some(&toml)))
 }
 
-/// Metadata about what a photo shows, beside its scene.
+/// Metadata about what a photo shows, in addition to its scene.
 pub(super) struct Shown {
     pub(super) flight_sha256: Option<String>,
     /// Digest of strokes from a user's file.

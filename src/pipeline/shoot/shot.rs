@@ -237,8 +237,8 @@ impl Shoot {
     }
 }
 
-/// Adds an obstacle of the exposure to the problems, and changes the verdict to account for all
-/// obstacles.
+/// Adds the exposure problem, if there is one, and updates the verdict to account for all problems
+/// that are obstacles.
 fn add_exposure_problem(
     exposed: Option<Diagnostic>,
     problems: &mut Vec<Diagnostic>,

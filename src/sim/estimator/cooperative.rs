@@ -288,11 +288,12 @@ impl Cooperative {
         self.peers[k].motions.back().map_or(0.0, |last| last.time_s)
     }
 
-    /// Stops the estimate of a drone with its motors off once its accelerometer feels the weight,
-    /// that is, on the floor. The accelerometer misses the shock of the landing: without this the
-    /// fleet's estimates would fall with the drone that has landed.
+    /// Stops the estimate of a drone that is on the floor, where its accelerometer feels the
+    /// weight. Call it only while the motors are off. The accelerometer misses the shock of the
+    /// landing: without this the fleet's estimates would fall with the landed drone.
     pub(crate) fn rest(&mut self) {
         if !self.peers.is_empty() && self.force_m_s2.z > ON_FLOOR_M_S2 {
+            // The other two estimates keep their differences from the joint one.
             let stopped_m_s = std::mem::take(&mut self.joint.motion.velocity_m_s);
             self.inertial.velocity_m_s -= stopped_m_s;
             self.dead_reckoning.velocity_m_s -= stopped_m_s;

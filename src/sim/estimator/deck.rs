@@ -3,8 +3,8 @@
 //! Both sweeps of a rotation are passed on at the second one. A rotation that lacks a sweep is
 //! dropped. Some 50 rotations a second are kept, by chance, over all second-generation stations.
 //!
-//! Source: firmware 2026.08, `pulse_processor_v2.c` (pairs), `lighthouse_core.c` (at the second
-//! sweep), `lighthouse_throttle.c`.
+//! Source: firmware 2026.08, `pulse_processor_v2.c` (pairing of sweeps), `lighthouse_core.c` (use
+//! of the second sweep), `lighthouse_throttle.c`.
 //!
 //! Not modeled: a sweep and its reflection mistaken for the two sweeps of one rotation.
 

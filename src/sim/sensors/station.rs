@@ -106,8 +106,8 @@ impl StationPose {
     }
 }
 
-/// Crossing of an upright plane and a point, in the station's frame: the angle `atan2(y, x)` for
-/// axis 1, or `atan2(z, x)` for axis 2.
+/// Returns the crossing of a point and a sweep plane without tilt, in the station's frame: the
+/// angle is `atan2(y, x)` for axis 1 and `atan2(z, x)` for axis 2. `u` is the point.
 fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     let (ahead, aside) = (u.x, u[axis]);
     let square = ahead * ahead + aside * aside;

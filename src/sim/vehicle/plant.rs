@@ -113,7 +113,7 @@ impl Plant {
         let lost_n: Vector4<f64> = jets.map(|jet| jet.lost_n(&body, thrust_n, self.arm_m)).sum();
         // The sum of losses is at most a rotor's mean thrust.
         let lost_n = lost_n.map(|lost_n| lost_n.min(0.25 * thrust_n));
-        self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost(&lost_n));
+        self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost_load(&lost_n));
     }
 
     /// Advances the drone by one step under motor commands m1…m4, each from 0 to the largest.

@@ -136,8 +136,9 @@ impl Rotors {
         }
     }
 
-    /// The load of thrusts that the rotors lose at unchanged speeds. It has no torque about z.
-    pub(super) fn lost(&self, lost_n: &Vector4<f64>) -> Load {
+    /// Returns the load to subtract when the rotors lose thrust at unchanged speeds. The torque
+    /// about z depends on the speeds, so it stays.
+    pub(super) fn lost_load(&self, lost_n: &Vector4<f64>) -> Load {
         let [roll, pitch, _, thrust_n] = (MOTOR_SIGNS * lost_n).into();
         let [about_x, about_y] = self.horizontal_torque_n_m(roll, pitch, thrust_n);
         let torque_n_m = Vector3::new(about_x, about_y, 0.0);
