@@ -34,7 +34,7 @@ class Design(NamedTuple):
     lights: dict[str, Any]
 
 
-def _design(is_one: bool, columns: list[Any], lights: dict[str, Any]) -> Design:
+def _design(is_one: bool, columns: list[Any], lights: dict[str, Any]) -> Design:  # pyright: ignore[reportUnusedFunction]
     """Creates a design from arrays with a row for each time, or only from their first rows."""
     row = 0 if is_one else slice(None)
-    return Design(*(column[row] for column in columns), {name: levels[row] for name, levels in lights.items()})
+    return Design(*[column[row] for column in columns], lights={name: levels[row] for name, levels in lights.items()})

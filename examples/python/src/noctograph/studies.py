@@ -171,8 +171,8 @@ def _fly_controlled(
     n = len(seeds)
     sessions = Sessions(scene, n, conditions, estimator, controller is None)
     sessions.reset(list(seeds))
-    each = [None if controller is None else _made(controller, scene) for _ in (seeds[:1] if vectorized else seeds)]
-    timed = each[0] is not None and _takes_time(each[0])
+    each: list[Any] = [None if controller is None else _made(controller, scene) for _ in (seeds[:1] if vectorized else seeds)]
+    timed = controller is not None and _takes_time(each[0])
     motors = np.zeros((n, 4))
     while not (over := (seen := sessions.observations())["landed"] | seen["lost"]).all():
         rows = (seen["state"], seen["reference"], seen["time_s"])[: 3 if timed else 2]
@@ -277,10 +277,11 @@ def fly_many(
         kind = "lqr-integral" if np.shape(gains)[-1] in (15, 19) else "lqr"
         settings = ({"controller.kind": kind, "controller.lqr.k": np.asarray(k).tolist()} for k in np.asarray(gains))
         scenes = [Scene(scene, set=setting) for setting in settings]
+    given: Any = seeds
     try:
-        seeds = list(range(operator.index(seeds)))  # pyright: ignore[reportArgumentType]
+        seeds = list(range(operator.index(given)))
     except TypeError:
-        seeds = [operator.index(seed) for seed in seeds]  # pyright: ignore[reportGeneralTypeIssues]
+        seeds = [operator.index(seed) for seed in given]
     with _bar(progress, "flying") as show:
         if controller is None and estimator is None:
             return Outcomes(**_outcomes(scenes, seeds, conditions, show))
