@@ -31,7 +31,7 @@ impl StepResponse {
         here + (next - here) * (intervals - f64::from(index))
     }
 
-    /// Time after which the response stays within [`SETTLED`] of its last value.
+    /// Time after which the response stays within `SETTLED` of its last value.
     pub fn settled_s(&self) -> f64 {
         let end = self.values.last().copied().unwrap_or_default();
         let unsettled = self.values.iter().rposition(|v| (v - end).abs() > SETTLED);
