@@ -30,6 +30,8 @@ const EVEN: [f64; 2] = [0.6, 0.2];
 /// Blocks along the longer side that tell light from dark ink, and the least ratio of the two.
 const BLOCKS: usize = 24;
 const SKEWED: f64 = 1.4;
+/// Least fraction of blocks within a bright area that is paper.
+const PAPER: f64 = 0.2;
 
 /// The picture's longer side in half widths of the widest pen, and of the widest filled shape.
 const PEN: u32 = 40;
@@ -249,28 +251,48 @@ fn paper_around(
     papers.map(|((near, far), filled)| if filled > 0.0 { far } else { near }).collect()
 }
 
-/// True if ink is lighter than its paper: the few outlying pixels of a block are brighter than the
-/// rest, not darker. If both occur alike, the edge of the picture decides.
+/// True if ink is lighter than its paper. The blocks within a large bright area decide, since it is
+/// the paper and the rest a desk. Otherwise all blocks decide, or else the edge of the picture.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    // The skewness of the tones, block by block: light changes from block to block.
-    let (mut darker, mut brighter) = (0.0, 0.0);
-    for left in (0..width).step_by(block) {
-        for top in (0..height).step_by(block) {
+    // The tones block by block, since light changes from block to block.
+    let corners =
+        (0..height).step_by(block).flat_map(|y| (0..width).step_by(block).map(move |x| (x, y)));
+    let blocks: Vec<[f64; 3]> = corners
+        .map(|(left, top)| {
             let rows = luma.chunks(width).skip(top).take(block);
-            let tones = rows.flat_map(|row| row[left..].iter().take(block));
-            let [dark, usual, bright] = extreme_tones(tones.copied());
-            (darker, brighter) = (darker + usual - dark, brighter + bright - usual);
-        }
-    }
-    if brighter.max(darker) > SKEWED * brighter.min(darker) {
-        return brighter > darker;
-    }
-    let edge = edge_pixels(picture).map(|[r, g, b]| f64::from(r) + f64::from(g) + f64::from(b));
+            extreme_tones(rows.flat_map(|row| row[left..].iter().take(block)).copied())
+        })
+        .collect();
     let [dark, _, bright] = extreme_tones(luma.iter().copied());
-    quantile(edge.map(|sum| sum / CHANNELS as f64), 0.5) < 0.5 * (dark + bright)
+    let middle = 0.5 * (dark + bright);
+    // Without the blocks along the border of the bright area, which are partly desk.
+    let is_bright: Vec<f64> =
+        blocks.iter().map(|block| f64::from(u8::from(block[1] > middle))).collect();
+    let within = extremes(&is_bright, width.div_ceil(block), 1, f64::min);
+    let on_paper = blocks
+        .iter()
+        .zip(&within)
+        .filter(|(_, is_within)| **is_within > 0.0)
+        .map(|(block, _)| block);
+    let is_sheet = on_paper.clone().count() as f64 > PAPER * blocks.len() as f64;
+    let edge = edge_pixels(picture).map(|[r, g, b]| f64::from(r) + f64::from(g) + f64::from(b));
+    let edge_is_dark = || quantile(edge.map(|sum| sum / CHANNELS as f64), 0.5) < middle;
+    let on_sheet = if is_sheet { is_skewed_to_bright(on_paper) } else { None };
+    on_sheet.or_else(|| is_skewed_to_bright(blocks.iter())).unwrap_or_else(edge_is_dark)
+}
+
+/// True if the few outlying pixels of blocks are brighter than the rest, false if they are darker.
+/// `None` if both occur alike.
+fn is_skewed_to_bright<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> Option<bool> {
+    let (mut darker, mut brighter) = (0.0, 0.0);
+    for [dark, usual, bright] in blocks {
+        (darker, brighter) = (darker + usual - dark, brighter + bright - usual);
+    }
+    let is_clear = brighter.max(darker) > SKEWED * brighter.min(darker);
+    is_clear.then_some(brighter > darker)
 }
 
 /// The 2nd, 50th and 98th percentiles of tones.

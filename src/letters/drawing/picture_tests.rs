@@ -180,6 +180,10 @@ const HARD_SHADOW: Taken =
 const UNEVEN: Taken = |x, y, value| value * (1.0 - 0.4 * x / 600.0) + 8.0 * noise(x, y);
 const FADED: Taken = |x, y, value| 150.0 + 0.4 * value + 14.0 * noise(x, y);
 const CHALK: Taken = |x, y, value| 45.0 + 0.7 * (255.0 - value) + 14.0 * noise(x, y);
+const STRIPED_DESK: Taken = |_, y, value| {
+    let is_stripe = value < 90.0 && y.rem_euclid(18.0) < 6.0;
+    value + if is_stripe { 37.0 } else { 0.0 }
+};
 const GLARE: Taken = |x, y, value| {
     let square = (x - 410.0) * (x - 410.0) + (y - 90.0) * (y - 90.0);
     0.8 * value + 55.0 * libm::exp(-square / 1800.0)
@@ -207,7 +211,7 @@ const ICONS: &str = "fill #c8141e 60,60 180,60 180,180 60,180; fill #003ca0 300,
 /// of the warnings.
 type Row = (&'static str, &'static str, Taken, ImageFormat, &'static str, &'static str);
 
-const ROWS: [Row; 30] = [
+const ROWS: [Row; 31] = [
     ("#fff", CROSS, CLEAN, ImageFormat::Png, "black 3", ""),
     ("#fff", NOOR, CLEAN, ImageFormat::Jpeg, "black 5", ""),
     ("#fff", HOUSE, NOISE, ImageFormat::Jpeg, "black 2", ""),
@@ -289,6 +293,15 @@ const ROWS: [Row; 30] = [
         "!fill #faf8f2 90,40 520,70 570,370 40,340; pen 6 #222 180,130 350,170;\
         pen 6 #d12 190,280 390,230",
         UNEVEN,
+        ImageFormat::Jpeg,
+        "black 1 red 1",
+        "photo edge",
+    ),
+    (
+        "#50372a",
+        "!fill #faf8f2 110,60 480,73 517,347 67,333; pen 5 #222 180,133 345,173;\
+        pen 5 #d12 187,267 390,233",
+        STRIPED_DESK,
         ImageFormat::Jpeg,
         "black 1 red 1",
         "photo edge",
