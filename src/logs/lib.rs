@@ -81,40 +81,39 @@ const MAX_VARIABLES: usize = 1024;
 settings! {
     /// Options of an import.
     pub struct ImportOptions {
-        /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz; less smooths
-        /// the oscillations of strokes.
+        /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz. A lower rate
+        /// smooths the oscillations of strokes.
         sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
         /// Longest gap over which the position is interpolated (or two and a half periods of a
-        /// slower log); the attitude is over four times as much. The error is `a T² / 8`: 3 mm, a
+        /// slower log). For the attitude it is four times as long. The error is `a T² / 8`: 3 mm, a
         /// lamp's width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves
         /// many gaps in a radio log (a third of that flight at 0.1 s).
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
-        /// Source of the true position, and of the attitude where that source has one.
+        /// Source of the true position, and of the attitude if that source has one.
         position: PositionSource = PositionSource::Best;
-        /// Release of the drone's firmware where the log names none, as the scene has it
-        /// (`vehicle.firmware`).
+        /// Release of the drone's firmware if the log names none: the scene's `vehicle.firmware`.
         firmware: Option<Release> = None;
-        /// Seconds of the drone's clock per true second. By default 1; of a µSD log what its
-        /// stamps show, else what the release has: 84/85 up to and with 2026.08.
+        /// Seconds of the drone's clock per true second. The default is 1. For a µSD log it is what
+        /// the timestamps show, else that of the release: 84/85 up to 2026.08.
         clock_ratio: Option<f64> = None, in 0.5..=2.0;
         /// Treatment of a µSD log whose CRC does not match.
         damaged: Damaged = Damaged::Refuse;
         /// Time between two rows of a table without times.
         period_s: Option<f64> = None, in 1e-5..=10.0;
-        /// Unit of the stamps of a table or of JSON.
+        /// Unit of the timestamps in a table or in JSON.
         time_unit: TimeUnit = TimeUnit::Auto;
         /// Unit of the angles and angular velocities of a table whose titles name none.
         angle_unit: AngleUnit = AngleUnit::Auto;
         /// Axes of a table's world.
         axes: Axes = Axes::Auto;
-        /// Speed above which a position is taken for one in another unit, of another drone, or on
-        /// wrong stamps. A Crazyflie falls no faster than 10 m/s.
+        /// Speed above which a position is assumed to be in the wrong unit, from another drone, or
+        /// wrongly timestamped. A Crazyflie falls no faster than 10 m/s.
         max_speed_m_s: f64 = 15.0, in 0.1..=1000.0;
     }
 
-    /// Unit of stamps.
+    /// Unit of timestamps.
     pub enum TimeUnit {
-        /// From the title; else from the steps, since a drone is logged every 0.1 ms to 2.55 s.
+        /// From the title, else from the steps, since a drone is logged every 0.1 ms to 2.55 s.
         "auto" => Auto,
         /// Seconds.
         "s" => Seconds,
@@ -134,7 +133,7 @@ settings! {
 
     /// Unit of angles.
     pub enum AngleUnit {
-        /// From the title; else radians, or degrees where radians would be implausible for a drone.
+        /// From the title, else radians, or degrees if radians would be implausible for a drone.
         "auto" => Auto,
         /// Radians.
         "rad" => Radians,
@@ -144,7 +143,7 @@ settings! {
 
     /// Axes of a world.
     pub enum Axes {
-        /// Those of the format; else z up, or the only axis along which the drone can have taken
+        /// Those of the format, else z up, or the only axis along which the drone can have taken
         /// off.
         "auto" => Auto,
         /// z up.
