@@ -177,9 +177,10 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
     drop_sheet(page)
     page.click("#choose")
     until(page, "document.querySelectorAll('#picture path[data-n]').length === 2", what="two strokes")
-    box = page.locator("#picture svg").bounding_box()
-    scale = box["width"] / 800
-    place = lambda x, y: (box["x"] + scale * x, box["y"] + scale * y)
+    # The picture's place on the screen: it is smaller while corners are set.
+    picture = lambda: page.locator("#picture svg").bounding_box()
+    place = lambda x, y: (lambda box: (box["x"] + box["width"] / 800 * x, box["y"] + box["width"] / 800 * y))(picture())
+    whole = picture()
     middle = lambda k: (lambda b: (b["x"] + b["width"] / 2, b["y"] + b["height"] / 2))(page.locator(".corner").nth(k).bounding_box())
     near = lambda a, b, most: abs(a[0] - b[0]) < most and abs(a[1] - b[1]) < most
     assert page.locator(".corner >> visible=true").count() == 0, "the whole picture is drawn"
@@ -248,7 +249,7 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
     assert kept(page)["opened"]["corners"][0][0] < 400, "these four are no sheet"
     next_photo(page.click, "#picture .second")
     assert "corners" not in kept(page)["opened"] and page.inner_text("#picture .second") == "Set the paper’s corners"
-    assert page.locator("#picture svg").bounding_box() == box, "the picture moved"
+    assert picture() == whole, "the picture moved"
 
     # Corners of another picture begin anew.
     drop(page, """async () => {
