@@ -421,6 +421,18 @@ fn handwritten_letters_of_any_size_are_drawn_as_they_were_written() {
 }
 
 #[test]
+fn a_sheet_is_cut_out_without_a_sliver_of_the_desk() {
+    let mut photo = Canvas::new([800, 600], "#50372a");
+    photo.paint("!fill #faf8f2 150,90 640,110 690,520 90,500; pen 7 #222 240,200 460,260");
+    let mut picture = photo.picture();
+    change(&mut picture, STRIPED_DESK);
+    let corners_px = Some([150.0, 90.0, 640.0, 110.0, 560.0, 300.0, 200.0, 300.0]);
+    let options = LetterOptions { corners_px, ..LetterOptions::default() };
+    let trace = traced(picture, ImageFormat::Jpeg, &options).unwrap().product;
+    assert_eq!(trace.lines.len(), 1);
+}
+
+#[test]
 fn corners_by_hand_cut_a_sheet_out_and_square_it() {
     // A house on a sheet on a dark desk, at a slant.
     let corners = [[90.0, 40.0], [520.0, 70.0], [570.0, 370.0], [40.0, 340.0]];

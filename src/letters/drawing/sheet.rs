@@ -9,6 +9,10 @@ use noctograph_core::geometry::distance;
 /// Four corners in a picture's pixels, clockwise from the upper left.
 pub(super) type Corners = [[f64; 2]; 4];
 
+/// Width of the sheet's edge that takes the color beside it, by the longer side, since corners that
+/// are set by hand may leave a sliver of the desk.
+const SLIVER: f64 = 0.008;
+
 /// True if four corners follow each other clockwise around a convex quadrilateral whose corners are
 /// no straighter than a pixel of area.
 pub(super) fn is_convex(corners: &Corners) -> bool {
@@ -27,8 +31,12 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
         .map(|side| side.round().clamp(8.0, 4096.0) as u32);
     let in_picture = Map::of_sheet(corners, (width, height));
     let [right, bottom] = [picture.width() - 1, picture.height() - 1].map(f64::from);
+    let sliver = SLIVER * f64::from(width.max(height));
     RgbImage::from_fn(width, height, |x, y| {
-        let [x, y] = in_picture.apply([x, y].map(|x| f64::from(x) + 0.5));
+        let inner = |n: u32, side: u32| {
+            (f64::from(n) + 0.5).clamp(sliver, (f64::from(side) - sliver).max(sliver))
+        };
+        let [x, y] = in_picture.apply([inner(x, width), inner(y, height)]);
         // Outside of the picture, the sheet has the color of the picture's edge.
         let (x, y) = ((x - 0.5).clamp(0.0, right) as f32, (y - 0.5).clamp(0.0, bottom) as f32);
         interpolate_bilinear(picture, x, y).unwrap_or(Rgb([0; 3]))
