@@ -35,7 +35,7 @@ pub(super) struct CompareArgs {
     offset: Option<f64>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Position of B, where it differs from --position
+    /// Position of B, if it differs from --position
     #[arg(long, value_name = "SOURCE", hide_possible_values = true,
           value_parser = named::<PositionSource>())]
     position_b: Option<PositionSource>,
@@ -223,7 +223,7 @@ fn plots(
 
 /// Describes a cause of the difference, and what to change.
 fn in_words(cause: Discrepancy) -> (String, &'static str) {
-    // All are said of B, compared with A.
+    // All describe B, compared with A.
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),

@@ -140,7 +140,7 @@ note      {note}
 deviation\tup to {deviation_mm:.1} mm from the design
 ";
 
-/// Refuses plans of an unknown room: their fence would be a guess.
+/// Refuses plans of an unknown room, because their fence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
     let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());

@@ -16,7 +16,7 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Limit for the files of plans that fly together. A plan has some 6 MB per hour.
+/// Limit for the files of plans that fly together. A plan has about 6 MB per hour.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
@@ -101,7 +101,7 @@ impl SceneFlags {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
 
-    /// The scene that was named, or else that of a text, which `check` may refuse before any file
+    /// The named scene, or else the scene of a text. `check` may refuse the text before any file
     /// that it names is opened.
     pub(super) fn load_or(
         &self,
@@ -224,8 +224,8 @@ pub(super) struct SubjectFlags {
     /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
-    /// Word that the plans write, or the word itself where a file or folder is called so [default:
-    /// the scene's]
+    /// Word that the plans write, or the word itself if a file or folder has its name [default: the
+    /// scene's]
     #[arg(long, value_name = "WORD", conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]

@@ -102,7 +102,7 @@ impl FlightFlags {
     }
 
     /// Flights, logs or light traces that are photographed, one for each drone. A log without
-    /// lights has those of the scene's word, or is `lit` all along.
+    /// lights gets the lights of the scene's word, or is `lit` throughout.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,

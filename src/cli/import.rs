@@ -26,8 +26,8 @@ pub(super) struct ImportArgs {
     /// scripts name their drones. Others are in a folder named after the drone, or have its name
     /// before the first - or _
     log: PathBuf,
-    /// Word that was flown: of a log without lights, its letters and the schedule of the headlights
-    /// are inferred from the setpoints (in the letters of the scene or of a preset)
+    /// Flown word, from which the letters and the headlights' schedule of a log without lights are
+    /// inferred by its setpoints (in the letters of the scene or of a preset)
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]

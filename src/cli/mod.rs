@@ -76,7 +76,8 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
     format!("{} ({commit}source {})", env!("CARGO_PKG_VERSION"), crate::studies::SOURCE)
 });
 
-/// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
+/// Shows the photograph of a drone's light painting before the flight, and says whether the word is
+/// legible.
 #[derive(Debug, Parser)]
 #[command(
     version = VERSION.as_str(),
@@ -121,7 +122,7 @@ macro_rules! verbs {
 
 verbs! {
     "Begin with" {
-        /// Preview the photograph of a word, and say whether it reads
+        /// Preview the photograph of a word, and say whether it is legible
         Preview(preview::PreviewArgs)
             "noctograph preview HELLO\n\
              noctograph preview NOOR --set camera.iso=200 --seed 7 -o noor",
@@ -276,7 +277,7 @@ fn run_typed() -> u8 {
     }
 }
 
-/// Runs a command for a program that calls this one.
+/// Runs a command for a calling program.
 ///
 /// # Errors
 ///

@@ -101,8 +101,8 @@ pub(super) fn drone_number(path: &Path, kind: &str) -> Option<usize> {
     name.strip_prefix(kind)?.strip_prefix('-')?.strip_suffix(".csv")?.parse().ok()
 }
 
-/// The files of an earlier, larger set in a folder, which go with it: they would be flown with the
-/// new ones.
+/// The files of an earlier, larger set in a folder, which would be flown with the new files. The
+/// caller removes them.
 ///
 /// # Errors
 ///

@@ -106,12 +106,12 @@ fn parsed_command_line() -> Option<CommandLine> {
 fn worker() -> std::io::Result<Command> {
     let mut command = program()?;
     command.args(["serve", "--worker"]);
-    // The Python package starts workers by its own command.
+    // The Python package starts workers with another command.
     let Some(CommandLine { verb: Verb::Serve(args), .. }) = parsed_command_line() else {
         return Ok(command);
     };
     // The path is made absolute, as the worker may run in another folder. A name that is not a path
-    // is that of a preset.
+    // names a preset.
     if let Some(scene) = args.scene {
         let path = std::path::absolute(&scene)?;
         command.arg("--scene").arg(if path.exists() { path.into() } else { OsString::from(scene) });

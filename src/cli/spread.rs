@@ -26,7 +26,7 @@ pub(super) struct SpreadFlags {
     conditions: String,
 }
 
-/// What a spread adds to a preview.
+/// Results that a spread adds to a preview.
 pub(super) struct Shown {
     pub(super) report: Report,
     /// The band, from the front and over time (SVG).

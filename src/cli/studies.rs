@@ -211,8 +211,7 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     Report::with_words(product, &words, RANKED)
 }
 
-const RANKED: &str = "\
-{word}, {n_flights} seeds; the same seeds for all; intervals of 95 %
+const RANKED: &str = "{word}, {n_flights} seeds; the same seeds for all; intervals of 95 %
 {n_words} words, {n_flights} flights each scene; the same seeds for all; intervals of 95 %
 
 |measures|<4|scene<16|P(read)>7|  interval<16|legible/%>9|interval/%>12|worst 10 %>11|lost>5
@@ -227,7 +226,7 @@ lag: behind the design; negative: {lead}
 
 *equal {contender} flies exactly as {equal_to}, to the last bit
 
-acuity: the fastest strokes that read, by {n_ladder} flights of each scene at eight speeds
+acuity: the fastest legible strokes, by {n_ladder} flights of each scene at eight speeds
 
 |limits|<4|scene<16|acuity/(m/s)>13|  interval<16|contour/mm>11
  {place}|{name}|{speed.value:.3}|  {speed.low:.3} to {speed.high:.3}|{contour_m*1e3:.1}

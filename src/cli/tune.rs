@@ -146,7 +146,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))
 }
 
-/// Returns comment lines for the top of the tuned scene: where it comes from.
+/// Returns comment lines with the origin of the tuned scene, for its top.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     let what = if tuned.helped() { "Tuned from" } else { "Nothing better was found than" };
     format!(

@@ -44,7 +44,7 @@ pub struct StrokesData {
 pub struct Source {
     /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
     pub corners_px: Option<[[f64; 2]; 4]>,
-    /// True if it is a bitmap: its strokes are in pixels.
+    /// True for a bitmap, whose strokes are in pixels.
     pub is_bitmap: bool,
     /// All strokes in the order of their numbers, omitted ones included.
     pub strokes: Vec<SourceStroke>,
@@ -65,7 +65,7 @@ pub struct LeftOut {
     /// Their number.
     pub strokes: usize,
     /// Their fraction of the length of all strokes, 0 to 1.
-    pub share: f64,
+    pub length_fraction: f64,
 }
 
 /// Freedom to reorder strokes.
@@ -112,7 +112,8 @@ pub struct Move {
     pub to_m: [f64; 2],
     /// True if the lights are on.
     pub lit: bool,
-    /// Speed by the stroke speed: 1 but for handwriting in its writer's pace (`letters.pace`).
+    /// Speed relative to the stroke speed. 1 except for handwriting in its writer's pace
+    /// (`letters.pace`).
     pub pace: f64,
 }
 
@@ -153,7 +154,8 @@ impl StrokesData {
         digest.hex()
     }
 
-    /// Number of strokes: runs of lit moves that each begin where the one before ends.
+    /// Number of strokes. A stroke is a run of lit moves, each of which begins at the end of the
+    /// move before.
     pub fn n_strokes(&self) -> usize {
         let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);

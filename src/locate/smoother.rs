@@ -39,7 +39,7 @@ pub struct LocateOptions {
     pub acceleration_m_s2_sqrt_hz: f64,
     /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,
-    /// Box that holds all drones, if known: it decides between mirror images.
+    /// Box that holds all drones, if known. It decides between mirror images.
     pub room: Option<Room>,
 }
 
@@ -48,7 +48,7 @@ pub struct LocateOptions {
 pub struct Located {
     /// Times, rising.
     pub time_s: Vec<f64>,
-    /// Positions: for each drone one at each time.
+    /// Positions of each drone, one for each time.
     pub position_m: Vec<Vec<Vector3<f64>>>,
     /// Covariances of the positions, empty for an observer without a noise model.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
@@ -84,7 +84,7 @@ pub fn locate(
     let mut samples = checked(anchors_m, n_drones, samples)?;
     remove_before_both_logs(&mut samples);
     check_work(n_drones, &samples)?;
-    // The start state is that of each drone's first second.
+    // The start state is from each drone's first second.
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);

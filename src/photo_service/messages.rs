@@ -103,15 +103,15 @@ fn key_or_last(keys: &str, key: &str) -> String {
     listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
 }
 
-/// Returns the page's code for that of a diagnostic. The page has one sentence for all missing
-/// parts of drawings.
+/// Returns the page's code for a diagnostic's code. The page has one sentence for all missing parts
+/// of drawings.
 pub fn code_on_page(code: &str) -> &str {
     let is_about_drawing = code.starts_with("drawing-") || code.starts_with("picture-");
     if is_about_drawing && code != "picture-photo" { "drawing-part" } else { code }
 }
 
 impl Message {
-    /// Makes a refusal with its own text.
+    /// Makes a refusal with the given text.
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
@@ -282,7 +282,7 @@ mod tests {
         }
     }
 
-    /// Every key has a sentence in every language of the page, with the values that are its own.
+    /// Every key has a sentence with its values in every language of the page.
     #[test]
     fn the_page_words_every_key_in_every_language() {
         let errors: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
@@ -294,7 +294,7 @@ mod tests {
             "advice": ADVICE.split(' ').collect::<Vec<_>>(),
             "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
-        // What tests/exhibit.py compares with the tables of words.
+        // Codes that tests/exhibit.py compares with the tables of words.
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../serve/page/keys.json");
         if crate::bless::is_blessed(file) {
             std::fs::write(file, format!("{keys:#}\n")).unwrap();

@@ -2,8 +2,8 @@
 //!
 //! Each drone writes a part of the word, from left to right, with about the same length of light.
 //! Four routes of each part are tried: the shortest, the same backward, and those from one side to
-//! the other, which keep simultaneous drones apart. The drones are assigned in turn: each gets the
-//! route that ends first without conflict with the earlier ones, after a wait on the floor.
+//! the other, which keep simultaneous drones apart. The drones are assigned in turn. After a wait
+//! on the floor, each gets the route that ends first without conflict with the earlier drones.
 
 use std::collections::HashMap;
 
@@ -225,7 +225,8 @@ impl Conflicts<'_> {
         let [track_a, track_b] = [(a, start_a), (b, start_b)]
             .map(|(drone, start)| &self.routes[drone][start.route].track);
         let n_steps = [track_a, track_b].map(|track| track.places.len());
-        // Only the delay between the starts counts, up to where one starts after the other landed.
+        // Only the delay between the starts counts, up to the delay at which one starts after the
+        // other landed.
         let offset = (start_a.delay + n_steps[0]).saturating_sub(start_b.delay);
         let offset = offset.min(n_steps[0] + n_steps[1]);
         let left = &mut self.n_comparisons_left;
@@ -274,7 +275,7 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step, or that of the last step after the end of the plan.
+    /// The place at a step, or at the last step after the end of the plan.
     fn place(&self, step: usize) -> Place {
         self.places[step.min(self.places.len() - 1)]
     }
@@ -382,10 +383,10 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     (0..a.places.len().max(b.places.len())).filter_map(approach).min_by(Approach::compare)
 }
 
-/// The moment of least difference in height of two plans while both fly and one is within
-/// [`MIN_HORIZONTAL_M`] of the axis of the other's downwash. `None` without such a moment. The
-/// drone of the first plan is `vertical_m` above the other one.
-pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
+/// Returns the moment of least difference in height of two plans while both drones fly and one of
+/// them is within [`MIN_HORIZONTAL_M`] of the axis of the other's downwash. `None` without such a
+/// moment. The drone of the first plan is `vertical_m` above the other one.
+pub fn downwash_approach(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().min(b.duration_s());
     let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));
     let approaches = times_s.take_while(|time_s| *time_s <= end_s).filter_map(|time_s| {

@@ -299,7 +299,7 @@ fn fly_with_controller(
     mut session: Session,
     stop: &Stop,
 ) -> Result<PyResult<Flight>> {
-    while let Some(observation) = session.waits() {
+    while let Some(observation) = session.command_inputs() {
         stop.check()?;
         match call_controller(function, observation, session.time_s(), takes_time) {
             Ok(motors) => session.command(motors)?,

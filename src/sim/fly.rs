@@ -92,7 +92,7 @@ pub fn fly_watched(
                 false => error,
             })?;
         }
-        // Messages hold the measurements up to this tick, and arrive in a later one.
+        // Messages hold the measurements up to this tick, and arrive in a later tick.
         if is_fleet && air.is_due(time_s) {
             let messages = rigs.iter_mut().filter_map(|rig| rig.avionics.message());
             messages.for_each(|message| air.send(&message));

@@ -1,4 +1,4 @@
-//! Spread: how much the flights of one plan differ, and whether their photos read.
+//! Spread: how much the flights of one plan differ, and whether their photos are legible.
 //!
 //! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
 //! and two [`Band`]s for each drone: one over flights that differ in room and drone, one over
@@ -22,7 +22,7 @@ use noctograph_score::{Verdict, is_judged};
 
 /// Fraction of flights inside a band at each time.
 pub const BAND_FRAC: f64 = 0.9;
-/// Fewest flights whose band can hold that fraction: two of twenty intervals lie outside it.
+/// Fewest flights whose band can hold that fraction. Two of twenty intervals are outside it.
 pub const LEAST_FLIGHTS: usize = 19;
 /// Time step of a band.
 const STEP_S: f64 = 0.1;
@@ -56,7 +56,7 @@ pub struct SpreadFlight {
 pub struct SpreadShot {
     /// Flights, one for each drone.
     pub flights: Vec<Flight>,
-    /// The photo, from a small film.
+    /// The photo, developed from a small film.
     pub photo: Photo,
     /// The verdict. `None` if the reader cannot judge the letters.
     pub verdict: Option<Verdict>,
@@ -178,7 +178,7 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (rank - rank.floor())
 }
 
-/// Flies a shoot with `n` seeds from the scene's on, each with its own drones and room, and again
+/// Flies a shoot with `n` seeds from the scene's on, each with different drones and room, and again
 /// with the drones and the room of the first. `done` is called with the number of flights so far.
 ///
 /// # Errors

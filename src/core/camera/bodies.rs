@@ -14,7 +14,7 @@ settings! {
     /// µm² of pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
     /// assumptions of the right size, not measurements of one camera.
     ///
-    /// Telephones have a lens of their own, the main camera's ([`FixedLens`]).
+    /// Telephones have a fixed lens, the main camera's ([`FixedLens`]).
     pub enum BodyModel tagged {
         /// Any body, by its sensor.
         "custom" => Custom(CustomBody),
@@ -26,7 +26,7 @@ settings! {
         "canon-eos-2000d" => CanonEos2000D,
         /// A compact camera with a sensor of the 1-inch type.
         "one-inch" => OneInch,
-        /// Main camera of a telephone, with its lens: that of most, as the Galaxy S24's.
+        /// Main camera of a typical telephone, such as the Galaxy S24, with its lens.
         "phone" => Phone,
         /// Main camera of the iPhone 15 Pro, with its lens.
         "iphone-15-pro" => IPhone15Pro,

@@ -1,6 +1,6 @@
 //! Bytes to text: UTF-8 without a byte order mark, whose lines end in LF.
 //!
-//! Read, too: UTF-16, also without its mark, and Windows-1252, which is said.
+//! UTF-16, with or without a byte order mark, and Windows-1252 are also accepted, with a note.
 
 use std::borrow::Cow;
 

@@ -17,7 +17,7 @@ const TILE_PX: u32 = 16;
 /// Bits of the sum of peaks on a tile, in counts.
 const TILE_BITS: i32 = 31;
 
-/// Bits of the peak of a record, in counts: those of its curves.
+/// Bits of the peak of a record, in counts, equal to the bits of its curves.
 const PEAK_BITS: i32 = 30;
 
 /// Bits of the glow of the floor, in counts.

@@ -265,7 +265,7 @@ impl<'a> Floor<'a> {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
             let (on, point_m) = self.room.intersection(ray)?;
-            // The exposure of the sensor over that of the surface: ρ τ cos⁴ / (4 N²).
+            // Exposure of the sensor relative to the surface: ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
             let n = camera.f_number;
             let reflected = self.room.surfaces[on].albedo * camera.transmission / (4.0 * n * n);

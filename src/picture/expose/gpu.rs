@@ -60,7 +60,7 @@ impl Gpu {
         }))
         .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
 
-        // This handler receives errors of later calls. The first one names the cause.
+        // This handler receives errors of later calls. The first error names the cause.
         let first_error = Arc::new(Mutex::new(None));
         let handler_error = Arc::clone(&first_error);
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {

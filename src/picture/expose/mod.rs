@@ -12,8 +12,8 @@
 //! 3. Lamps of one color are added up in one plane, which is then counted into the three of the
 //!    film. The glow of the floor is added last.
 //!
-//! Vectors are nalgebra's and f64 up to the segments. Records are scalars in f32, and all that
-//! follows is integers. The width changes in `record`.
+//! Vectors are nalgebra's and f64 up to the segments. Records are scalars in f32, and everything
+//! after them is integers. The width changes in `record`.
 //!
 //! Accuracy: the light of a spot to 1e-6, pixels to 2e-5 of the brightest unmerged, and to 1e-3
 //! merged at 0.005 px. No pixel can overflow: a bound on the brightest sets the scale of the
@@ -169,7 +169,7 @@ pub fn expose(
 ///
 /// # Errors
 ///
-/// As [`expose`], but for the device.
+/// Like [`expose`], except for the device.
 pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Latent> {
     check(trace, camera, options)?;
     let size_px = [camera.width_px, camera.height_px];
@@ -274,7 +274,7 @@ pub struct Developer {
 }
 
 impl Developer {
-    /// Starts the backend in a thread of its own. The processor needs none.
+    /// Starts the backend in a separate thread. The processor needs none.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
         let device = match choice {

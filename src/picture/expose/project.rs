@@ -5,7 +5,7 @@
 //! and all of it falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
 //! spot, is called light here, in lx px².
 //!
-//! A small lamp is a disc that faces the camera: it widens the Gaussian of the lens. A cylinder,
+//! A small lamp is a disc that faces the camera and widens the Gaussian of the lens. A cylinder,
 //! such as a diffuser, is a rectangle as wide and as high as the box around it, which is blurred.
 
 use glam::DVec2;

@@ -21,7 +21,7 @@ use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{JpegFrame, Limit};
 
-/// Largest file of a photograph: a raw one of a technical camera.
+/// Largest file of a photograph: a raw file of a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
 
 /// The value of a tag for infinity, in `SubjectDistance`.
@@ -61,7 +61,7 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
     refuse_raw(&bytes, &place)?;
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
-    // The tags may be in an intact directory while another one is broken.
+    // The tags may be in an intact directory while another directory is broken.
     let reader = reader.continue_on_error(true);
     // The container's reader would copy a TIFF file, and so a raw photograph.
     let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
@@ -463,12 +463,12 @@ pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
 /// Diagonal of a frame of 35 mm film, 36 by 24 mm.
 const FILM_DIAGONAL_M: f64 = 0.043_267;
 
-/// Returns the width of a picture's longer side on 35 mm film. `aspect` is that of the picture, and
-/// film is `film_by_sensor` times as large as the sensor.
+/// Returns the width of a picture's longer side on 35 mm film. `aspect` is the picture's aspect
+/// ratio, and film is `film_by_sensor` times as large as the sensor.
 ///
 /// The aspect of the sensor follows from its size. Full frame, APS-C and one inch (2.7) have 3:2.
 /// Larger sensors, Micro Four Thirds (2.0) and smaller ones have 4:3. A picture that is longer than
-/// the sensor is cut from its height, and a squarer one from its width.
+/// the sensor is cropped in height, and a squarer picture in width.
 pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
     let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
     let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };

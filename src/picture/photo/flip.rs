@@ -98,7 +98,7 @@ pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
     let [a, b] = [Perceived::new(a), Perceived::new(b)];
-    // Differences are compressed by the largest, that of green and blue.
+    // Differences are compressed by the largest difference, between green and blue.
     let [green, blue] = [Vec3::Y, Vec3::Z].map(|rgb| hunt_lab(XYZ_FROM_RGB * rgb));
     let largest = libm::powf(hyab(green, blue), COLOR_EXPONENT);
     let values = (0..a.lab.len()).map(|i| {

@@ -126,7 +126,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                  ({sensors.uwb.anchors_m})"
                 }
                 Positioning::Gnss => "fly in calmer air, or with a better receiver",
-                // A plan can compensate a mean error, but not a varying one.
+                // A plan can compensate a mean error, but not a varying error.
                 _ if mean_m.abs() > 0.5 * error_m.abs() => {
                     "take the mean error off ({plan.mean_error_m})"
                 }

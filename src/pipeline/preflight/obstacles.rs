@@ -26,8 +26,8 @@ use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
 
-/// Radius of a tripod with its camera at the height of a flight, an assumption. A smaller one
-/// ignores a long lens. A larger one leaves no room for a camera in the smallest room.
+/// Radius of a tripod with its camera at the height of a flight, an assumption. A smaller radius
+/// ignores a long lens. A larger radius leaves no room for a camera in the smallest room.
 const TRIPOD_M: f64 = 0.15;
 
 /// Radius of a base station or an anchor with its stand, an assumption: a station is 75 mm wide.

@@ -50,7 +50,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen_percent:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
-        // Advice to remove a cause precedes that of a smaller word.
+        // Advice to remove a cause precedes advice to write a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
             (false, _) => "let every station send ({sensors.lighthouse.silent})",
             (true, false) => "let people stand out of the light ({sensors.lighthouse.people_m})",

@@ -188,7 +188,7 @@ impl CarriedScene {
         files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
         files.push(file);
         // The plan comes last: if the program is killed before, the new scene refuses the old plan.
-        // A plan is never beside the scene of another one.
+        // A plan is never beside the scene of another plan.
         let mut files = WholeFile::keep_all(files)?;
         files.reverse();
         Ok(files)

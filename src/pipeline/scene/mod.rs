@@ -136,7 +136,7 @@ impl Scene {
         Self::parse_in(toml, file, Path::new(""), settings)
     }
 
-    /// Reads the text of a scene in a folder, as [`Self::parse_with`]. Names of files in the text
+    /// Reads the text of a scene in a folder, like [`Self::parse_with`]. Names of files in the text
     /// are relative to that folder, names in settings to the current one.
     pub fn parse_in(
         toml: &str,

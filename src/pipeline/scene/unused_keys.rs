@@ -105,7 +105,7 @@ const ALWAYS_USED: [&str; 4] = [
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 
-/// True if the letters are those of a typeface file.
+/// True if the letters are from a typeface file.
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()
         && std::iter::once(&scene.letters.font)

@@ -12,7 +12,7 @@ use noctograph_plan::infer_lights;
 
 impl Shoot {
     /// Prepares the photograph of a flight, a log or a light trace, and returns the log's warnings
-    /// with it. A log without lights gets those of the scene's word, or light from take-off to
+    /// with it. A log without lights gets the lights of the scene's word, or light from take-off to
     /// landing.
     ///
     /// # Errors

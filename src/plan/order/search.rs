@@ -106,7 +106,7 @@ impl Tour<'_> {
             if first > last {
                 return None;
             }
-            // Inside a reversed run nothing changes: only its two ends count.
+            // Nothing changes inside a reversed run, so only its two ends count.
             let (before, after) = neighbors_of(visits, first..last + 1);
             let (head, tail) = (visits[first], visits[last]);
             let old_s = self.between_s(before, Some(head)) + self.between_s(Some(tail), after);

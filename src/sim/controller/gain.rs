@@ -22,8 +22,8 @@ pub(crate) struct Gain {
 }
 
 impl Gain {
-    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`]: the given one, or that of the
-    /// weights. Weights without a stabilizing gain are an error.
+    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`]: the given gain, or the gain of
+    /// the weights. Weights without a stabilizing gain are an error.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();

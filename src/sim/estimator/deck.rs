@@ -17,7 +17,7 @@ const LONGEST_PAIR_S: f64 = 0.0115;
 /// Time after which the dropped fraction is computed again.
 const EVALUATION_S: f64 = 0.1;
 
-/// Sweeps that are used together: those of one rotation, or one of them.
+/// Sweeps that are used together: all sweeps of a rotation, or one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Rotation {
     pub(super) station: usize,

@@ -10,7 +10,7 @@
 const SIZE_MS: f64 = 300.0;
 const OPENS_MS: f64 = 0.1 * SIZE_MS;
 const CLOSES_MS: f64 = 0.9 * SIZE_MS;
-/// Most that one difference adds, ms.
+/// Largest increase by one difference, ms.
 const LONGEST_MS: f64 = 0.1 * SIZE_MS;
 /// Bounds of a good difference, and of one that a closed filter accepts, in standard deviations.
 const GOOD_SIGMAS: f64 = 2.0;
@@ -38,7 +38,7 @@ impl TdoaFilter {
         let added_ms = if is_good { passed_ms } else { -passed_ms };
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
         let is_accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
-        // Hysteresis: it opens at a lower level than it closes.
+        // Hysteresis: the filter opens at a lower level than it closes.
         self.closed = match self.closed {
             true => self.integrator_ms >= OPENS_MS,
             false => self.integrator_ms > CLOSES_MS,

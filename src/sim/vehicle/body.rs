@@ -46,7 +46,7 @@ impl RigidBody {
 
     /// True if the pitch or the roll has come to a quarter turn, at which the thrust does not lift.
     pub(crate) fn is_on_its_back(&self) -> bool {
-        // The cosine of the tilt is that of the roll times that of the pitch.
+        // The cosine of the tilt is the product of the cosines of roll and pitch.
         let q = &self.world_from_body;
         let (cos_tilt, sin_pitch) =
             (1.0 - 2.0 * (q.i * q.i + q.j * q.j), 2.0 * (q.w * q.j - q.k * q.i));

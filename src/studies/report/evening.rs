@@ -62,7 +62,7 @@ fn curve(logs: &[EveningLog], figure: Select, color: Rgb) -> Curve {
         Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
     });
     let points: Vec<(f64, f64)> = points.collect();
-    // A short bar at each flight, so that a single one is visible.
+    // A short bar at each flight, so that a single flight is visible.
     let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
     let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
     Curve { pen: Pen::new(color, 2.0), pieces }

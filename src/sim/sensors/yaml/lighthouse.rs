@@ -22,7 +22,7 @@ use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
-/// Largest file that is read. Sixteen stations take some 20 kB.
+/// Largest file that is read. Sixteen stations take about 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
 /// Greatest error of a rotation matrix: files carry single precision, and some are rounded.
 const ROTATION_TOLERANCE: f64 = 1e-3;
