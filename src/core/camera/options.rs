@@ -51,9 +51,9 @@ settings! {
         /// Standard deviation of the blur of the lens on the sensor, without diffraction. A
         /// telephone's lens scales it from full frame to its sensor.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
-        /// Share of light that the lens transmits.
+        /// Fraction of light that the lens transmits.
         transmission: f64 = 0.9, in 0.001..=1.0;
-        /// Share of light lost by vignetting at the corner of the picture, beside the natural
+        /// Fraction of light lost by vignetting at the corner of the picture, beside the natural
         /// falloff by cos⁴, or that of the lens at its aperture if left out.
         vignetting: Option<f64> = None, in 0.0..=1.0;
         /// White balance: gains of red, green and blue, or the color temperature in kelvin.

@@ -89,7 +89,7 @@ settings! {
         ///
         /// More follows the positioning faster.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.02236, in 1e-6..=100.0;
-        /// Standard deviation along world z, along which the propellers shake.
+        /// The same density along world z, in which the propellers shake.
         acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.04472, in 1e-6..=100.0;
         /// Noise density of the measured body rate, (rad/s)/√Hz.
         rate_noise_rad_s_sqrt_hz: f64 = 0.004472, in 1e-7..=10.0;
