@@ -118,7 +118,8 @@ pub struct Move {
 }
 
 impl Rules for StrokesData {
-    /// Checks that there is a color for each glyph or none, and that all numbers are finite.
+    /// Checks that there is a color for each glyph or none, that all numbers are finite, and that
+    /// the pen moves.
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {
@@ -129,12 +130,16 @@ impl Rules for StrokesData {
         for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
             let cell = [left_m, baseline_m, width_m, cap_height_m];
-            let moves = moves.iter().flat_map(|step| {
+            let numbers = moves.iter().flat_map(|step| {
                 let [from_m, to_m] = [step.from_m, step.to_m];
                 [from_m[0], from_m[1], to_m[0], to_m[1], step.pace]
             });
-            if let Some(value) = cell.into_iter().chain(moves).find(|value| !is_number(*value)) {
+            if let Some(value) = cell.into_iter().chain(numbers).find(|value| !is_number(*value)) {
                 return Err(odd_number("glyphs", row, value));
+            }
+            if let Some(Move { pace, .. }) = moves.iter().find(|step| step.pace <= 0.0) {
+                let actual = format!("a pace of {pace} in row {row}");
+                return Err(Error::input("glyphs", actual, "paces above 0", "1 is the usual pace"));
             }
         }
         Ok(())

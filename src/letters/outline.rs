@@ -139,7 +139,7 @@ pub(super) fn ink_edges(
             runs.push(samples);
             continue;
         };
-        // From a gap on no run goes over the contour's beginning.
+        // Starting at a gap, no run crosses the contour's beginning.
         let cycle: Vec<usize> = (first_gap..first_gap + n).map(|edge| edge % n).collect();
         for run in cycle.chunk_by(|a, b| is_edge[*a] == is_edge[*b]).filter(|run| is_edge[run[0]]) {
             let indices = run.iter().copied().chain([run[run.len() - 1] + 1]);

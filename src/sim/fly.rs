@@ -219,8 +219,8 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     });
     let first = in_air.clone().next().unwrap_or(0);
     let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
-    // Before and after, a ramp may begin and end within a step if it rises above the step: the
-    // drone then rests on it with its motors off.
+    // Before and after that, setpoints of a ramp may be within a step if the ramp rises above it.
+    // The drone then rests on the step with its motors off.
     let mut numbered = heights_m.iter().enumerate();
     let refused = numbered.find(|(row, [z, floor])| {
         let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);

@@ -92,12 +92,13 @@ impl Rules for FlightData {
             check_length(name, column.len(), self.samples.len())?;
         }
         let ends_s = self.gaps.as_flattened();
-        match ends_s.windows(2).find(|pair| pair[0] > pair[1] || pair[0].is_nan()) {
+        let is_wrong = |pair: &&[f64]| pair[0] > pair[1] || !(pair[0] + pair[1]).is_finite();
+        match ends_s.windows(2).find(is_wrong) {
             None => Ok(()),
             Some(pair) => {
                 let actual = format!("{} before {}", pair[0], pair[1]);
                 let hint = "give each gap its beginning and its end";
-                Err(Error::input("gaps", actual, "gaps in rising order", hint))
+                Err(Error::input("gaps", actual, "finite times in rising order", hint))
             }
         }
     }

@@ -26,6 +26,18 @@ const GLOW_BITS: i32 = 30;
 /// Finest scale: enough for any light, and far from underflow.
 const MIN_SCALE_LOG2: i32 = -128;
 
+/// Coarsest scale: the largest count is still far below the largest `f32`.
+const MAX_SCALE_LOG2: i32 = 64;
+
+/// Checks a scale.
+pub(super) fn check_scale(scale_log2: i32) -> Result<()> {
+    if (MIN_SCALE_LOG2..=MAX_SCALE_LOG2).contains(&scale_log2) {
+        return Ok(());
+    }
+    let wanted = format!("{MIN_SCALE_LOG2} to {MAX_SCALE_LOG2}");
+    Err(Error::input("scale_log2", scale_log2, wanted, "a count is 2^scale_log2 lx s"))
+}
+
 /// Luminous exposure of the sensor per pixel and color channel, as integer counts.
 pub type Film = Valid<FilmData>;
 
@@ -44,7 +56,8 @@ pub struct FilmData {
 
 impl Rules for FilmData {
     fn check(&self) -> Result<()> {
-        check_picture([self.width_px, self.height_px], self.counts.len(), 3)
+        check_picture([self.width_px, self.height_px], self.counts.len(), 3)?;
+        check_scale(self.scale_log2)
     }
 }
 

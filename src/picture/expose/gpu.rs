@@ -181,7 +181,7 @@ impl Gpu {
             // If the receiver is gone, an error has been reported already.
             let _ = sender.send(mapped);
         });
-        // The handler's error names the cause. The others are consequences.
+        // The handler's error names the cause. Later errors are consequences.
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         if let Some(first_error) = self.first_error.lock().ok().and_then(|mut e| e.take()) {
             return Err(self.fail(first_error));

@@ -186,8 +186,10 @@ impl Latent {
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] if counts so fine would overflow.
+    /// [`Error::Infeasible`] if counts so fine would overflow. [`Error::Input`] for a scale that no
+    /// film may have.
     pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
+        film::check_scale(scale_log2)?;
         if scale_log2 < self.scale_log2 {
             return Err(Error::infeasible(
                 format!("counts of 2^{scale_log2} lx s would overflow on this light"),

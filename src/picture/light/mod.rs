@@ -94,27 +94,33 @@ fn check_emitter(emitter: &Emitter) -> Result<()> {
         rgb,
         beam_exponent,
         isotropic_fraction,
+        visible_cos,
         diameter_m,
         depth_m,
-        ..
     } = emitter;
-    // Each number with its largest value.
+    // Each number with its least and its largest value.
     let settings = [
-        ("intensity_cd", *intensity_cd, 1e9),
-        ("rgb[0]", rgb[0], 1e3),
-        ("rgb[1]", rgb[1], 1e3),
-        ("rgb[2]", rgb[2], 1e3),
-        ("beam_exponent", *beam_exponent, 1e6),
-        ("spill", *isotropic_fraction, 1.0),
-        ("diameter_m", *diameter_m, 10.0),
-        ("depth_m", depth_m.unwrap_or(0.0), 10.0),
+        ("intensity_cd", *intensity_cd, 0.0, 1e9),
+        ("rgb[0]", rgb[0], 0.0, 1e3),
+        ("rgb[1]", rgb[1], 0.0, 1e3),
+        ("rgb[2]", rgb[2], 0.0, 1e3),
+        ("beam_exponent", *beam_exponent, 0.0, 1e6),
+        ("spill", *isotropic_fraction, 0.0, 1.0),
+        ("visible_cos", *visible_cos, -1.0, 1.0),
+        ("diameter_m", *diameter_m, 0.0, 10.0),
+        ("depth_m", depth_m.unwrap_or(0.0), 0.0, 10.0),
     ];
-    for (key, value, max) in settings {
-        if !(0.0..=max).contains(&value) {
+    for (key, value, min, max) in settings {
+        if !(min..=max).contains(&value) {
             let place = format!("lamp `{name}`: {key}");
             let hint =
                 "correct this emitter in the scene; a color outside sRGB must be brought inside";
-            return Err(Error::input(place, value, format!("a number from 0 to {max:e}"), hint));
+            return Err(Error::input(
+                place,
+                value,
+                format!("a number from {min} to {max:e}"),
+                hint,
+            ));
         }
     }
     Ok(())
