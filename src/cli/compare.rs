@@ -187,7 +187,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
         true => ("A", [a, b_stamped]),
         false => ("B", [a_stamped, b]),
     };
-    let note = format!("{name} is the drone's log: the clock ratio is that of its clock alone");
+    let note = format!("{name} is the drone's log, so the clock ratio applies only to it");
     message("note: ", &note);
     Ok(flights)
 }
@@ -249,7 +249,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
             "measure B's drone, and set the scene so: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (
-            format!("B shakes about its own path by {:.0} mm (RMS)", 1e3 * m),
+            format!("B shakes about its path by {:.0} mm (RMS)", 1e3 * m),
             "lower the gains, or check the propellers and the measured positions",
         ),
     }

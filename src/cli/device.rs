@@ -16,7 +16,7 @@ use noctograph_core::digest::sha256;
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Fault if no process can be started. It is not cached.
-const UNTRIED: &str = "cannot be tried in a process of its own";
+const UNTRIED: &str = "cannot be tried in a separate process";
 
 /// Arguments of the process that tries the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];

@@ -266,7 +266,7 @@ impl SubjectFlags {
             [] => {}
             [word] => {
                 if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
-                    let hint = "name one of them; --word says what plans write";
+                    let hint = "name one of them; --word names the word that the plans write";
                     return Err(Error::input("--word", other, format!("{word}, or none"), hint));
                 }
                 typed_word(Some(word), self.word.as_ref())?;
@@ -429,8 +429,8 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     let written_m = strokes.glyphs.first().map_or(asked_m, |glyph| glyph.cell.cap_height_m);
     if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < 0.999 * asked_m) {
         warn([format!(
-            "letters of {asked_m} m do not fit letters.canvas_m, {width_m} x {height_m} m: they are \
-             {written_m:.2} m high"
+            "letters of {asked_m} m do not fit into letters.canvas_m of {width_m} x {height_m} \
+             m, so they are {written_m:.2} m high"
         )]);
     }
 }
@@ -464,7 +464,7 @@ pub(super) fn typed_word<'a>(
     if let (Some(word), None) = (argument, flag) {
         let is_there = Path::new(word).exists() && !Path::new(word).is_dir();
         if is_there || is_file_name(word) {
-            let what = if is_there { "the file" } else { "the name of a file that is not there," };
+            let what = if is_there { "the file" } else { "the name of a missing file," };
             return Err(no_word(word, format!("{what} {word}")));
         }
     }

@@ -347,7 +347,7 @@ fn by_observer(
 fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
     first.map(|sample| sample.position_m).ok_or_else(|| {
-        let wanted = "positions, where the observer starts";
+        let wanted = "positions, from which the observer starts";
         let hint = "log stateEstimate.x, y and z too, or take --observer smooth";
         Error::input("columns", "no position", wanted, hint)
     })

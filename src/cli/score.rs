@@ -163,7 +163,7 @@ fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Res
     };
     let actual = "a font or drawing with other strokes";
     let hint = "find the font or drawing that the photo was made with";
-    Err(Error::input(file, actual, format!("that of digest {digest}"), hint))
+    Err(Error::input(file, actual, format!("the strokes of digest {digest}"), hint))
 }
 
 /// Returns the first key of the photo's scene that names a file, if it was not typed.
@@ -189,7 +189,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
         if !shown.split(' ').any(|known| known == digest) {
             let hint = "name the flight that was exposed in this photo";
             let actual = format!("a flight of digest {digest}");
-            let wanted = format!("the one that the photo shows, {shown}");
+            let wanted = format!("the flight that the photo shows, {shown}");
             return Err(Error::input(path.display(), actual, wanted, hint));
         }
     }

@@ -158,8 +158,8 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
         text += &line("network", visitors);
         text += &line("", "whoever has this address may write, draw and send");
         if !has_room {
-            let hint = "not known, so that scripts are fenced by a guess: name a scene with a room \
-                        by --scene, as `preview WORD --room WxDxH` writes it";
+            let hint = "not known, so the scripts' fence is a guess: name a scene with a room by \
+                        --scene, as `preview WORD --room WxDxH` writes it";
             text += &line("room", hint);
         }
     }

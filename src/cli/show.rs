@@ -60,15 +60,15 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
     let text = match reason {
         Reason::NotInPhoto => "the photo does not show the place of the word",
         Reason::NoLight => "there is no light in the place of the word",
-        Reason::TooSmall => "its letters are less than 20 pixels high",
+        Reason::TooSmall => "its letters are smaller than 20 pixels",
         Reason::OutOfRange => "it is too far from its place, or too large or too small",
         Reason::OtherLength => "the photo shows a word of another length",
         Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
             Some(rival) => return format!("{} is likelier", in_one_line(&rival.word)),
-            None => "a letter looks like another one, or like none",
+            None => "a letter looks like another letter, or like none",
         },
         Reason::Unsure => {
-            "each letter is the likeliest in its place, but the readability is too low to count"
+            "each letter is the likeliest in its place, but the readability is too low"
         }
     };
     text.to_owned()

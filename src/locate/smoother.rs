@@ -27,8 +27,8 @@ const MOST_RANGES: usize = 1_500_000;
 /// Largest number of multiplications in a pass, [`work`]: some seconds. Ten minutes of three drones
 /// with eight anchors at 50 Hz need 2.4·10⁹.
 const MOST_WORK: f64 = 4e9;
-const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a time: \
-                     drones without ranges between them are located as well alone";
+const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a \
+                     time: drones without ranges between them can be located one by one";
 
 /// Options of [`locate`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,7 +182,8 @@ pub(super) fn checked(
         if !sample.is_measurement() {
             let wanted = "a distance from 0 m to 10 km";
             let n_broken = samples.iter().filter(|sample| !sample.is_measurement()).count();
-            let hint = format!("leave out what is no measurement, {n_broken} of {}", samples.len());
+            let hint =
+                format!("leave out what is not a measurement, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
         let is_listed = match *link {

@@ -52,8 +52,8 @@ pub(super) fn start(
     if means.len() < n {
         return Err(Error::infeasible(
             format!(
-                "{} links in the first second for {n} coordinates of {n_drones} drones: ranges alone \
-                 leave the places open",
+                "{} links in the first second for {n} coordinates of {n_drones} drones: ranges \
+                 do not determine the positions",
                 means.len()
             ),
             "three anchors a drone, or more drones that range to each other, are needed; a \

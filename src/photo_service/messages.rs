@@ -69,8 +69,8 @@ keys! {
     NotPossible "not-possible" 422 "this is not possible" "change something and try again";
     Broken "broken" 500 "the program failed on this" "change something and try again";
     Busy "busy" 503 "many visitors wait" "try again";
-    Closed "gone" 404 "this is no longer kept" "take the photo again";
-    DiskFull "disk-full" 507 "it could not be written down" "ask the host: the disk may be full";
+    Closed "gone" 404 "this is no longer stored" "take the photo again";
+    DiskFull "disk-full" 507 "it could not be saved" "ask the host: the disk may be full";
     EntriesMany "entries-many" 429 "too many are sent from here at once" "try again in a moment";
     QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
     Paused "paused" 503 "nothing is taken at the moment" "try again later";

@@ -74,8 +74,8 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     let first = assignments.into_iter().min_by_key(|assignment| assignment.end);
     let assignment = first.ok_or_else(|| {
         Error::infeasible(
-            "two drones come too close to each other, however long one waits, or no start was \
-               found in a billion comparisons of places",
+            "two drones come too close to each other for any delay, or no start was found in a \
+             billion comparisons of positions",
             "share the word among fewer drones, or write it larger",
         )
     })?;
@@ -102,7 +102,10 @@ impl Assignment {
         let n_strokes = parts.iter().map(Vec::len).sum::<usize>();
         if n_strokes > MAX_SHARED {
             return Err(Error::infeasible(
-                format!("{n_strokes} strokes, more than {MAX_SHARED}, are too many to share"),
+                format!(
+                    "{n_strokes} strokes, more than {MAX_SHARED}, are too many to divide \
+                         among drones"
+                ),
                 "draw fewer strokes, lower letters.detail, or fly one drone",
             ));
         }

@@ -167,11 +167,9 @@ impl PyFlight {
     #[pyo3(signature = (plan, begins_s = None))]
     fn with_design(&self, py: Python<'_>, plan: &PyPlan, begins_s: Option<f64>) -> PyResult<Self> {
         let mut flight = self.flight.clone().into_data();
-        let first_s = flight.samples.first().map_or(0.0, |first| first.time_s);
-        let begins_s = begins_s.unwrap_or(first_s);
+        let begins_s = begins_s.unwrap_or(flight.samples.first().map_or(0.0, |s| s.time_s));
         if !begins_s.is_finite() {
-            let hint = "leave it out if the plan begins with the flight";
-            return Err(refused(py, "begins_s", begins_s, "a time in s", hint));
+            return Err(refused(py, "begins_s", begins_s, "a time in s", "or leave it out"));
         }
         for sample in &mut flight.samples {
             sample.design_m = plan.0.design_m(on_grid(sample.time_s - begins_s)).map(on_grid);

@@ -231,7 +231,7 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
         format!("plan, setpoint {i}"),
         "a height of {height_m} m",
         "more than the floor's {floor_m} m there",
-        "write higher (letters.baseline_m), or lower or move floor.steps"
+        "raise the word (letters.baseline_m), or lower or move floor.steps"
     ))
 }
 

@@ -294,14 +294,14 @@ fn warnings(
     } else if !is_stable {
         let message = format!(
             "the loop is unstable: a pole at {without:+.2} 1/s without motor lag, {with:+.2} 1/s \
-             with {lag_s} s. Is the gain that of u = u_hover - K (x - x_des), with its signs and \
-             units (rad, m)?"
+             with {lag_s} s. Is the gain meant for u = u_hover - K (x - x_des), with its signs \
+             and units (rad, m)?"
         );
         warnings.push(Diagnostic::warning("loop-unstable", message));
     }
     if options.controller.kind == ControllerKind::Altitude {
-        let message = "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of \
-                       the altitude";
+        let message = "the loop at f_z is the loop of lqr-feedforward: `noctograph hold` shows \
+                       the loop of the altitude";
         warnings.push(Diagnostic::warning("altitude-loop", message));
     }
     warnings

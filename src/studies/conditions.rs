@@ -140,7 +140,7 @@ impl Conditions {
         }
         // A name in the table has precedence over a file with that name.
         if Path::new(named).exists() {
-            let hint = "leave out what is no condition";
+            let hint = "leave out keys that are not conditions";
             let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
             return Self::parse(&limit.read_text(named.as_ref())?, named);
         }

@@ -330,8 +330,8 @@ impl EveningLog {
         ];
         // The lag appears only in commands that rotate the drone along a path.
         if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
-            let message = "its setpoints stay at one place, or are not logged: it does not show \
-                           the rotors' lag";
+            let message = "its setpoints are constant or not logged, so it does not show the \
+                           rotors' lag";
             warnings.push(Diagnostic::warning("lag-unseen", message));
         }
         let (drone, log) = (log.drone.clone(), log.name.clone());

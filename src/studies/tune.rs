@@ -207,7 +207,7 @@ pub fn tune(
     options.check()?;
     if let Some((key, why)) = without_effect(base, &options.knobs).into_iter().next() {
         let (unused, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
-        return Err(Error::input("knob", unused, "a key that has one in this scene", hint));
+        return Err(Error::input("knob", unused, "a key that has an effect in this scene", hint));
     }
     let longest_s = options.longest_s;
     let mut tuning = Tuning { base, options, store, longest_s, stop, n_flights: 0 };

@@ -135,7 +135,7 @@ impl CameraOptions {
         Described::check(self, "camera", None)?;
         let least = self.lens.figures().min_f_number;
         if self.body.fixed_lens().is_none() && self.f_number < least {
-            let hint = "stop the lens down, or choose a faster one";
+            let hint = "stop the lens down, or choose a faster lens";
             let wanted = format!("at least {least} with this lens");
             return Err(Error::input("camera.f_number", self.f_number, wanted, hint));
         }

@@ -225,7 +225,7 @@ fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
             path.display(),
             "no folder {folder}",
             "a folder that exists",
-            "make the folder {folder} first, or choose another one",
+            "make the folder {folder} first, or choose another folder",
         )
     })
 }

@@ -158,8 +158,8 @@ impl Fixture {
             }
             None => ("no parameter: nothing commands this lamp", "set drive.command"),
             Some(channel) if Channel::named(channel).is_some() => (
-                "no parameter: the channel is that of a deck",
-                "give the lamp a channel of its own: drive.command",
+                "no parameter: the channel belongs to a deck",
+                "give the lamp a separate channel: drive.command",
             ),
             Some(_) => return Ok(()),
         };

@@ -9,7 +9,7 @@
 use super::Tint;
 use super::tile::ALL;
 use noctograph_core::digest::Digest;
-use noctograph_core::error::Result;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::product::{Rules, Valid, check_picture};
 
 const TILE_PX: u32 = 16;

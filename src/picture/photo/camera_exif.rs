@@ -189,10 +189,7 @@ impl Photograph {
     fn set_aspect(&mut self, camera: &mut CameraOptions) {
         let Some([mut width, mut height]) = self.tagged_size_px().or(self.size_px) else {
             let missing = "EXIF without PixelXDimension and PixelYDimension";
-            self.warn(
-                "no-size",
-                format!("{missing}: the picture's aspect stays that of the scene"),
-            );
+            self.warn("no-size", format!("{missing}: the picture keeps the scene's aspect ratio"));
             return;
         };
         // Orientations 5 to 8 exchange x and y, unless a program has already turned the pixels and
@@ -206,9 +203,9 @@ impl Photograph {
                 turned = false;
             } else {
                 let message = format!(
-                    "EXIF is of a picture of {width} x {height} pixels, and this one has \
-                     {real_width} x {real_height}: it was cropped, and its camera saw more than it \
-                     shows"
+                    "EXIF is of a picture of {width} x {height} pixels, and this picture has \
+                     {real_width} x {real_height}: it was cropped, and its camera saw more than \
+                     it shows"
                 );
                 self.warn("cropped", message);
             }
@@ -302,7 +299,7 @@ impl Photograph {
     fn equivalent_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_mm = self.number(Tag::FocalLengthIn35mmFilm)?;
         if !FILM_MM.contains(&film_mm) {
-            let message = format!("FocalLengthIn35mmFilm {film_mm} mm is not that of a lens");
+            let message = format!("FocalLengthIn35mmFilm {film_mm} mm is not possible for a lens");
             self.warn("film-equivalent", message);
             return None;
         }

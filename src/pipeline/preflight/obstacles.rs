@@ -96,7 +96,7 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     Some(row.timed(time_s).say(
         format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
         format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
-        "let people stand farther off ({sensors.lighthouse.people_m}), or fly slower \
+        "move people farther away ({sensors.lighthouse.people_m}), or fly slower \
          ({plan.style.dark_speed_m_s})",
     ))
 }
@@ -168,7 +168,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let mut things = Vec::new();
     if let Ok(camera) = scene.camera.camera(bounds_m(shoot), 0.0) {
         let shape = Solid::pillar([camera.position_m.x, camera.position_m.y], TRIPOD_M);
-        let advice = "stand the camera farther off ({camera.framing})";
+        let advice = "move the camera farther away ({camera.framing})";
         let name = "the camera on its tripod".to_owned();
         things.push(Thing { name, shape, is_stand: false, advice });
     }

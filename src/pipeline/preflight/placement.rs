@@ -259,7 +259,7 @@ pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Opti
     let (severity, verdict) = match other {
         _ if least_m <= most_m => (Severity::Fine, "fits in the room".to_owned()),
         Some(other) => (Severity::Warning, format!("does not fit in the room; {other} does")),
-        None => (Severity::Stop, "does not fit in the room, and no usual one does".to_owned()),
+        None => (Severity::Stop, "does not fit in the room, and no usual lens does".to_owned()),
     };
     Ok(Some(Diagnostic::check(CAMERA_PLACE, severity, least_m).within(most_m).say(
         format!("{verdict}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),

@@ -53,7 +53,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
         // Advice to remove a cause precedes advice to write a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
             (false, _) => "let every station send ({sensors.lighthouse.silent})",
-            (true, false) => "let people stand out of the light ({sensors.lighthouse.people_m})",
+            (true, false) => "move people out of the light ({sensors.lighthouse.people_m})",
             (true, true) => {
                 "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the \
                  stations (see `coverage`)"

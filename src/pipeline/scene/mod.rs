@@ -261,7 +261,7 @@ impl Scene {
             let wanted = &mut self.letters.drawing_sha256;
             if !wanted.is_empty() && *wanted != actual {
                 let hint =
-                    "restore the drawing, or clear letters.drawing_sha256 to draw the new one";
+                    "restore the drawing, or clear letters.drawing_sha256 to draw the new drawing";
                 let place = "letters.drawing_sha256";
                 let actual = format!("{} with digest {actual}", self.letters.drawing);
                 return Err(Error::input(place, actual, format!("digest {wanted}"), hint));

@@ -90,7 +90,7 @@ const RULES: &[Rule] = &[
     (
         &["photo.ambient_cd_m2", "photo.ambient_from_m", "expose.unevenness"],
         |s| !s.photo.background.is_empty(),
-        "light and texture of the room are those of photo.background",
+        "photo.background gives light and texture of the room",
     ),
 ];
 

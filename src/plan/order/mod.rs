@@ -82,7 +82,7 @@ fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Res
         return Ok(());
     }
     let problem = format!(
-        "{n_strokes} strokes take some {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s"
+        "{n_strokes} strokes take about {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s"
     );
     Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
 }

@@ -20,7 +20,7 @@ impl Tour<'_> {
     /// The tour that begins on the floor and always continues with the stroke that is nearest in
     /// time. Of equally near ones it takes the first of the remaining list.
     pub(super) fn nearest(&self) -> Vec<Visit> {
-        // A stroke is entered and remaining no faster than the drone flies, lit or dark.
+        // A stroke is entered and left no faster than the drone flies, lit or dark.
         let speeds_m_s = self.ways.iter().flatten().map(|way| way.start_m_s.norm());
         let speed_m_s = speeds_m_s.fold(self.style.dark_speed_m_s, f64::max);
         let mut remaining: Vec<usize> = (0..self.ways.len()).collect();

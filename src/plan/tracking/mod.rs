@@ -181,7 +181,7 @@ fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64
 pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
     let samples = part.samples(flight)?;
     let design = DesignPath::new(flight).ok_or_else(|| {
-        let hint = "import a log with setpoints, or compare the flight with another one";
+        let hint = "import a log with setpoints, or compare the flight with another flight";
         Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
     })?;
     Ok((samples, design))

@@ -84,7 +84,10 @@ pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
 
 /// Adds the keys of the weights to the error of the gain.
 fn without_gain(error: Error) -> Error {
-    Error::infeasible(format!("controller.lqr.q and .r have no gain: {error}"), error.hint())
+    Error::infeasible(
+        format!("controller.lqr.q and .r give no stabilizing gain: {error}"),
+        error.hint(),
+    )
 }
 
 #[cfg(test)]

@@ -207,10 +207,10 @@ impl ObserverOptions {
                 ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")
             }
             EstimatorKind::Luenberger if !gives_positions => {
-                ("luenberger, which takes positions, with a positioning that gives none", "ekf")
+                ("luenberger, which needs positions, with a positioning that gives none", "ekf")
             }
             EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
-                ("cooperative, which takes ranges to anchors and drones, without uwb-twr", "ekf")
+                ("cooperative, which needs ranges to anchors and drones, without uwb-twr", "ekf")
             }
             EstimatorKind::Altitude
             | EstimatorKind::Luenberger

@@ -384,7 +384,7 @@ impl UwbOptions {
                     "",
                     "{anchor:?}, the place of another anchor",
                     "each anchor once",
-                    "list every anchor at its own place"
+                    "list every anchor at a different place"
                 )
                 .of_item("sensors.uwb.anchors_m", i));
             }

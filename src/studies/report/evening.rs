@@ -20,8 +20,9 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
     let drones = evening.drones();
     let lead = format!("{n} logs of {} drone(s); {sound} sound.", drones.len());
     let mut page = Page::new(title, &lead).section("Flights").printed(printed).text(
-        "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
-         hold against; gusts: those that turn a drone as its air did. -: the log does not show it.",
+        "Thrust per command and weight, relative to the scene; trim: the center of mass that the \
+         motors compensate; gusts: the gusts that turn a drone as its air did. -: not shown by \
+         the log.",
     );
     // A panel for each figure, with a curve for each drone over its sound flights.
     let most_logs = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
@@ -49,7 +50,7 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         };
         page = page.section("Drones over time").drawings(&[figure.svg()]);
         if drones.len() > MOST_DRONES {
-            page = page.text(&format!("The curves are those of the first {MOST_DRONES} drones."));
+            page = page.text(&format!("The curves show the first {MOST_DRONES} drones."));
         }
     }
     page.section("Conditions").printed(conditions)
