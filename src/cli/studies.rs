@@ -211,7 +211,8 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     Report::with_words(product, &words, RANKED)
 }
 
-const RANKED: &str = "{word}, {n_flights} seeds; the same seeds for all; intervals of 95 %
+const RANKED: &str = "\
+{word}, {n_flights} seeds; the same seeds for all; intervals of 95 %
 {n_words} words, {n_flights} flights each scene; the same seeds for all; intervals of 95 %
 
 |measures|<4|scene<16|P(read)>7|  interval<16|legible/%>9|interval/%>12|worst 10 %>11|lost>5

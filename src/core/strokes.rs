@@ -46,7 +46,7 @@ pub struct Source {
     pub corners_px: Option<[[f64; 2]; 4]>,
     /// True for a bitmap, whose strokes are in pixels.
     pub is_bitmap: bool,
-    /// All strokes in the order of their numbers, omitted ones included.
+    /// All strokes in the order of their numbers, including omitted strokes.
     pub strokes: Vec<SourceStroke>,
 }
 

@@ -66,7 +66,7 @@ impl<'a> Filled<'a> {
         if !self.budget.spend_steps(STEPS_PER_EDGE * (bin.len() + EDGES_PER_BIN)) {
             return 0;
         }
-        // Edges that cross the ray to the right, upward ones positive (Sunday 2001).
+        // Edges that cross the ray to the right. Upward edges are positive (Sunday 2001).
         for index in bin {
             let [[ax, ay], [bx, by]] = &self.edges[*index as usize];
             if (*ay <= y) != (*by <= y) {

@@ -27,7 +27,7 @@ use noctograph_core::input_error;
 /// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Most points of a letter. Composed ones could double from line to line.
+/// Most points of a letter. Composed letters could double from line to line.
 const MAX_POINTS: usize = 20_000;
 
 /// Most points of a font.

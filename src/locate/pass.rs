@@ -27,7 +27,7 @@ pub(super) struct Model<'a> {
     stands_until_s: Vec<f64>,
 }
 
-/// Normalized innovations squared of the accepted ranges, and the number of rejected ones.
+/// Normalized innovations squared of the accepted ranges, and the number of rejected ranges.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     pub(super) sum: f64,

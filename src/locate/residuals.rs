@@ -68,7 +68,7 @@ pub(super) fn spread_by_link(
 }
 
 impl Located {
-    /// Adds the residuals of all links, and warnings of suspect ones. `sigma_m` is the standard
+    /// Adds the residuals of all links, and warnings of suspect links. `sigma_m` is the standard
     /// deviation of a range. For an observer without a noise model it is zero. Then the scatter of
     /// each link is its scale, and there is no warning.
     pub(super) fn with_residuals(

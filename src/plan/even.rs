@@ -15,7 +15,7 @@ use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 
-/// Steps of a dimmed light: finer ones are not visible, and each one is a command.
+/// Steps of a dimmed light. Finer steps are not visible, and each step is a command.
 const LEVEL_STEPS: f64 = 50.0;
 /// Least level, so that a slow corner does not go dark.
 const LEAST_LEVEL: f64 = 0.04;

@@ -95,8 +95,8 @@ impl Avionics {
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
-        // Sensors are the true ones. Estimator and controller are designed for the believed drone.
-        // The estimate starts with the sensors' steady error, as after a wait on the floor.
+        // The sensors are true. Estimator and controller are designed for the believed drone. The
+        // estimate starts with the sensors' steady error, as after a wait on the floor.
         let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
         Ok(Self {

@@ -269,7 +269,7 @@ impl Conditions {
         gusts.sigma_m_s = gusts.sigma_m_s.map(|sigma_m_s| sigma_m_s.max(self.gust_m_s));
         sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         if sim.vehicle.body_drag_n_s_m == [0.0; 3] {
-            // In proportion to the gusts, so that weaker ones change the scene continuously less.
+            // In proportion to the gusts, so that the change vanishes continuously with them.
             let fraction = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
             sim.vehicle.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * fraction);
         }

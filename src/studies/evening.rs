@@ -222,7 +222,7 @@ impl Evening {
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
-            // Standard error of the mean. Flights too short for a sigma are taken as average ones.
+            // Standard error of the mean. Flights too short for a sigma count as average flights.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();

@@ -78,7 +78,7 @@ pub struct Pair {
     pub distinguishable: bool,
 }
 
-/// Least P(read) with a place. Smaller ones are printed as 0.000.
+/// Least P(read) with a place. Smaller values are printed as 0.000.
 const LEAST_READ: f64 = 0.0005;
 
 /// Ranks the contenders of a study. `records` has one for each of its trials, in their order.

@@ -383,7 +383,7 @@ fn front(candidates: &[Candidate]) -> Vec<usize> {
     allowed.sort_by(|(a_s, a), (b_s, b)| {
         a_s.total_cmp(b_s).then(b.legibility.total_cmp(&a.legibility))
     });
-    // From the fastest to the slowest: a candidate must be more legible than all faster ones.
+    // From the fastest to the slowest: a candidate must be more legible than all faster candidates.
     let (mut front, mut best) = (Vec::new(), f64::NEG_INFINITY);
     for (_, candidate) in allowed {
         if candidate.legibility > best {

@@ -32,7 +32,7 @@ settings! {
     }
 }
 
-/// A feature of a release that earlier ones lack.
+/// A feature that earlier releases lack.
 #[derive(Debug)]
 pub struct Feature {
     /// Its name.

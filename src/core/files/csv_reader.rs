@@ -78,9 +78,9 @@ pub struct SheetColumn {
     pub number: usize,
     /// Its numbers.
     pub values: Vec<f64>,
-    /// How many of its cells are texts.
+    /// Number of its cells that are texts.
     pub n_texts: usize,
-    /// The first different ones of them.
+    /// The first different texts.
     pub texts: Vec<String>,
     /// Line of the first.
     text_line: usize,
@@ -112,7 +112,7 @@ impl Separator {
         cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
     }
 
-    /// Number of cells of a line, without empty ones at its end.
+    /// Number of cells of a line, without empty cells at its end.
     fn count(self, line: &[u8]) -> usize {
         let filled = self.cells(line).enumerate().filter(|(_, cell)| !cell.is_empty());
         filled.last().map_or(0, |(place, _)| place + 1)

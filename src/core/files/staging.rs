@@ -213,7 +213,7 @@ impl Former {
         Ok(replaced)
     }
 
-    /// Removes the former files, once all new ones have their names.
+    /// Removes the former files, once all new files have their names.
     pub(super) fn forget(mut self) {
         self.0.clear();
     }

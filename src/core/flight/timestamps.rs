@@ -5,7 +5,7 @@ use crate::statistics::median;
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 pub const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// The shortest step of any log, and the usual ones: the firmware logs every 10 ms at most.
+/// The shortest step of any log, and the usual steps. The firmware logs every 10 ms at most.
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 

@@ -42,8 +42,8 @@ const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 /// Length over which the direction of an arm is taken, in radii at its root.
 const HEADING: f64 = 2.5;
 /// Cosine of the widest angle between the arms of a crotch, 75°, and the largest difference of the
-/// cosines between the stub and its arms. At wider ones an arch leaves a stem (n, u). A stub that
-/// goes on with one arm is the stem's end.
+/// cosines between the stub and its arms. At a wider angle an arch leaves a stem (n, u). A stub
+/// that goes on with one arm is the stem's end.
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 

@@ -308,8 +308,9 @@ impl<'a> Floor<'a> {
         Some([nw?, ne?, sw?, se?])
     }
 
-    /// Appends an even square to `squares`, divides any other, and drops dark ones. `middle` is the
-    /// exposure in its middle, and `feet_px` are points below sources that may be under it.
+    /// Appends an even square to `squares`, divides any other square, and drops dark squares.
+    /// `middle` is the exposure in its middle, and `feet_px` are points below sources that may be
+    /// under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se], .. } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);

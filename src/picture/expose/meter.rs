@@ -201,7 +201,7 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
-/// Number of segments of a trail above which successive ones at the same point are joined.
+/// Number of segments of a trail above which successive segments at the same point are joined.
 const MANY: usize = 20_000;
 
 /// Distance, in σ of the spot, within which segments are at the same point.

@@ -9,8 +9,8 @@
 //!    that moves evenly along a line while it fades, as a sum of up to four spots at rest
 //!    (quadrature, to 6e-6 of the peak), each a curve along x times a curve along y. Pixels add
 //!    them up in integers, on the CPU or on a graphics device, with the same bits.
-//! 3. Lamps of one color are added up in one plane, which is then counted into the three of the
-//!    film. The glow of the floor is added last.
+//! 3. Lamps of one color are added up in one plane, which is then counted into the three planes of
+//!    the film. The glow of the floor is added last.
 //!
 //! Vectors are nalgebra's and f64 up to the segments. Records are scalars in f32, and everything
 //! after them is integers. The width changes in `record`.
@@ -126,7 +126,7 @@ settings! {
         /// albedo, relative.
         ///
         /// Measured on lit floors and walls of eight public long exposures: 2 to 3 % on smooth
-        /// ones, 5 to 13 % on a hall's floor and a scratched table.
+        /// surfaces, 5 to 13 % on a hall's floor and a scratched table.
         unevenness: f64 = 0.05, in 0.0..=1.0;
         fixed {
             /// How far a sample may lie from the segment that replaces it. 0 merges nothing and

@@ -24,7 +24,7 @@ pub(super) const NEAREST_M: f64 = 0.1;
 /// differs by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), hence curves are divided by their sums.
 pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
-/// Width of the widest spot. Wider ones are drawn this wide, with all their light.
+/// Width of the widest spot. Wider spots are drawn this wide, with all their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;
 
 /// Greatest distance of a spot from the corner of the picture, for the precision of differences.

@@ -108,7 +108,7 @@ impl Photograph {
             Some(body) => Some(body.figures().sensor_width_m),
             None => self.sensor_width_m(focal_length_m),
         };
-        // APEX values replace missing ones: N = 2^(Av/2), t = 2^-Tv.
+        // APEX values replace missing values: N = 2^(Av/2), t = 2^-Tv.
         let f_number = self
             .number(Tag::FNumber)
             .or_else(|| Some(libm::exp2(0.5 * self.signed(Tag::ApertureValue)?)));

@@ -239,7 +239,7 @@ fn unit<T: Copy + Sum + Div<Output = T>>(kernel: Vec<T>) -> Vec<T> {
     kernel.into_iter().map(|value| value / sum).collect()
 }
 
-/// Scales the positive values of a kernel to a sum of 1, and the negative ones to -1.
+/// Scales the positive values of a kernel to a sum of 1, and the negative values to -1.
 fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
     let [positive, negative] =
         [1.0, -1.0].map(|sign| kernel.iter().map(|v| (sign * v).max(0.0)).sum::<f32>());

@@ -202,7 +202,8 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     beacons.collect()
 }
 
-/// Returns mirrors and panes as things, without level ones, since a drone flies above a floor.
+/// Returns mirrors and panes as obstacles. Level ones are left out, because a drone flies above a
+/// floor.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;

@@ -62,7 +62,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     ))
 }
 
-/// Returns the fraction of a box that two base stations see, without the silent ones.
+/// Returns the fraction of a box that two base stations see. Silent stations do not count.
 fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
     let mut sensors = scene.sensors.clone();
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();

@@ -85,8 +85,8 @@ pub(super) fn metered(
     Some(metered)
 }
 
-/// Meters the light by the targets of the scene's metering, or by the default ones if it has none.
-/// `None` if it is dark.
+/// Meters the light by the targets of the scene's metering, or by the default targets if it has
+/// none. `None` if it is dark.
 pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,

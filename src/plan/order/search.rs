@@ -18,7 +18,7 @@ const MAX_RUN: usize = 3;
 
 impl Tour<'_> {
     /// The tour that begins on the floor and always continues with the stroke that is nearest in
-    /// time. Of equally near ones it takes the first of the remaining list.
+    /// time. Of equally near strokes, the first in the remaining list is taken.
     pub(super) fn nearest(&self) -> Vec<Visit> {
         // A stroke is entered and left no faster than the drone flies, lit or dark.
         let speeds_m_s = self.ways.iter().flatten().map(|way| way.start_m_s.norm());

@@ -193,7 +193,7 @@ impl Firmware {
             let toward = -normal.dot(&ray);
             (toward != 0.0).then(|| station.position_m + ray * (above_m / toward))
         });
-        // The mean turn of both diagonals of the sensors against the estimated ones.
+        // The mean turn of both diagonals of the sensors relative to the estimated diagonals.
         let diagonals_rad = [(0, 3), (1, 2)].map(|(from, to)| {
             let [a, b] = [from, to].map(|k| Vector3::from(DECK_SENSORS_M[k]));
             let estimated = self.world_from_body * (b - a);

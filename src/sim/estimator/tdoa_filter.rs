@@ -1,8 +1,8 @@
 //! The firmware's outlier filter of differences of ultra-wideband ranges.
 //!
 //! In: the error of a difference, and its standard deviation. Out: true if the Kalman filter uses
-//! it. Good ones (within 2 σ) fill an integrator by the time that passed, and others drain it. When
-//! nearly full it closes, and refuses those beyond 2.5 σ, until it is nearly empty.
+//! it. Good differences (within 2 σ) fill an integrator by the elapsed time, and others drain it.
+//! When nearly full it closes, and refuses those beyond 2.5 σ, until it is nearly empty.
 //!
 //! Source: `outlierFilterTdoa.c`, firmware 2026.08.
 

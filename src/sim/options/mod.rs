@@ -104,7 +104,7 @@ settings! {
 }
 
 impl SimOptions {
-    /// Checks every range, that slower rates divide faster ones, that the motors can lift the
+    /// Checks every range, that slower rates divide faster rates, that the motors can lift the
     /// drone, and that the sensors suit the estimator.
     ///
     /// # Errors
@@ -183,7 +183,7 @@ impl RateOptions {
         self.position_hz.min(self.attitude_hz())
     }
 
-    /// Checks that slower loops run at whole ticks of faster ones.
+    /// Checks that slower loops run at whole ticks of faster loops.
     fn check_ratios(&self) -> Result<()> {
         for (slow, slow_hz, fast, fast_hz) in [
             ("attitude_hz", self.attitude_hz, "control_hz", self.control_hz),

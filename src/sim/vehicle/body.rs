@@ -208,7 +208,7 @@ impl Inertia {
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
             (w * o + x * q - y * p) * 0.5,
-            // The rotors' spin turns with the body: the gyroscopic torque.
+            // Gyroscopic torque, because the rotors' angular momentum turns with the body.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
             c[2] * p * q + torque.z * per_j[2],

@@ -77,7 +77,7 @@ pub fn read_lighthouse_config(path: &Path) -> Result<Warned<Vec<Station>>> {
 
 /// Reads the text of a configuration. `file` is its name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
-    // All keys first, so that unknown ones are named whatever follows. Then the known ones.
+    // All keys first, so that unknown keys are always named. Then the known keys.
     let keys: Keys = from_yaml(yaml, file, HINT)?;
     let mut unknown = unknown_keys(&keys, &KEYS);
     let config: Config = from_yaml(yaml, file, HINT)?;
