@@ -5,8 +5,8 @@
 //! cap height apart, the lower one on the baseline.
 //!
 //! Glyphs that touch are traced together, so that joined letters are one line. A glyph that is an
-//! area, such as a heart, is its outline. Not read: variations, and in text that is not shaped
-//! ligatures and kerning outside the table `kern`.
+//! area, such as a heart, is its outline. Not supported: variations. In text that is not shaped,
+//! also ligatures and kerning outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;

@@ -242,8 +242,8 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
-/// Writes a file by `write`. Returns its digest, or an empty text if it is not wanted: for a
-/// photograph it is a twelfth of all work.
+/// Writes a file by `write`. Returns its digest, or an empty text if no digest is wanted. The
+/// digest of a photograph is a twelfth of all work.
 fn write_buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,

@@ -21,8 +21,8 @@ const SHARP: f64 = 0.45;
 /// blunter than a stroke that tapers.
 const LONGEST: f64 = 3.6;
 
-/// A longer spur is into a corner only if it ends in a point, by the radius at its root. The arm of
-/// a cross by a fine pen is blunter.
+/// A longer spur belongs to a corner only if it ends in a point, relative to the radius at its
+/// root. The arm of a cross by a fine pen is blunter.
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
