@@ -31,7 +31,7 @@ const SUBSETS: usize = 20_000;
 const MAX_ENUMERATED: usize = 14;
 
 /// Weight, in values, of the prior variance of probabilities (`mean_of_probabilities`). A larger
-/// weight widens the intervals of few values. With six good flights they contain the mean in 99 %
+/// weight widens the intervals of few values: with six good flights they contain the mean in 99 %
 /// of cases at a weight of 1, and in 90 to 93 % at 0.
 const PRIOR_VALUES: f64 = 0.25;
 
@@ -133,7 +133,7 @@ struct Spread {
     n: f64,
     /// Degrees of freedom.
     freedom: f64,
-    /// Variance of one value: the variance of the mean times the number of values.
+    /// Variance of one value: that of the mean times the number of values.
     variance: f64,
     /// Third central moment of one value, without bias.
     third_moment: f64,
