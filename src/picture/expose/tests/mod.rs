@@ -472,8 +472,22 @@ fn broken_samples_are_refused_by_lamp_and_time() {
     assert!(text.contains("`headlight` at 0 s: time"), "{text}");
     let text = refused(|lamp| lamp.emitter.rgb[1] = -0.1);
     assert!(text.contains("`headlight`: rgb[1]"), "{text}");
+    let text = refused(|lamp| lamp.emitter.visible_cos = f64::NAN);
+    assert!(
+        text.contains("`headlight`: visible_cos: found NaN, wanted a number from -1"),
+        "{text}"
+    );
 
     let options = ExposeOptions::default();
     let wide = project(&LightTrace::default(), &camera(16_385, 10), &options);
     assert!(matches!(wide, Err(Error::Input { .. })), "a picture too wide is refused");
+
+    let one_pixel = |scale_log2, counts| {
+        Film::new(FilmData { width_px: 1, height_px: 1, counts: vec![1; counts], scale_log2 })
+    };
+    assert!(one_pixel(-20, 3).is_ok());
+    let coarse = one_pixel(i32::MAX, 3).expect_err("beyond f32").to_string();
+    assert!(coarse.contains("scale_log2: found 2147483647, wanted -128 to 64"), "{coarse}");
+    let short = one_pixel(-20, 2).expect_err("a count is missing").to_string();
+    assert!(short.contains("2 values for 1 x 1 pixels"), "{short}");
 }
