@@ -993,11 +993,10 @@ def an_empty_evening_shows_what_comes(hall):
             page.goto(address)
             seen = set()
             for n in range(1, 5):
-                until(page, f"document.querySelector('{box} canvas:not([hidden])')", f"photograph {n} that is written")
-                seen.add(page.get_attribute(f"{box} img", "src"))
-                page.clock.run_for(9_500)
-                assert page.locator(f"{box} canvas").is_hidden(), "it is written in nine seconds, and stands"
-                page.clock.run_for(5_000)
+                photo = until(page, f"document.querySelector('{box} canvas:not([hidden])')?.parentElement.querySelector('img').src", f"photograph {n} that is written")
+                seen.add(photo)
+                page.clock.fast_forward(14_500)
+                until(page, f"document.querySelector('{box} img').src !== {photo!r}", f"the one after photograph {n}")
             assert len(seen) == 3, f"{len(seen)} photographs"
             assert page.locator("figure img").count() == 0, "nothing hangs yet"
         phone, _ = opened(hall.browser, json.loads(urllib.request.urlopen(f"{server.operator}address.json").read())["visitors"], viewport=PHONE)

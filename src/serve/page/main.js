@@ -139,7 +139,7 @@ const loadAmiss = async () => (amiss ??= (await Promise.all([import("./amiss.js"
 /** True if it cannot be made. */
 let lacksAmiss = false;
 
-/** Says why a word is not read: until the reason is there, nothing says that it is not. */
+/** Says why a word is not read. */
 async function putReason() {
   if (amiss || judged()?.legible !== false) return;
   await loadAmiss().catch(() => (lacksAmiss = true));
@@ -159,6 +159,8 @@ function judged() {
   const isSure = small.readability >= SURE && (small.rival?.p ?? 0) <= SURE_RIVAL;
   return small.legible && isSure ? small : null;
 }
+/** Until the reason is there, nothing says that a word is not read. */
+const isReasoned = () => judged()?.legible !== false || amiss !== null || lacksAmiss;
 const isUnjudged = () => Boolean(known.shot?.verdict) && !judged();
 
 /** @param {Shot} shot @param {Stroke[]} strokes @param {() => boolean} wanted */
@@ -283,7 +285,7 @@ function hindrance() {
 
 function putDesk() {
   main.dataset.state = seenState();
-  main.dataset.judged = `${!isUnjudged()}`;
+  main.dataset.judged = `${!isUnjudged() && isReasoned()}`;
   for (const part of /** @type {NodeListOf<HTMLElement>} */ (
     document.querySelectorAll("[data-in]")
   )) {
@@ -347,11 +349,9 @@ function spoken() {
   if (isEmpty()) return { first: t(state.opened ? "all-out" : "empty") };
   const stop = known.stops[0];
   if (known.shot) {
-    const verdict = judged();
-    const isReasoned = verdict?.legible !== false || amiss || lacksAmiss;
     const said = stop
       ? { first: sentence("stops", stop), then: t("way-flight-impossible") }
-      : ofShot(known.shot, isReasoned ? verdict : null, amiss?.reason);
+      : ofShot(known.shot, isReasoned() ? judged() : null, amiss?.reason);
     return origin.left ? { first: said.first, then: t(origin.left) } : said;
   }
   return { first: t(known.busy ? "busy" : about.slow ? "looking-slow" : "looking") };
