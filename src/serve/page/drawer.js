@@ -376,7 +376,7 @@ function remedy({ gain, set, said }) {
 function download(large, name, word) {
   const button = make("button", { type: "button", className: "second" }, t(word));
   button.dataset.file = name;
-  const refused = make("p", { className: "stop", role: "status" });
+  const refused = make("p", { className: "refused", role: "status" });
   if (name === "flight.zip" && large.stops.length) {
     button.setAttribute("aria-disabled", "true");
     refused.textContent = t("no-script");
