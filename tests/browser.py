@@ -73,6 +73,13 @@ def ready(page):
     return page
 
 
+def more(page):
+    """Opens the drawer, with all that it has."""
+    page.click("#more")
+    page.wait_for_selector("#drawer[open]")
+    page.locator("#drawer .how").evaluate("how => { how.open = true; }")
+
+
 def until(page, expression, what=None):
     """Waits for an expression of the page to be true, and returns its value."""
     end = time.monotonic() + PATIENCE_S

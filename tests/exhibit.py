@@ -51,6 +51,9 @@ def words_are_complete_in_four_languages(hall):
             assert phrase.strip(), f"{code}: {key} is empty"
             values = lambda text: set(re.findall(r"\{(\w+)\}", text))
             assert values(phrase) == values(tables["en"][key]), f"{code}: {key} has other values"
+    # French has a space before a sign of two parts, at which no line ends.
+    breaks = [key for key, phrase in tables["fr"].items() if re.search(r"[ \w)}][;:!?]", phrase)]
+    assert not breaks, f"a line may end before a sign: {breaks}"
     same = [key for key, phrase in tables["en"].items() if len(phrase) > 24 and tables["de"][key] == phrase]
     assert not same, f"not translated: {same}"
     # What the pages name is in the table, and what the program can say, too.
@@ -317,7 +320,7 @@ def a_colored_word_shines_on_every_lamp(hall):
     }"""
     write(page, "OTTO")
     for lamp in ["ring", "color-led"]:
-        page.click("#more")
+        more(page)
         page.select_option("#lamp", lamp)
         page.keyboard.press("Escape")
         page.click("[name=light-word][value=green]", force=True)
@@ -980,6 +983,111 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
             again.kill()
 
 
+def an_empty_evening_shows_what_comes(hall):
+    """Start and wall write three photographs, one after another, until the first of the evening hangs."""
+    server = Server(PROGRAM, "--kiosk", "--open-wall")
+    try:
+        pages = [opened(hall.browser, "about:blank", viewport=size) for size in (TABLET, DESK)]
+        for (page, _), address, box in zip(pages, (server.page, f"{server.page}wall.html"), ("#start .show", "#bare")):
+            page.clock.install()
+            page.goto(address)
+            seen = set()
+            for n in range(1, 5):
+                photo = until(page, f"document.querySelector('{box} canvas:not([hidden])')?.parentElement.querySelector('img').src", f"photograph {n} that is written")
+                seen.add(photo)
+                page.clock.fast_forward(14_500)
+                until(page, f"document.querySelector('{box} img').src !== {photo!r}", f"the one after photograph {n}")
+            assert len(seen) == 3, f"{len(seen)} photographs"
+            assert page.locator("figure img").count() == 0, "nothing hangs yet"
+        phone, _ = opened(hall.browser, json.loads(urllib.request.urlopen(f"{server.operator}address.json").read())["visitors"], viewport=PHONE)
+        ready(phone)
+        write(phone, "LO")
+        phone.click("#send")
+        phone.wait_for_selector("#sent h2")
+        (start, _), (wall, _) = pages
+        until(start, "document.querySelector('#start .show img')?.alt === 'LO'", "the evening's photograph at the start")
+        until(wall, "document.querySelector('#bare').hidden && document.querySelector('#newest img')", "the evening's photograph on the wall")
+        assert not [said for _, trouble in pages for said in trouble], pages
+    finally:
+        server.kill()
+
+
+def a_phone_counts_down_to_its_flight_and_runs_it_live(hall):
+    """On the page that sent it, and on that of the entry."""
+    server = Server(PROGRAM)
+    try:
+        ids = []
+        for word in ["LO", "IO"]:
+            page, trouble = opened(hall.browser, server.page, viewport=PHONE)
+            ready(page)
+            write(page, word)
+            page.click("#send")
+            page.wait_for_selector("#sent h2")
+            ids.append(kept(page)["sent"]["id"])
+        mine, mine_trouble = opened(hall.browser, f"{server.host}/e/{ids[1]}/", viewport=PHONE)
+        ready(mine)
+        for phone, clock in [(page, "#sent [role=timer]"), (mine, "#clock")]:
+            said = until(phone, f"document.querySelector('{clock}').textContent")
+            assert re.fullmatch(r"Take-off in about 1:\d\d min.", said), said
+            until(phone, f"document.querySelector('{clock}').textContent !== {said!r}", "another second")
+            phone.evaluate("navigator.vibrate = (ms) => { window.felt = ms; }")
+        host, _ = opened(hall.browser, server.operator)
+        host.wait_for_selector("#list button")
+        for n, id in enumerate(ids):
+            for act in ["approve", "fly"] if n else ["approve", "fly", "flown"]:
+                host.evaluate("([id, act]) => import('./ask.js').then(({ post }) => post(`entries/${id}`, { do: act }))", [id, act])
+        begun = time.monotonic()
+        flight_s = json.loads(urllib.request.urlopen(f"{server.host}/e/{ids[1]}/entry.json").read())["flight_s"]
+        for phone, clock in [(page, "#sent [role=timer]"), (mine, "#clock")]:
+            until(phone, "window.felt && document.querySelector('#replay button').getAttribute('aria-label') === 'Pause'", "take-off")
+            assert not phone.inner_text(clock), phone.inner_text(clock)
+            share = lambda: int(phone.input_value("#replay input")) / 1000
+            while time.monotonic() - begun < 4:
+                phone.wait_for_timeout(50)
+            assert abs(share() - (time.monotonic() - begun) / flight_s) < 1.5 / flight_s, (share(), time.monotonic() - begun, flight_s)
+        # Who looks later sees where it is.
+        late, _ = opened(hall.browser, f"{server.host}/e/{ids[1]}/", viewport=PHONE)
+        until(late, "document.querySelector('#replay button')?.getAttribute('aria-label') === 'Pause'")
+        assert int(late.input_value("#replay input")) / 1000 > 3.5 / flight_s, late.input_value("#replay input")
+        assert not trouble and not mine_trouble, (trouble, mine_trouble)
+    finally:
+        server.kill()
+
+
+def more_has_two_levels(hall):
+    """Saving and opening first; how it flies is folded, and stays open where it was opened."""
+    page, trouble = opened(hall.browser, hall.page)
+    ready(page)
+    write(page, "HI")
+    until(page, "document.querySelector('main').dataset.large", "the large photograph")
+    page.click("#more")
+    page.wait_for_selector("#drawer .files button")
+    tops = [page.locator(f"#drawer {part}").bounding_box()["y"] for part in (".files", ".file", ".of-shot", ".how")]
+    assert tops == sorted(tops), tops
+    assert page.locator("#drawer .how :is(select, input)").first.is_hidden()
+    page.click("#drawer .how > summary")
+    assert page.locator("#drawer .how select").first.is_visible()
+    page.keyboard.press("Escape")
+    page.click("#more")
+    assert page.locator("#drawer .how select").first.is_visible()
+    assert not trouble, trouble
+
+
+def the_strip_is_seen_at_200_percent(hall):
+    """Of the usual screens, and on a phone on its side; the colors stand in one row."""
+    for width, height in [(1440, 900), (1366, 768), (1280, 800), (1280, 720), (1024, 768), (1688, 780)]:
+        for code in LANGUAGES:
+            page, _ = opened(hall.browser, hall.page, locale=f"{code}-{code.upper()}", viewport={"width": width // 2, "height": height // 2})
+            ready(page)
+            write(page, "HI")
+            strip, stage = page.locator("#replay .strip").bounding_box(), page.locator(".stage").bounding_box()
+            assert strip["y"] + strip["height"] <= height / 2 and strip["width"] > 100, (code, width, strip)
+            assert stage["height"] > 80, (code, width, stage)
+            tops = page.evaluate("[...document.querySelectorAll('#lights label')].map(it => it.getBoundingClientRect().top)")
+            assert len(set(tops)) == 1, (code, width, tops)
+            page.context.close()
+
+
 def the_brand_is_the_makers(hall):
     with tempfile.TemporaryDirectory() as brand:
         Path(brand, "brand.toml").write_text('title = "Night of the Open Hall"\n[sentence]\nen = "Lamps that fly."\nde = "Lampen, die fliegen."\n[consent]\nen = "Shown tonight, gone tomorrow."\n')
@@ -1019,8 +1127,7 @@ def states(browser, server):
         yield f"unwritable {wide}", page
         page.fill("#word", "OTTO")
         shown(page)
-        page.click("#more")
-        page.wait_for_selector("#drawer[open]")
+        more(page)
         yield f"drawer {wide}", page
         page.keyboard.press("Escape")
         page.click("#draw")

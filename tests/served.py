@@ -16,11 +16,6 @@ def large(page):
     until(page, "document.querySelector('main').dataset.large", "the large photograph")
 
 
-def more(page):
-    page.click("#more")
-    page.wait_for_selector("#drawer[open]")
-
-
 def flight_s(page):
     return int(re.search(r"(\d+) second", page.inner_text("#left") or page.inner_text("#verdict")).group(1))
 
@@ -71,12 +66,16 @@ def the_word_is_seen_until_its_first_photograph(browser, url):
         held = []
         page.route("**/live", lambda route: route.continue_() if held else held.append(route))
         page.fill("#word", "Riga 2027")
-        until(page, "document.querySelector('#plan').textContent === 'Riga 2027'")
-        text = page.evaluate("(() => { const range = document.createRange(); range.selectNodeContents(plan); return range.getBoundingClientRect().toJSON(); })()")
+        until(page, "document.querySelector('#plan .lit')?.textContent === 'Riga 2027'")
+        text = page.evaluate("document.querySelector('#plan .lit').getBoundingClientRect().toJSON()")
         stage = page.locator(".stage").bounding_box()
         assert page.locator("#plan").is_visible() and 0.3 * size["width"] < text["width"] < stage["width"], (text, stage)
         assert text["bottom"] < page.locator("#verdict").bounding_box()["y"], "the desk covers the word"
         assert page.inner_text("#verdict") == "The photograph is being made …"
+        assert not page.locator(".stage .waiting").is_visible(), "there is one lamp"
+        moving = page.evaluate("document.getAnimations().map(({ animationName, effect }) => [animationName, Number(effect.target.style.getPropertyValue('--i')), effect.getComputedTiming().endTime])")
+        ends = [round(end) for name, i, end in sorted(moving, key=lambda it: it[1]) if name == "lamp"]
+        assert ends == [round(6000 * (i + 1) / 9) for i in range(9)], f"one letter after another, in the time of the strip: {moving}"
         come(page, held)
         try:
             held[0].continue_()
@@ -92,7 +91,7 @@ def a_refused_gain_is_said_until_it_is_put_back(browser, url):
     ready(page)
     write(page, "HI")
     more(page)
-    page.click("#drawer summary")
+    page.click("#drawer .gains >> xpath=preceding-sibling::summary")
     gain = page.locator("#drawer .gains input").first
     gain.wait_for()
     usual = gain.input_value()

@@ -23,6 +23,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from browser import *
+from firefox import FIREFOX, Firefox
 
 PROGRAM, FOLDER = [Path(path).resolve() for path in sys.argv[1:3]]
 CHOSEN = sys.argv[3:]
@@ -148,12 +149,12 @@ def a_link_opens_with_what_it_says(browser, host):
 
     # A word with settings, shared: another browser makes the same photograph.
     write(page, "RIGA")
-    page.click("#more")
+    more(page)
     before = page.get_attribute("main", "data-shown")
     page.select_option("[data-key='controller.kind']", "lqr")
     until(page, f"document.querySelector('main').dataset.shown !== {before!r}")
     # Its gains come with the large photograph; what none can be is refused in the program's words.
-    page.click("#drawer summary")
+    page.click("#drawer .gains >> xpath=preceding-sibling::summary")
     weights = "#drawer [data-key='controller.lqr.r']"
     page.wait_for_selector(weights)
     page.fill(weights, "many")
@@ -206,7 +207,7 @@ def a_link_of_another_version_loses_what_is_unknown_and_says_so(browser, host):
 def a_file_that_is_nothing_gets_a_sentence(browser, host):
     """In the page's language, with the program's own words behind a button."""
     for code in ["de", "en"]:
-        want, why = words(code)["errors"]["log"].removeprefix("{name} "), words(code)["why"]
+        want, why = words(f"{code}-more")["errors"]["log"].removeprefix("{name} "), words(code)["why"]
         page, trouble = opened(browser, host.url, locale=f"{code}-{code.upper()}")
         ready(page)
         page.fill("#word", "NOOR")
@@ -277,7 +278,7 @@ def an_update_never_mixes_two_versions(browser):
             (root / name).write_text(text.replace(was, now))
 
         change("words/en.json", "A drone will write it in the dark", "SECOND VERSION")
-        change("words/en-more.json", '"What to write"', '"SECOND VERSION"')
+        change("words/en-more.json", '"How it flies"', '"SECOND VERSION"')
         change("drawer.js", "of-shot", "of-shot second-version")
         version = re.search("noctograph-[0-9a-f]{16}", (root / "sw.js").read_text())[0]
         change("sw.js", version, "noctograph-0000000000000002")
@@ -305,6 +306,7 @@ def an_element_stands_in_a_page_of_another_host(browser):
     """Made there by a worker that it loads; where it may not, the word stands with the reason."""
     maker = Host(FOLDER, [("Access-Control-Allow-Origin", "*")])
     with tempfile.TemporaryDirectory() as folder:
+        french = {"": "On lit\u00a0: HI.", "worker-src 'none'": "Pas de photo ici"}
         for policy, want in [("", "Man liest: NOOR."), ("worker-src 'none'", words("de-more")["element-none"])]:
             meta = f'<meta http-equiv="Content-Security-Policy" content="{policy}">' if policy else ""
             (Path(folder) / "index.html").write_text(f"""<!doctype html><html lang="de"><head>{meta}<script type="module" src="{maker.url}element.js"></script></head>
@@ -320,10 +322,69 @@ def an_element_stands_in_a_page_of_another_host(browser):
             # What is far below has its word, and begins when it is seen.
             assert page.evaluate(caption(1)) == ""
             page.evaluate("document.querySelectorAll('noctograph-photo')[1].scrollIntoView()")
-            until(page, f"({caption(1)}).startsWith({'Pas de photo ici' if policy else 'On lit : HI.'!r})", "the second one, in its own language")
+            until(page, f"({caption(1)}).startsWith({french[policy]!r})", "the second one, in its own language")
             context.close()
             host.end()
     maker.end()
+
+
+def what_is_typed_before_the_answer_keeps_no_unknown_setting(browser, host):
+    """Of a link and of what was kept: the answer to its settings comes when another word is there."""
+    for parts in ['settings={"controller.kind":"psychic","letters.cap_height_m":"0.6"}', 'settings={"wings.flap":"7"}&room="0x0x0"', 'settings={"plan.lights":"many"}']:
+        page, trouble = opened(browser, "about:blank")
+        held = []
+        page.route("**/amiss.js", lambda route: held.append(route))
+        page.goto(f"{host.url}#word=NOOR&{parts}")
+        come(page, held)
+        page.fill("#word", "HELLO")
+        held[0].continue_()
+        page.unroute("**/amiss.js")
+        until(page, "document.querySelector('#photo').alt.includes('HELLO')", "the photograph of what was typed")
+        assert shown(page) == f"Reads as HELLO. {words('en')['left-out']}", page.inner_text("#verdict")
+        assert set(kept(page)["settings"]) <= {"letters.cap_height_m"}, kept(page)["settings"]
+        assert not trouble, (parts, trouble)
+        page.context.close()
+
+
+PROBE = """<!doctype html><pre></pre><script type="module">
+    import { make } from "./maker.js";
+    const hex = (bytes) => Array.from(new Uint8Array(bytes), (byte) => byte.toString(16).padStart(2, "0")).join("");
+    const digest = async (text) => hex(await crypto.subtle.digest("SHA-256", Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0))));
+    const told = [];
+    for (const asked of REQUESTS) {
+        const { files, error, ...made } = await make("photos", JSON.stringify(asked));
+        const digests = {};
+        for (const name of Object.keys(files ?? {})) digests[name] = await digest(files[name]);
+        told.push({ ...made, error, photo: "", digests });
+    }
+    document.querySelector("pre").textContent = JSON.stringify(told);
+</script>"""
+
+
+def firefox_makes_the_same_bytes():
+    """Two words and a drawing; and its page begins, without a fault in the console."""
+    cases = [CASES[n] for n in (1, 3, 12)]
+    requests = [{**subject, "settings": settings, "files": True, "visitor": "test", "aspect": 16 / 9} for subject, settings in cases]
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder) / "site"
+        shutil.copytree(FOLDER, root)
+        (root / "probe.html").write_text(PROBE.replace("REQUESTS", json.dumps(requests)))
+        host, firefox = Host(root), Firefox(PATIENCE_S)
+        try:
+            firefox.open(host.url + "probe.html")
+            made = json.loads(firefox.until("document.querySelector('pre').textContent", "the photographs"))
+            for here, (subject, settings) in zip(made, cases):
+                told, files = by_command_line(subject, settings)
+                assert here["digests"] == {name: digest(files[name]) for name in here["digests"]} and "photo.png" in here["digests"], (subject, here)
+                assert all(here.get(key) == told.get(key) for key in VERDICT), (subject, here)
+            firefox.open(host.url + "#word=HI")
+            firefox.until("document.querySelector('main')?.dataset.large", "the large photograph of a link")
+            said = firefox.until("document.querySelector('#verdict').textContent", "the verdict")
+            assert said.startswith("Reads as HI."), said
+            assert not firefox.faults(host.url), firefox.faults(host.url)
+        finally:
+            firefox.end()
+            host.end()
 
 
 def a_broken_link_opens_the_page(browser, host):
@@ -518,7 +579,7 @@ if __name__ == "__main__":
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         for drive in (a_link_opens_with_what_it_says, an_old_browser_is_told_so, files_are_saved, a_broken_link_opens_the_page,
-                      a_link_of_another_version_loses_what_is_unknown_and_says_so, a_file_that_is_nothing_gets_a_sentence,
+                      a_link_of_another_version_loses_what_is_unknown_and_says_so, what_is_typed_before_the_answer_keeps_no_unknown_setting, a_file_that_is_nothing_gets_a_sentence,
                       the_scene_of_a_drawing_brings_it, drawings_and_pictures_are_photographed, a_log_gives_its_photograph, an_element_stands_in_any_page,
                       the_same_bytes):  # fmt: skip
             if not CHOSEN or drive.__name__ in CHOSEN:
@@ -533,4 +594,8 @@ if __name__ == "__main__":
             no_network_is_needed(browser)
         browser.close()
     host.end()
-    print("the page without a server in Chromium: link, files, drawing, picture, log, element, exhibit, no network, the same bytes")
+    if not FIREFOX:
+        print("left out: Firefox (none is installed)")
+    elif not CHOSEN or "firefox_makes_the_same_bytes" in CHOSEN:
+        firefox_makes_the_same_bytes()
+    print(f"the page without a server in Chromium{' and Firefox' if FIREFOX else ''}: link, files, drawing, picture, log, element, exhibit, no network, the same bytes")

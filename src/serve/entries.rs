@@ -64,6 +64,8 @@ pub(crate) struct ForVisitor {
     /// Number of entries that fly before it, and the time that they take.
     ahead: usize,
     ahead_s: f64,
+    /// Time since its take-off. `None` if it does not fly, or after a restart of the server.
+    flown_s: Option<f64>,
 }
 
 /// The photos on the wall.
@@ -112,6 +114,8 @@ struct List {
     /// In the order of flight.
     entries: Vec<Stored>,
     paused: bool,
+    /// Time at which the entry in the air took off.
+    took_off: Option<Instant>,
     senders: Senders,
 }
 
@@ -169,7 +173,7 @@ impl Entries {
             let rank = numbers.iter().position(|number| *number == entry.number);
             (rank.unwrap_or(usize::MAX), entry.number)
         });
-        let list = Mutex::new(List { entries, paused, senders: Senders::default() });
+        let list = Mutex::new(List { entries, paused, ..List::default() });
         Ok(Self { gallery, is_open, warn, list, revision: watch::Sender::new(1) })
     }
 
@@ -243,6 +247,9 @@ impl Entries {
             Act::Hide => entry.hidden = true,
             Act::Show => entry.hidden = false,
         })?;
+        if act == Act::Fly {
+            list.took_off = Some(Instant::now());
+        }
         let revision = self.announce_change();
         let acted = Acted { revision, entry: list.entries[index].entry.for_operator() };
         Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
@@ -328,12 +335,16 @@ impl Entries {
         let list = self.list();
         let index = list.index(id)?;
         // The list is in the order of flight.
+        let since_take_off_s = list.took_off.map(|took_off| took_off.elapsed().as_secs_f64());
+        let flown_s = |entry: &Entry| since_take_off_s.filter(|_| entry.state == State::Flying);
         let (mut ahead, mut ahead_s) = (0, 0.0);
         for Stored { entry, .. } in &list.entries[..index] {
             if !matches!(entry.state, State::Flown | State::Rejected) {
-                (ahead, ahead_s) = (ahead + 1, ahead_s + entry.figures.flight_s + BETWEEN_S);
+                let left_s = entry.figures.flight_s - flown_s(entry).unwrap_or(0.0);
+                (ahead, ahead_s) = (ahead + 1, ahead_s + left_s.max(0.0) + BETWEEN_S);
             }
         }
+        let flown_s = flown_s(&list.entries[index].entry);
         let Entry { id, number, title, made, state, language, figures, .. } =
             list.entries[index].entry.clone();
         let Figures { flight_s, read, legible, .. } = figures;
@@ -351,6 +362,7 @@ impl Entries {
             legible,
             ahead,
             ahead_s,
+            flown_s,
         })
     }
 

@@ -21,7 +21,7 @@ pub(crate) const FILES: &[(&str, &str)] = files! {
     "index.html" "wall.html" "operator.html" "entry.html" "look.css" "visitor.css" "wall.css"
     "operator.css" "entry.css" "drawer.css" "start.css" "pad.css" "picture.css" "keyboard.css"
     "amiss.js" "ask.js" "brand.js" "dom.js" "drawer.js" "edit.js" "entry.js" "exposure.js" "files.js" "keyboard.js"
-    "lights.js" "loop.js" "main.js" "operator.js" "pad.js" "picture.js" "replay.js" "save.js" "sent.js" "sketch.js" "stage.js"
+    "lights.js" "loop.js" "main.js" "operator.js" "pad.js" "picture.js" "replay.js" "samples.js" "save.js" "sent.js" "sketch.js" "stage.js"
     "start.js" "state-of.js" "state.js" "verdict.js" "wall.js" "wish.js" "words.js"
     "words/de.json" "words/en.json" "words/es.json" "words/fr.json"
     "words/de-more.json" "words/en-more.json" "words/es-more.json" "words/fr-more.json";

@@ -54,7 +54,7 @@ export function openLink() {
   if (!told.word.trim() && seen(told.sketch).length) told.mode = "pad";
   said = "";
   change(told);
-  Object.assign(origin, { foreign: true, left: left ? "left-out" : "" });
+  Object.assign(origin, { settings: told.settings, room: told.room, key: "left-out", left: left ? "left-out" : "" });
   said = parts(state.aspect);
 }
 

@@ -31,6 +31,8 @@ function source() {
 function start() {
   const started = new Worker(source(), { type: "module" });
   started.onmessage = ({ data: { loaded, done, answer, memory, broken } }) => {
+    // One that was ended answers nothing that is asked now.
+    if (worker !== started) return;
     if (loaded !== undefined) {
       isReady = loaded === 2;
       return tellLoad(isReady ? 0 : loaded);

@@ -50,13 +50,17 @@ export function reason(verdict) {
  * whether there was something. @param {Said} error
  */
 export function leaveOut({ key, values }) {
-  const name = values?.setting ?? "";
-  const all = Object.keys(state.settings);
-  const wrong = name || key !== "page-old" ? all.filter((known) => `${name}.`.startsWith(`${known}.`)) : all;
-  if (!origin.foreign || !wrong.length) return false;
-  const left = origin.left || (location.hash ? "left-out" : "left-out-kept");
-  change({ settings: Object.fromEntries(Object.entries(state.settings).filter(([known]) => !wrong.includes(known))) });
-  Object.assign(origin, { foreign: true, left });
+  const foreign = Object.keys(state.settings).filter((known) => state.settings[known] === origin.settings[known]);
+  const name = `${values?.setting ?? ""}.`;
+  const named = foreign.filter((known) => name.startsWith(`${known}.`) || `${known}.`.startsWith(name));
+  // What is not named, or follows from others, may be any of them.
+  const isUnnamed = !named.length && ["page-old", "not-possible"].includes(key);
+  const isRoom = isUnnamed && state.room !== "" && state.room === origin.room;
+  const wrong = isUnnamed && !isRoom ? foreign : named;
+  if (!wrong.length && !isRoom) return false;
+  const settings = Object.fromEntries(Object.entries(state.settings).filter(([known]) => !wrong.includes(known)));
+  change({ settings, ...(isRoom && { room: "" }) });
+  origin.left = origin.key;
   return true;
 }
 

@@ -160,6 +160,8 @@ interface ForVisitor {
   /** Number of entries that fly before it, and the time that they take. */
   ahead: number;
   ahead_s: number;
+  /** Time since its take-off. `None` if it does not fly, or after a restart of the server. */
+  flown_s: number | null;
 }
 
 /** Facts for the pages of all roles. */

@@ -153,6 +153,7 @@ export function openDrawer(/** @type {Known} */ now) {
 export function putShot(/** @type {Known} */ now) {
   known = now;
   if (!drawer.open) return;
+  drawer.querySelector(".files")?.replaceChildren(...downloads());
   drawer.querySelector(".of-shot")?.replaceChildren(...ofShot());
   const list = drawer.querySelector(".gains");
   if (!list?.contains(document.activeElement)) list?.replaceChildren(...gains());
@@ -173,15 +174,15 @@ function build() {
     drawer.close();
     dispatchEvent(new CustomEvent("open-file", { detail: file.files?.[0] }));
   };
-  drawer.replaceChildren(
-    make("header", {}, make("h2", {}, t("more")), close),
-    make("div", { className: "of-shot" }, ...ofShot()),
-    part("what", make("label", { className: "button second file" }, file, t(about.alone ? "open-log" : "open")), own("pace")),
+  const how = make(
+    "details",
+    { className: "how", open: drawer.querySelector(".how")?.matches("[open]") ?? false },
+    make("summary", {}, t("how")),
     part("light", own("lamp"), make("p", { className: "note" }, t("light-note"))),
     part(
       "flight-part",
       // What was flown cannot be flown otherwise.
-      ...(isLog() ? [] : [...SLIDERS.map(slider), choice(CHOICES[0]), choice(CHOICES[1]), ...ofGains()]),
+      ...(isLog() ? [] : [...SLIDERS.map(slider), own("pace"), choice(CHOICES[0]), choice(CHOICES[1]), ...ofGains()]),
       own("room"),
     ),
     part(
@@ -190,6 +191,13 @@ function build() {
       choice(CHOICES[2]),
       make("div", { className: "row" }, again, initial),
     ),
+  );
+  drawer.replaceChildren(
+    make("header", {}, make("h2", {}, t("more")), close),
+    part("save", make("div", { className: "files" }, ...downloads())),
+    make("label", { className: "button second file" }, file, t(about.alone ? "open-log" : "open")),
+    make("div", { className: "of-shot" }, ...ofShot()),
+    how,
     make(
       "nav",
       { className: "links" },
@@ -331,17 +339,17 @@ function ofShot() {
   );
   if (large?.remedies.length)
     parts.push(make("div", { className: "advice" }, ...large.remedies.map(remedy)));
-  if (large)
-    parts.push(
-      make(
-        "div",
-        { className: "files" },
-        ...FILES.filter(([name]) => name === "photo.png" || (about.home && !(name === "flight.zip" && isLog()))).map(([name, word]) =>
-          download(large, name, name === "scene.toml" && "drawing" in large.wish ? "file-scene-drawing" : word),
-        ),
-      ),
-    );
   return parts;
+}
+
+/** What can be saved of the large photograph. */
+function downloads() {
+  const { large } = known;
+  if (!large) return [];
+  const files = FILES.filter(([name]) => name === "photo.png" || (about.home && !(name === "flight.zip" && isLog())));
+  return files.map(([name, word]) =>
+    download(large, name, name === "scene.toml" && "drawing" in large.wish ? "file-scene-drawing" : word),
+  );
 }
 
 /** @param {Suggestion} remedy */
@@ -368,7 +376,7 @@ function remedy({ gain, set, message }) {
 function download(large, name, word) {
   const button = make("button", { type: "button", className: "second" }, t(word));
   button.dataset.file = name;
-  const refused = make("p", { className: "stop", role: "status" });
+  const refused = make("p", { className: "refused", role: "status" });
   if (name === "flight.zip" && large.stops.length) {
     button.setAttribute("aria-disabled", "true");
     refused.textContent = t("no-script");

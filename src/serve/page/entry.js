@@ -6,7 +6,7 @@ import { byId, make } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { replay } from "./replay.js";
 import { save } from "./save.js";
-import { becomes } from "./state-of.js";
+import { become } from "./state-of.js";
 import { day, LANGUAGES, preferred, putWords, sentence, speakAll, t } from "./words.js";
 
 const photo = /** @type {HTMLImageElement} */ (byId("photo")),
@@ -37,9 +37,9 @@ function put() {
   if (!entry) return;
   document.title = `${name()}: ${maker}`;
   byId("title").replaceChildren(make("bdi", {}, name()));
-  byId("state").textContent = becomes(entry);
   photo.alt = entry.title === null ? t("alt-drawing") : t("alt", { title: entry.title });
   strip.words();
+  become(entry, byId("state"), byId("clock"), strip);
   const keep = make("button", { type: "button", className: "first" }, t("keep"));
   keep.id = "keep";
   keep.onclick = () => save("photo.png", file()).catch(() => {});
@@ -151,7 +151,8 @@ async function begun() {
     if (map?.strokes.length) {
       byId("replay").classList.remove("idle");
       strip.load(map, entry.flight_s);
-      strip.run();
+      if (entry.state !== "flying") strip.run();
+      become(entry, byId("state"), byId("clock"), strip);
     }
   }
   document.body.dataset.ready = "true";

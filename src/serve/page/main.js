@@ -1,7 +1,7 @@
 // The visitor's screen: what is wished becomes a photograph, which can be sent.
 
 import { ask, begin, current, follow, get, onLost, post, Refused, sleep } from "./ask.js";
-import { byId, putIcons, style } from "./dom.js";
+import { byId, draw, putIcons, style } from "./dom.js";
 import { putLights, screen } from "./lights.js";
 import { replay } from "./replay.js";
 import { putBrand } from "./brand.js";
@@ -135,11 +135,11 @@ async function wanted() {
 let seenLog;
 /** Loaded when something is amiss first. @type {typeof import("./amiss.js") | null} */
 let amiss = null;
-const loadAmiss = async () => (amiss ??= await import("./amiss.js"));
+const loadAmiss = async () => (amiss ??= (await Promise.all([import("./amiss.js"), speakAll().catch(() => {})]))[0]);
 /** True if it cannot be made. */
 let lacksAmiss = false;
 
-/** Says why a word is not read: until the reason is there, nothing says that it is not. */
+/** Says why a word is not read. */
 async function putReason() {
   if (amiss || judged()?.legible !== false) return;
   await loadAmiss().catch(() => (lacksAmiss = true));
@@ -159,6 +159,8 @@ function judged() {
   const isSure = small.readability >= SURE && (small.rival?.p ?? 0) <= SURE_RIVAL;
   return small.legible && isSure ? small : null;
 }
+/** Until the reason is there, nothing says that a word is not read. */
+const isReasoned = () => judged()?.legible !== false || amiss !== null || lacksAmiss;
 const isUnjudged = () => Boolean(known.shot?.verdict) && !judged();
 
 /** @param {Shot} shot @param {Stroke[]} strokes @param {() => boolean} wanted */
@@ -174,6 +176,8 @@ async function shown(shot, strokes, wanted) {
   putMarks();
   putDesk();
   main.dataset.shown = `${shot.number}`;
+  // What flies is run from where it is.
+  if (state.mode === "sent") dispatchEvent(new Event("news"));
 }
 
 /** The large photograph that is being asked for. @type {{ of: unknown, answer: Promise<any> }} */
@@ -238,7 +242,11 @@ function nothing() {
 }
 
 /** Beside an error there is no photograph. @param {Said} error */
-function failed(error) {
+async function failed(error) {
+  const mine = current();
+  // In the program's words where those of the page cannot be had.
+  await speakAll().catch(() => {});
+  if (mine !== current()) return;
   known.error = error;
   stage.clear();
   stage.dim(false);
@@ -277,7 +285,7 @@ function hindrance() {
 
 function putDesk() {
   main.dataset.state = seenState();
-  main.dataset.judged = `${!isUnjudged()}`;
+  main.dataset.judged = `${!isUnjudged() && isReasoned()}`;
   for (const part of /** @type {NodeListOf<HTMLElement>} */ (
     document.querySelectorAll("[data-in]")
   )) {
@@ -308,11 +316,28 @@ function putDesk() {
   if (isChoosing()) picture?.putPicture(known.source);
 }
 
-/** What is seen until the first photograph. */
+/** What is seen until the first photograph: the lamp traces the letters' outlines, one after another. */
 function putPlan() {
-  const plan = byId("plan");
-  plan.textContent = word.value.trim();
-  plan.style.cssText = `--n: ${word.value.length}; --c: ${screen(state.color)}`;
+  const plan = byId("plan"),
+    said = word.value.trim();
+  plan.style.cssText = `--n: ${said.length}; --c: ${screen(state.color)}`;
+  if (plan.dataset.of === said) return;
+  plan.dataset.of = said;
+  const lines = ["", "lit", "lamp"].map((name) => {
+    const line = draw("text", { x: "50%", y: "50%", class: name });
+    line.append(
+      ...[...said].map((letter, i) => {
+        const traced = draw("tspan");
+        traced.style.setProperty("--i", `${i}`);
+        traced.textContent = letter;
+        return traced;
+      }),
+    );
+    return line;
+  });
+  const svg = draw("svg");
+  svg.append(...(said ? lines : []));
+  plan.replaceChildren(svg);
 }
 
 /** @returns {import("./verdict.js").Spoken} */
@@ -324,11 +349,9 @@ function spoken() {
   if (isEmpty()) return { first: t(state.opened ? "all-out" : "empty") };
   const stop = known.stops[0];
   if (known.shot) {
-    const verdict = judged();
-    const isReasoned = verdict?.legible !== false || amiss || lacksAmiss;
     const said = stop
       ? { first: sentence("stops", stop), then: t("way-flight-impossible") }
-      : ofShot(known.shot, isReasoned ? verdict : null, amiss?.reason);
+      : ofShot(known.shot, isReasoned() ? judged() : null, amiss?.reason);
     return origin.left ? { first: said.first, then: t(origin.left) } : said;
   }
   return { first: t(known.busy ? "busy" : about.slow ? "looking-slow" : "looking") };
@@ -387,6 +410,7 @@ async function send() {
     byId("sent").focus({ preventScroll: true });
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
+    await speakAll().catch(() => {});
     if (error.said.values?.stops) known.stops = error.said.values.stops;
     else known.refused = error.said;
   } finally {
@@ -546,11 +570,11 @@ addEventListener("drop", (event) => {
 
 /* ---------- All together ---------- */
 
-/** What makes a wish one's own. */
+/** With another wish, nothing more is said of what was left out. */
 const WISHED = ["word", "sketch", "opened", "settings", "lamp", "room", "body"];
 
 watch((changed) => {
-  if (WISHED.some((part) => changed.has(part))) Object.assign(origin, { foreign: false, left: "" });
+  if (WISHED.some((part) => changed.has(part))) origin.left = "";
   if (changed.has("visitor")) {
     known.cut = 0;
     pad?.setTool("draw");
@@ -577,7 +601,7 @@ function putSaid() {
   strip.words();
   pad?.putSketch();
   if (state.sent && state.mode === "sent")
-    Promise.all([import("./sent.js"), speakAll()]).then(([{ showSent }]) => showSent(byId("sent"), another));
+    Promise.all([import("./sent.js"), speakAll()]).then(([{ showSent }]) => showSent(byId("sent"), another, strip));
 }
 
 onLost((lost) => {

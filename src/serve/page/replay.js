@@ -63,16 +63,15 @@ export function replay(box, expose) {
     film = 0;
     pressed(false);
   }
-  /** Plays the exposure, from its beginning where it is at its end. */
-  function run(length = PLAYED_MS) {
+  /** Plays the exposure, from its beginning where it is at its end. @param {number} [first] fraction that is exposed */
+  function run(length = PLAYED_MS, first = share >= 1 ? 0 : share) {
     stop();
     if (still.matches) return put(1);
-    const first = share >= 1 ? 0 : share;
     pressed(true);
     let begun = 0;
     const step = (/** @type {number} */ time) => {
       begun ||= time;
-      put(Math.min(1, first + (time - begun) / length));
+      put(Math.min(1, first + Math.max(0, time - begun) / length));
       if (share < 1) film = requestAnimationFrame(step);
       else stop();
     };

@@ -3,18 +3,21 @@
 import { get, post, Refused } from "./ask.js";
 import { make } from "./dom.js";
 import { change, state } from "./state.js";
-import { becomes } from "./state-of.js";
+import { become } from "./state-of.js";
 import { t } from "./words.js";
 import { about } from "./wish.js";
 
 /** The page of an entry, on the host that this page came from. */
 export const entryPage = (/** @type {string} */ id) => new URL(`/e/${id}/`, location.href).href;
 
-/** @param {HTMLElement} box @param {() => void} another */
-export function showSent(box, another) {
+/** @typedef {ReturnType<typeof import("./replay.js").replay>} Strip */
+
+/** @param {HTMLElement} box @param {() => void} another @param {Strip} strip */
+export function showSent(box, another, strip) {
   const { sent } = state;
   if (!sent) return;
-  const about_it = make("p", { role: "status" });
+  const about_it = make("p", { role: "status" }),
+    clock = make("p", { role: "timer" });
   // An image is asked for as soon as it has an address.
   const code = () => make("img", {
     src: `entries/${sent.id}/qr.svg`,
@@ -42,7 +45,7 @@ export function showSent(box, another) {
       do: "withdraw",
       visitor: state.visitor,
     }).catch((error) => error);
-    if (refused instanceof Error) return showSent(box, another);
+    if (refused instanceof Error) return showSent(box, another, strip);
     box.replaceChildren();
     change({ mode: "word", sent: null });
   };
@@ -50,21 +53,25 @@ export function showSent(box, another) {
   box.replaceChildren(
     make("h2", {}, sent.title === null ? t("sent-drawing") : t("sent", { title: sent.title })),
     about_it,
+    clock,
     home,
     row,
   );
-  follow(sent.id, about_it, back);
+  follow(sent.id, (entry) => {
+    become(entry, about_it, clock, strip);
+    back.hidden = entry?.state !== "waiting";
+  }, about_it);
 }
 
 let shown = "";
 
 /**
- * Says what becomes of an entry, now and with all news.
+ * Tells what becomes of an entry, now and with all news.
  * @param {string} id
+ * @param {(entry: ForVisitor | null) => void} put
  * @param {HTMLElement} line
- * @param {HTMLElement} back
  */
-async function follow(id, line, back) {
+async function follow(id, put, line) {
   shown = id;
   const tell = async () => {
     if (shown !== id || !line.isConnected) return removeEventListener("news", tell);
@@ -73,8 +80,7 @@ async function follow(id, line, back) {
     if (entry instanceof Refused) line.textContent = t("entry-gone-why");
     // A lost connection is said elsewhere.
     if (entry instanceof Error) return;
-    line.textContent = becomes(entry);
-    back.hidden = entry.state !== "waiting";
+    put(entry);
   };
   addEventListener("news", tell);
   line.textContent = t("state-waiting");

@@ -4,6 +4,7 @@ import { get } from "./ask.js";
 import { byId, make, style } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { loop, stopLoop } from "./loop.js";
+import { putSamples } from "./samples.js";
 import { change, forget, state } from "./state.js";
 import { about, isEmpty } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, speak, speakAll, t } from "./words.js";
@@ -183,7 +184,13 @@ async function putEvening() {
   row.replaceChildren(
     ...photos.slice(1, 7).map((photo) => make("div", { className: "frame" }, image(photo))),
   );
-  if (!photos.length) return show.replaceChildren(make("div", { className: "waiting" }));
+  if (!photos.length) {
+    if (show.firstChild && !show.hasAttribute("data-key")) return;
+    show.removeAttribute("data-key");
+    show.replaceChildren(make("div", { className: "waiting" }));
+    putSamples(show, about.deck, () => show.isConnected && !start.hidden && !show.hasAttribute("data-key"));
+    return;
+  }
   if (show.getAttribute("data-key") === photos[0].key) return;
   show.setAttribute("data-key", photos[0].key);
   const first = image(photos[0]),

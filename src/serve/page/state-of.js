@@ -1,15 +1,36 @@
-// What becomes of an entry, as a visitor reads it.
+// What becomes of an entry, as a visitor reads it, and what its phone does meanwhile.
 
 import { t } from "./words.js";
 
-/** @param {ForVisitor | null} entry */
-export function becomes(entry) {
-  if (!entry) return t("state-waiting");
-  const parts = [t(`state-${entry.state}`)];
-  if (entry.ahead !== undefined && ["waiting", "approved"].includes(entry.state)) {
-    parts.push(entry.ahead ? t("ahead", { n: entry.ahead }) : t("ahead-none"));
-    const minutes = Math.round((entry.ahead_s ?? 0) / 60);
-    if (minutes) parts.push(t("in-minutes", { n: minutes }));
-  }
-  return parts.join(" ");
+let timer = 0,
+  /** The entry that flies, as far as this page knows. */
+  flying = "";
+
+/**
+ * Says what becomes of an entry. Until its flight the time is counted down, and while it flies the
+ * strip runs as the lamp does.
+ * @param {ForVisitor | null} entry @param {HTMLElement} line @param {HTMLElement} clock
+ * @param {ReturnType<typeof import("./replay.js").replay>} strip
+ */
+export function become(entry, line, clock, strip) {
+  const isAhead = entry !== null && ["waiting", "approved"].includes(entry.state);
+  const place = isAhead && (entry.ahead ? t("ahead", { n: entry.ahead }) : t("ahead-none"));
+  line.textContent = [t(`state-${entry?.state ?? "waiting"}`), place].filter(Boolean).join(" ");
+  clearInterval(timer);
+  const told = Date.now();
+  const count = () => {
+    const left = Math.ceil((isAhead ? entry.ahead_s : 0) - (Date.now() - told) / 1000);
+    const time = `${Math.floor(left / 60)}:${`${left % 60}`.padStart(2, "0")}`;
+    clock.textContent = left > 0 ? t("take-off-in", { time }) : "";
+    if (left <= 0) clearInterval(timer);
+  };
+  timer = window.setInterval(count, 1000);
+  count();
+  const was = flying;
+  flying = entry?.state === "flying" ? entry.id : "";
+  if (!flying || !entry) return;
+  if (was !== flying) navigator.vibrate?.(300);
+  // After a restart the server does not know when it took off.
+  if (was !== flying || entry.flown_s !== null)
+    strip.run(1000 * entry.flight_s, Math.min(1, (entry.flown_s ?? 0) / entry.flight_s));
 }

@@ -40,6 +40,7 @@ export const fresh = () => ({
 
 const isOf = (/** @type {string} */ names) => (/** @type {any} */ value) =>
   names.split(" ").includes(value);
+const isText = (/** @type {unknown} */ value) => typeof value === "string";
 const isColor = isOf("white red orange yellow green cyan blue magenta");
 /** What parts may be, beside the type that they have when they are fresh. @type {Record<string, (value: any) => boolean>} */
 const KNOWN = {
@@ -49,14 +50,16 @@ const KNOWN = {
   color: isColor,
   painted: (value) => value.every(isColor),
   lamp: isOf(" headlights ring color-led"),
-  room: (value) => !value || /^[\d.]+x[\d.]+x[\d.]+$/.test(value),
+  room: (value) => !value || /^\d+(\.\d+)?(x\d+(\.\d+)?){2}$/.test(value),
   body: isOf(" a6400 canon-eos-2000d one-inch phone"),
   pace: isOf("written even"),
   seed: (value) => Number.isSafeInteger(value) && value >= 0,
   aspect: (value) => !value || (value >= 0.4 && value <= 2.5),
-  settings: (value) => Object.values(value).every((text) => typeof text === "string"),
+  settings: (value) => Object.values(value).every(isText),
   sketch: isSketch,
-  opened: (value) => isOf("svg json jpg log")(value.kind) && typeof value.text === "string",
+  sent: (value) => typeof value.id === "string",
+  opened: ({ kind, name, text, corners = [], out = [], size = [] }) =>
+    isOf("svg json jpg log")(kind) && [name, text].every(isText) && [corners, out, size].every(Array.isArray),
 };
 
 /**
@@ -81,31 +84,37 @@ export function take(state, parts) {
   return left;
 }
 
+/** True for a number that a drawing may have. @param {any} value */
+const isNumber = (value) => Number.isFinite(value) && Math.abs(value) < 1e6;
+
 /** True if a drawing can be drawn. @param {any} value */
 function isSketch({ page, strokes, states, now }) {
   const isPoint = (/** @type {unknown} */ point) =>
-    Array.isArray(point) && point.length === 3 && point.every(Number.isFinite);
+    Array.isArray(point) && point.length === 3 && point.every(isNumber);
   const isStroke = (/** @type {any} */ { id, color, points }) =>
     Number.isInteger(id) && typeof color === "string" && points.length && points.every(isPoint);
-  return page.length === 2 && page.every(Number.isFinite) && Array.isArray(states[now]) && strokes.every(isStroke);
+  return page.length === 2 && page.every(isNumber) && Array.isArray(states[now]) && strokes.every(isStroke);
 }
 
 /**
- * Whether what is wished was not chosen on this page but came from a link or from before, and what
- * is to be said of what it lost: a word's key.
+ * Settings and a room that were not chosen on this page: those of a link, or kept from before. `key`
+ * is the word that says that some were left out, and `left` is this key as long as it is said.
+ * @type {{ settings: Record<string, string>, room: string, key: string, left: string }}
  */
-export const origin = { foreign: false, left: "" };
+export const origin = { settings: {}, room: "", key: "left-out-kept", left: "" };
 
 /** @returns {State} */
 function restored() {
   const state = fresh();
   try {
     const kept = JSON.parse(sessionStorage.getItem(KEY) ?? "{}");
-    origin.foreign = "word" in kept;
-    if (take(state, kept)) origin.left = "left-out-kept";
+    if (take(state, kept)) origin.left = origin.key;
   } catch {
-    origin.left = "left-out-kept";
+    origin.left = origin.key;
   }
+  // Where nothing was sent, there is nothing to follow.
+  if (state.mode === "sent" && !state.sent) state.mode = "word";
+  Object.assign(origin, { settings: state.settings, room: state.room });
   return state;
 }
 

@@ -6,6 +6,7 @@ import { putBrand } from "./brand.js";
 import { byId, make } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { loop } from "./loop.js";
+import { putSamples } from "./samples.js";
 import { preferred, putWords, speakAll, t } from "./words.js";
 
 /** A photograph is written once, and hangs large for a minute at least. */
@@ -22,6 +23,8 @@ let since = 0,
   timer = 0;
 /** The newest that has hung large. */
 let latest = "";
+/** The deck of the scene's drone. */
+let deck = "";
 
 /** What is known of a photograph: how long it shone only of the large one. @param {Hung} photo @param {boolean} large */
 function caption({ title, flight_s, flying }, large) {
@@ -40,7 +43,7 @@ const image = (/** @type {Hung} */ { key, title }) =>
 /** Hangs the photographs: another one large each minute, the newest first, those after it small. */
 function hang() {
   clearTimeout(timer);
-  if (!photos.length) byId("bare").hidden = false;
+  if (!photos.length) putBare();
   byId("wall").classList.toggle("bare", !photos.length);
   const shown = photos.findIndex(({ key }) => key === newest.dataset.key);
   const wait = HANGS_MS - (Date.now() - since);
@@ -64,6 +67,16 @@ function hang() {
     [...older.children].map((figure) => [/** @type {HTMLElement} */ (figure).dataset.key, figure]),
   );
   older.replaceChildren(...rest.map((photo) => known.get(photo.key) ?? figure(photo)));
+}
+
+/** Nothing hangs yet: the lamp waits, and then writes what could. */
+function putBare() {
+  const bare = byId("bare");
+  if (!bare.hidden && bare.firstChild) return;
+  bare.hidden = false;
+  const show = make("div", {});
+  bare.replaceChildren(show);
+  putSamples(show, deck, () => show.isConnected && !photos.length);
 }
 
 /** @param {Hung} photo */
@@ -97,6 +110,7 @@ async function begun() {
   await speakAll(new URLSearchParams(location.search).get("language") ?? preferred(""));
   putWords(document);
   putBrand(about);
+  deck = about?.deck ?? "";
   // Phones reach no machine that is in no network.
   const reached = about?.network === true;
   const code = () => make("div", { className: "code" }, make("img", { src: "qr.svg", alt: t("code-of-page") }));

@@ -4,7 +4,7 @@ import { seen, written } from "./sketch.js";
 import { state } from "./state.js";
 
 /** Lamps by the page's names: the deck that carries each. */
-const DECKS = { ring: "led-ring", "color-led": "color-led" };
+export const DECKS = { ring: "led-ring", "color-led": "color-led" };
 /** Lenses of the cameras that the drawer offers. */
 const LENSES = { a6400: "kit-16mm", "canon-eos-2000d": "28mm", "one-inch": "28mm" };
 

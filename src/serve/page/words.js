@@ -46,7 +46,10 @@ export async function speak(/** @type {string} */ code) {
 export function speakAll(code = language) {
   if (whole && code === language) return Promise.resolve();
   whole = true;
-  return speak(code);
+  return speak(code).catch((error) => {
+    whole = false;
+    throw error;
+  });
 }
 
 /** Words all elements that ask for it: as text (data-t), label (data-l) or placeholder (data-p). */
