@@ -27,6 +27,9 @@ use crate::studies::{Remedy, remedies_for};
 use clap::Args;
 use serde_json::{Value, json};
 
+/// The verdict of a word.
+const VERDICT: &str = "verdict.json";
+
 /// The page of `--report`.
 const REPORT: &str = "report.html";
 
@@ -164,8 +167,12 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
 fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -> Result<()> {
     let digests = shot.each_file(|name, write| folder.write_with(name, |out| write(out)))?;
     write_scene(&shot.shoot.scene, path, folder, digests)?;
-    if shot.verdict.is_some() {
-        folder.write("verdict.json", format!("{verdict:#}\n"))?;
+    let former = path.join(VERDICT);
+    match shot.verdict {
+        Some(_) => folder.write(VERDICT, format!("{verdict:#}\n")).map(drop)?,
+        // The verdict of an earlier word would be taken for that of this photograph.
+        None if former.is_file() => folder.replaces(vec![former]),
+        None => {}
     }
     Ok(())
 }

@@ -98,14 +98,15 @@ fn shows(path: &Path) -> bool {
             let is_over_time = |table: Vec<u8>| table.starts_with(b"time_s");
             name(path) != "flights.csv" && small() && !LIMIT.read(path).is_ok_and(is_over_time)
         }
-        "toml" => name(path) == "scene.toml",
+        "toml" => name(path).eq_ignore_ascii_case("scene.toml"),
         _ => false,
     }
 }
 
 /// Returns the verdict on the folder's photo as a sentence, or an empty text.
 fn lead(files: &[PathBuf]) -> Result<String> {
-    let Some(path) = files.iter().find(|path| name(path) == "verdict.json") else {
+    let Some(path) = files.iter().find(|path| name(path).eq_ignore_ascii_case("verdict.json"))
+    else {
         return Ok(String::new());
     };
     let verdict: Value = serde_json::from_str(&LIMIT.read_text(path)?).unwrap_or_default();

@@ -51,6 +51,10 @@ fn preview_writes_five_files_and_says_what_it_read() {
     ));
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml", "verdict.json"]);
+    // A word of other letters has no verdict, and the photograph is beside none.
+    noctograph(folder.path()).args(["preview", "Ж"]).args(SMALL).assert().success();
+    let names = names_in(&folder.path().join("noctograph-out"));
+    assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml"]);
 }
 
 #[test]

@@ -27,7 +27,7 @@ pub use csv_reader::{Head, RowRules, Separator, Sheet, SheetColumn};
 pub use folder::OutputFolder;
 pub use input::{Limit, entries_in, files_in};
 pub use jpeg::JpegFrame;
-pub use names::{ending, file_name, is_file_name, path_from, relative_name};
+pub use names::{as_spelled, ending, file_name, is_file_name, path_from, relative_name};
 pub use output::{Buffer, Output, STANDARD_OUTPUT, WholeFile};
 pub use staging::folder_in;
 pub use text::Text;

@@ -2,11 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use unicode_normalization::UnicodeNormalization;
+
+use super::entries_in;
+
 /// Endings of files that the program reads or writes, and of those that are taken for them.
-const ENDINGS: [&str; 27] = [
-    "bmp", "csv", "exr", "gif", "heic", "html", "jpeg", "jpg", "json", "jsonl", "lst", "otc",
-    "otf", "png", "skyc", "strokes", "svg", "toml", "traj", "tsv", "ttc", "ttf", "txt", "vviz",
-    "webp", "yaml", "zip",
+const ENDINGS: [&str; 47] = [
+    "avif", "bag", "bin", "bmp", "csv", "dng", "eps", "exr", "gif", "heic", "heif", "html", "jpeg",
+    "jpg", "json", "jsonl", "log", "lst", "mcap", "npy", "npz", "ods", "otc", "otf", "pdf", "png",
+    "py", "skyc", "strokes", "svg", "tif", "tiff", "toml", "traj", "tsv", "ttc", "ttf", "txt",
+    "ulg", "usda", "vviz", "webp", "xlsx", "xml", "yaml", "yml", "zip",
 ];
 
 /// The ending of a file's name, in lower case and without its point, or empty if it has none.
@@ -28,10 +33,34 @@ pub fn file_name(path: impl AsRef<Path>) -> String {
 /// separated by `/`, or by the `\` of Windows unless a file has a `\` in its name.
 pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
-    match !name.contains('\\') || path.exists() {
+    as_spelled(&match !name.contains('\\') || path.exists() {
         true => path,
         false => folder.join(name.replace('\\', "/")),
+    })
+}
+
+/// The path as its folders spell it. Windows and macOS take two names for one if they differ only
+/// in case or in how accents are composed, and copies to other systems keep either.
+///
+/// A path is returned as it is if it is there, if nothing is, or if several files match.
+pub fn as_spelled(path: &Path) -> PathBuf {
+    spelled(path).unwrap_or_else(|| path.to_owned())
+}
+
+fn spelled(path: &Path) -> Option<PathBuf> {
+    fn folded(path: &Path) -> String {
+        file_name(path).nfc().collect::<String>().to_lowercase()
     }
+    if path.exists() {
+        return Some(path.to_owned());
+    }
+    let folder = match path.parent()? {
+        parent if parent.as_os_str().is_empty() => ".".into(),
+        parent => spelled(parent)?,
+    };
+    let mut same = entries_in(&folder).ok()?;
+    same.retain(|entry| folded(entry) == folded(path));
+    same.pop().filter(|_| same.is_empty())
 }
 
 /// The path of a file relative to a folder above it, separated by `/`, or `None` elsewhere.
@@ -54,7 +83,12 @@ mod tests {
     fn endings_have_no_case() {
         let endings = ["a/PLAN.CSV", "b.Csv", "c.csv", "d", ".csv", "e.CSV.bak"].map(ending);
         assert_eq!(endings, ["csv", "csv", "csv", "", "", "bak"]);
-        assert!(is_file_name("PLAN.CSV") && is_file_name("a.txt") && !is_file_name("U.S.A."));
+        assert!(
+            is_file_name("PLAN.CSV")
+                && is_file_name("a.PDF")
+                && is_file_name("a.txt")
+                && !is_file_name("U.S.A.")
+        );
     }
 
     #[test]
@@ -70,5 +104,31 @@ mod tests {
         for name in ["art/logo.svg", r"art\logo.svg", &path.display().to_string()] {
             assert!(path_from(folder.path(), name).is_file(), "{name}");
         }
+    }
+
+    #[test]
+    fn a_name_is_found_in_another_case_or_composition_unless_several_match() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("Bilder")).unwrap();
+        // macOS may write an umlaut as its letter and two points.
+        for name in ["Bilder/LOGO.SVG", "Bilder/gro\u{308}\u{df}e.svg", "a.csv", "B.csv", "b.CSV"] {
+            std::fs::write(path(name), "").unwrap();
+        }
+        for (name, spelled) in [
+            ("bilder/logo.svg", "Bilder/LOGO.SVG"),
+            (r"BILDER\Logo.svg", "Bilder/LOGO.SVG"),
+            ("Bilder/gr\u{f6}\u{df}e.svg", "Bilder/gro\u{308}\u{df}e.svg"),
+            ("A.CSV", "a.csv"),
+        ] {
+            let there = path_from(folder.path(), name);
+            assert!(there.is_file(), "{name}");
+            // A system that takes both for one name has no other spelling.
+            assert!(there == path(spelled) || path(name).exists(), "{name}: {}", there.display());
+        }
+        assert_eq!(as_spelled(&path("missing.csv")), path("missing.csv"));
+        assert!(path("B.CSV").exists() || as_spelled(&path("B.CSV")) == path("B.CSV"), "which?");
+        // Unit tests run in the folder of their crate.
+        assert!(as_spelled(Path::new("CARGO.TOML")).is_file());
     }
 }

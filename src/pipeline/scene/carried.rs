@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::{Scene, folder_of, text};
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Place, Result};
-use noctograph_core::files::{Limit, Output, WholeFile};
+use noctograph_core::files::{Limit, Output, WholeFile, as_spelled};
 use noctograph_logs::scene_in;
 
 /// Extension of a scene file beside a plan or a flight, and name of the scene file in a folder.
@@ -58,7 +58,8 @@ impl CarriedScene {
         let is_numbered =
             number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit() || b == b'-'));
         let in_folder = is_numbered.then(|| path.with_file_name(SCENE));
-        let mut files = std::iter::once(Self::path_beside(path)).chain(in_folder);
+        let files = std::iter::once(Self::path_beside(path)).chain(in_folder);
+        let mut files = files.map(|file| as_spelled(&file));
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = text::read_file(&file)?;
         let (folder, file) = (folder_of(&file), file.display().to_string());
@@ -122,7 +123,8 @@ impl CarriedScene {
     pub fn check_folder(&self, folder: &Path) -> Result<()> {
         let digests = text::digests(&self.toml, &self.file)?;
         let mut plans = digests.keys().filter(|name| name.starts_with("plan-"));
-        let Some(name) = plans.find(|name| !folder.join(name).is_file()) else { return Ok(()) };
+        let missing = plans.find(|name| !as_spelled(&folder.join(name)).is_file());
+        let Some(name) = missing else { return Ok(()) };
         let hint = "plan again, or name the plans one by one to fly without that drone";
         let wanted = format!("all plans that {} was written with", self.file);
         Err(Error::input(folder.display(), format!("no {name}"), wanted, hint))
@@ -267,6 +269,28 @@ mod tests {
         assert!(
             named("planned.csv").is_err_and(|error| error.to_string().contains("without a scene"))
         );
+    }
+
+    #[test]
+    fn a_plan_keeps_its_scene_in_capitals() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("ALL")).unwrap();
+        let text = |file: &str| {
+            let digest = (file.to_owned(), sha256(b"1"));
+            CarriedScene::text("word = \"NO\"\n", [digest])
+        };
+        std::fs::write(path("A.SCENE.TOML"), text("a.csv")).unwrap();
+        std::fs::write(path("ALL/SCENE.TOML"), text("plan-1.csv")).unwrap();
+        for name in ["A.CSV", "ALL/PLAN-1.CSV"] {
+            std::fs::write(path(name), "1").unwrap();
+            let carried = CarriedScene::read(&path(name)).unwrap().expect(name);
+            assert!(carried.is_bound && carried.scene(&[]).unwrap().word == "NO", "{name}");
+            std::fs::write(path(name), "2").unwrap();
+            assert!(CarriedScene::read(&path(name)).is_err(), "{name} was edited");
+            carried.check_folder(path(name).parent().unwrap()).unwrap();
+        }
+        assert_eq!(Scene::find(path("ALL").to_str().unwrap(), &[]).unwrap().scene.word, "NO");
     }
 
     #[test]

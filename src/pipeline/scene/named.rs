@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::{Preset, Scene};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::files::as_spelled;
 use noctograph_core::settings::suggestion;
 
 /// Scenes that ship with the program, as TOML.
@@ -54,7 +55,7 @@ impl Scene {
         // The scene gets the name of the folder, or of the file without the extension.
         if path.exists() {
             let (short, file) = match path.is_dir() {
-                true => (path.file_name(), path.join("scene.toml")),
+                true => (path.file_name(), as_spelled(&path.join("scene.toml"))),
                 false => (path.file_stem(), path.to_owned()),
             };
             let short = short.unwrap_or_default().to_string_lossy();
@@ -78,7 +79,8 @@ impl Scene {
     /// [`Error::Io`] for a file that cannot be read.
     pub fn text_of(name: &str) -> Result<String> {
         let path = Path::new(name);
-        let file = if path.is_dir() { path.join("scene.toml") } else { path.to_owned() };
+        let file =
+            if path.is_dir() { as_spelled(&path.join("scene.toml")) } else { path.to_owned() };
         text_of_name(name).map_or_else(|| super::LIMIT.read_text(&file), Ok)
     }
 }

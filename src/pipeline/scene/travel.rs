@@ -16,8 +16,12 @@ use noctograph_core::files::{Limit, Output, WholeFile, file_name, path_from, rel
 const LIMIT: Limit =
     Limit { bytes: 256 << 20, what: "a file of a scene", hint: "name a smaller file" };
 
-/// Prefixes of the names of other output files beside a scene.
-const RESERVED: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "report.", "scene."];
+/// Prefixes of the names of other output files beside a scene, and of the names that Windows keeps
+/// for its devices.
+const RESERVED: [&str; 11] = [
+    "photo.", "verdict.", "spread", "plan", "flight", "report.", "scene.", "aux.", "con.", "nul.",
+    "prn.",
+];
 
 /// The text of a scene, and the files beside it.
 #[derive(Clone, Debug)]
@@ -49,12 +53,14 @@ impl Scene {
             let plain = file_name(&*path);
             let numbered = (2..).map(|n| format!("{n}-{plain}"));
             let name = std::iter::once(plain.clone()).chain(numbered).find(|name| {
+                // Windows and macOS take two cases of a name for one.
+                let name = name.to_lowercase();
                 // A file that is named twice, as font and fallback, keeps one name.
-                !RESERVED.iter().any(|reserved| name.to_lowercase().starts_with(reserved))
-                    && used.iter().all(|(other, used_name)| other == path || used_name != name)
+                !RESERVED.iter().any(|reserved| name.starts_with(reserved))
+                    && used.iter().all(|(other, used_name)| other == path || *used_name != name)
             });
             let name = name.expect("a number is free");
-            used.push((path.clone(), name.clone()));
+            used.push((path.clone(), name.to_lowercase()));
             *path = name;
         }
         scene
