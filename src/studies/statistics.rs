@@ -450,7 +450,8 @@ mod tests {
         assert!((mirrored.high + estimate.low - 1.0).abs() < 1e-9, "{mirrored:?}");
         for equal in [0.0, 0.4, 1.0] {
             let Estimate { value, low, high } = mean_of_probabilities(&[vec![equal; 9]]);
-            assert!(value == equal && low <= value && value <= high && high - low > 0.1);
+            assert!((value - equal).abs() < 1e-12 && low <= value && value <= high);
+            assert!(high - low > 0.1, "nine equal flights: {low} to {high}");
         }
     }
 
@@ -460,7 +461,7 @@ mod tests {
         assert_eq!((estimate.low, estimate.value, estimate.high), (3.0, 3.0, 3.0));
         let once = mean_of_probabilities(&[vec![0.1], vec![0.5]]);
         assert!(
-            once.value == 0.3 && once.low < 0.01 && once.high > 0.97,
+            once.value == 0.3 && once.low < 0.1 && once.high > 0.7,
             "one seed a word: {once:?}"
         );
     }
