@@ -34,9 +34,8 @@ const MAX_ENUMERATED: usize = 14;
 /// miss rare failures: at 0.25, 89 % hold the mean of a hundred flights of which three in a hundred
 /// fail. With more they are wider than they need to be.
 const UNSEEN: f64 = 0.5;
-/// Bisections of an end, and the natural logarithms of the distances between which it lies.
+/// Bisections of the logarithm of a distance.
 const BISECTIONS: u32 = 40;
-const LOG_DISTANCES: [f64; 2] = [-30.0, 8.0];
 
 /// A figure and its confidence interval at a stated level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -108,8 +107,7 @@ pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
         return Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
     }
     let freedom = n - pooled(strata).iter().filter(|values| !values.is_empty()).count() as f64;
-    let error = standard_error(&about(value, strata));
-    let half_width = student_t(freedom) * error;
+    let half_width = student_t(freedom) * standard_error(&about(value, strata));
     Estimate { value, low: value - half_width, high: value + half_width }
 }
 
@@ -137,7 +135,7 @@ pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
 /// each value (Rubin's Bayesian bootstrap, Annals of Statistics 9, 1981) and another one for a
 /// value that was not seen.
 ///
-/// With 1 for that value too, the end on its side is Gaffke's bound (Magdeburg, preprint 4/2005;
+/// With 1 for that value too, the end on its side is Gaffke's bound (preprint, Magdeburg 2005, and
 /// Learned-Miller, Thomas, arXiv:1905.06208), which holds for any distribution as far as is known.
 /// For proportions it is that of Clopper and Pearson.
 struct Posterior {
@@ -150,7 +148,7 @@ impl Posterior {
     /// Returns the ends of the 95 % interval of values, with an unseen value at either side.
     ///
     /// Each side has half of the probability of a miss. If an end lies far out because of the
-    /// unseen value, the values alone would seldom miss it. Then the other end gets what is left.
+    /// unseen value, a mean of the others seldom misses it. Then the other end gets what is left.
     fn ends(values: Vec<f64>, unseen: [(f64, f64); 2]) -> [f64; 2] {
         let half = 0.5 * (1.0 - LEVEL);
         let mirrored = values.iter().map(|x| -x).collect();
@@ -173,14 +171,12 @@ impl Posterior {
     /// the values of those for which `is_beyond` is false. It is true near them.
     fn solve(&self, is_beyond: impl Fn(f64, f64) -> bool) -> (f64, f64) {
         let least = self.weighted().map(|(x, _)| x).fold(f64::INFINITY, f64::min);
-        let [mut near, mut far] = LOG_DISTANCES;
+        // Natural logarithms of distances from the least value.
+        let (mut near, mut far) = (-30.0, 8.0);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (near + far);
             let (point, probability) = self.tail(least - libm::exp(middle));
-            match is_beyond(point, probability) {
-                true => near = middle,
-                false => far = middle,
-            }
+            *(if is_beyond(point, probability) { &mut near } else { &mut far }) = middle;
         }
         self.tail(least - libm::exp(far))
     }
@@ -235,10 +231,8 @@ fn about(value: f64, strata: &[Vec<f64>]) -> Vec<f64> {
 
 /// Returns the strata, or all values as one stratum if a stratum has a single value.
 fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    match strata.iter().any(|values| values.len() == 1) {
-        true => vec![strata.concat()],
-        false => strata.to_vec(),
-    }
+    let has_single = strata.iter().any(|values| values.len() == 1);
+    if has_single { vec![strata.concat()] } else { strata.to_vec() }
 }
 
 /// Returns the proportion of true values with its 95 % interval by Agresti and Coull, which is
