@@ -3,10 +3,10 @@
 //! | figure | interval |
 //! |---|---|
 //! | mean | Student's t, within strata (the flights of a word) if each has two values |
-//! | mean of probabilities | the same, corrected for skewness: Hall, JRSS B 54 (1992) |
+//! | mean of probabilities | Dirichlet weights and a part of a flight at each end (`Posterior`) |
 //! | proportion | Agresti, Coull (1998); Brown, Cai, `DasGupta`, Statistical Science 16 (2001) |
 //! | difference of pairs | typical values: Hartigan, Journal of the ASA 64 (1969) |
-//! | worst tenth | that for probabilities, from its influence function (`worst_decile`) |
+//! | worst tenth | the same, of its influence function (`worst_decile`) |
 //! | other figures | percentile bootstrap: Efron, Tibshirani, "An Introduction to the Bootstrap" (1993) |
 //!
 //! Random numbers have a fixed seed, so that an interval depends only on its values.
@@ -30,10 +30,12 @@ const SUBSETS: usize = 20_000;
 /// Most values whose subsets are all enumerated.
 const MAX_ENUMERATED: usize = 14;
 
-/// Weight, in values, of the prior variance of probabilities (`mean_of_probabilities`). A larger
-/// weight widens the intervals of few values: with six good flights they contain the mean in 99 %
-/// of cases at a weight of 1, and in 90 to 93 % at 0.
-const PRIOR_VALUES: f64 = 0.25;
+/// Weight of the values 0 and 1 that no flight had, in flights. With less, intervals of few flights
+/// miss rare failures: at 0.25, 89 % hold the mean of a hundred flights of which three in a hundred
+/// fail. With more they are wider than they need to be.
+const UNSEEN: f64 = 0.5;
+/// Bisections of the logarithm of a distance.
+const BISECTIONS: u32 = 40;
 
 /// A figure and its confidence interval at a stated level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -66,22 +68,27 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
 /// Returns the mean of the lowest tenth of values from 0 to 1, at least one of them, with its 95 %
 /// interval. 0 without values. The interval of a single value is from 0 to 1.
 ///
-/// It is the mean of its influence function `q + min(x - q, 0) n / k`, with q the value after the k
-/// lowest of n values x (Manistre, Hancock, North American Actuarial Journal 9, 2005). So its
-/// interval is that of [`mean_of_probabilities`], with the degrees of freedom of k values. A
-/// percentile bootstrap never draws below the lowest value. For twenty flights it holds the true
-/// value in only half of all cases.
+/// It is the largest, over a value q, of the mean of `q + min(x - q, 0) n / k`, for the k lowest of
+/// n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). So each end is the largest of those
+/// of such means, by [`Posterior::ends`]. A percentile bootstrap never draws below the lowest
+/// value.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
-    // The k lowest of n, and the next one.
     let mut values = strata.concat();
     values.sort_unstable_by(f64::total_cmp);
     let n_lowest = values.len().div_ceil(10);
     let value = mean(&values[..n_lowest]);
-    let Some(next) = values.get(n_lowest) else { return Estimate { value, low: 0.0, high: 1.0 } };
-    let fraction = n_lowest as f64 / values.len() as f64;
-    let influences = values.iter().map(|x| next + (x - next).min(0.0) / fraction).collect();
-    let spread = spread(&[influences]).expect("two values");
-    Spread { freedom: (n_lowest as f64 - 1.0).max(1.0), ..spread }.interval(value)
+    if values.len() < 2 {
+        return Estimate { value, low: 0.0, high: 1.0 };
+    }
+    let per_value = values.len() as f64 / n_lowest as f64;
+    // Values q around the k-th: at few the tenth of all flights may reach farther than theirs.
+    let ends = [2, 3, 4, 6, 8, 12, 16].map(|quarters| {
+        let q = values[(quarters * n_lowest / 4).min(values.len() - 1)];
+        let influences = values.iter().map(|x| q + (x - q).min(0.0) * per_value).collect();
+        Posterior::ends(influences, [(q - q * per_value, UNSEEN), (q, 0.0)])
+    });
+    let [low, high] = [0, 1].map(|end| ends.iter().map(|ends| ends[end]).fold(0.0, f64::max));
+    Estimate { value, low: low.min(value), high: high.clamp(value, 1.0) }
 }
 
 /// Returns the median and sorts the values. 0 without values.
@@ -95,97 +102,137 @@ pub fn median(values: &mut [f64]) -> f64 {
 /// within strata, or of all values if a stratum has only one. Unbounded for a single value.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
-    let Some(Spread { n, freedom, variance, .. }) = spread(strata) else {
+    let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
+    if n < 2.0 {
         return Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
-    };
-    let half_width = student_t(freedom) * (variance / n).sqrt();
+    }
+    let freedom = n - pooled(strata).iter().filter(|values| !values.is_empty()).count() as f64;
+    let half_width = student_t(freedom) * standard_error(&about(value, strata));
     Estimate { value, low: value - half_width, high: value + half_width }
 }
 
-/// Returns the mean of values from 0 to 1 with its 95 % interval, within 0 and 1: by Student's t,
-/// corrected for skewness by Hall's cubic transformation (Journal of the Royal Statistical Society
-/// B 54, 1992). The interval of a single value is from 0 to 1.
+/// Returns the mean of values from 0 to 1 with its 95 % interval, within 0 and 1, by
+/// [`Posterior::ends`]. The interval of a single value is from 0 to 1.
 ///
 /// Probabilities of being read are skewed: most flights are alike, and a few are far worse. Small
-/// samples often lack these few, so that their variance is too small. So a quarter of a value with
-/// a σ of 1 in log-odds is added to the variance, and nothing to the mean. Simulated flights have a
-/// σ of 0.4 if nearly all read, and of 1.5 if few do (`coverage`, docs/benchmark.md). No interval
-/// can account for failures that the values do not contain.
+/// samples often lack these few. So the interval accounts for flights at 0 and at 1 that were not
+/// seen (`coverage`, docs/benchmark.md).
 pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
-    let Some(Spread { n, freedom, variance, third_moment }) = spread(strata) else {
+    let values = about(value, strata);
+    if values.len() < 2 {
         return Estimate { value, low: 0.0, high: 1.0 };
-    };
-    // dp/d(log-odds) = p (1 - p) converts the prior's σ of 1 in log-odds to probability.
-    let per_log_odds = value * (1.0 - value);
-    let prior = PRIOR_VALUES * per_log_odds * per_log_odds;
-    let variance = (freedom * variance + prior) / (freedom + PRIOR_VALUES);
-    match variance > 0.0 {
-        true => Spread { n, freedom, variance, third_moment }.interval(value),
-        // All are 0, or all are 1: they are a proportion.
-        false => Estimate { value, ..proportion(strata.iter().flatten().map(|p| *p > 0.5)) },
     }
+    // Good flights are near 1, and more of them there would change little.
+    let [lowest, highest] =
+        [value, 1.0 - value].map(|distance| UNSEEN * (2.0 * distance).clamp(0.0, 1.0).sqrt());
+    let [low, high] = Posterior::ends(values, [(0.0, lowest), (1.0, highest)]);
+    // The mean is within but for rounding, of equal values.
+    Estimate { value, low: low.clamp(0.0, value), high: high.clamp(value, 1.0) }
 }
 
-/// Central moments of values about the means of their strata.
-struct Spread {
-    /// Number of values.
-    n: f64,
-    /// Degrees of freedom.
-    freedom: f64,
-    /// Variance of one value: that of the mean times the number of values.
-    variance: f64,
-    /// Third central moment of one value, without bias.
-    third_moment: f64,
+/// Mean of values with random weights: of the Dirichlet distribution, with a parameter of 1 for
+/// each value (Rubin's Bayesian bootstrap, Annals of Statistics 9, 1981) and another one for a
+/// value that was not seen.
+///
+/// With 1 for that value too, the end on its side is Gaffke's bound (preprint, Magdeburg 2005, and
+/// Learned-Miller, Thomas, arXiv:1905.06208), which holds for any distribution as far as is known.
+/// For proportions it is that of Clopper and Pearson.
+struct Posterior {
+    values: Vec<f64>,
+    /// A value that was not seen, and its parameter.
+    unseen: (f64, f64),
 }
 
-impl Spread {
-    /// Returns the interval of a mean, within 0 and 1. At its ends Hall's transformation
-    /// `x + λ x²/3 + λ² x³/27 + λ/(6 n)` of `x = (mean - end) / σ`, with the skewness λ, is
-    /// Student's t.
-    fn interval(&self, value: f64) -> Estimate {
-        let Self { n, freedom, variance, third_moment } = *self;
-        let sigma = variance.sqrt();
-        let skewness = if sigma > 0.0 { third_moment / (variance * sigma) } else { 0.0 };
-        let [low, high] = [1.0, -1.0].map(|side| {
-            let t = side * student_t(freedom) / n.sqrt();
-            // The inverse of the transformation, a cube root, or x = t without skewness.
-            let x = if skewness.abs() < 1e-6 {
-                t
-            } else {
-                let cube = 1.0 + skewness * (t - skewness / (6.0 * n));
-                3.0 / skewness * (libm::cbrt(cube) - 1.0)
-            };
-            value - sigma * x
+impl Posterior {
+    /// Returns the ends of the 95 % interval of values, with an unseen value at either side.
+    ///
+    /// Each side has half of the probability of a miss. If an end lies far out because of the
+    /// unseen value, a mean of the others seldom misses it. Then the other end gets what is left.
+    fn ends(values: Vec<f64>, unseen: [(f64, f64); 2]) -> [f64; 2] {
+        let half = 0.5 * (1.0 - LEVEL);
+        let mirrored = values.iter().map(|x| -x).collect();
+        let [bottom, (top, weight)] = unseen;
+        let sides = [(values, bottom), (mirrored, (-top, weight))];
+        let mut sides = sides.map(|(values, unseen)| Self { values, unseen });
+        let left = sides.each_mut().map(|side| {
+            let (end, _) = side.solve(|_, tail| tail < half);
+            let weight = std::mem::take(&mut side.unseen.1);
+            let (_, tail) = side.solve(|point, _| point < end);
+            side.unseen.1 = weight;
+            half - tail.min(half)
         });
-        Estimate { value, low: low.max(0.0), high: high.min(1.0) }
+        let [low, high] = [(0, left[1]), (1, left[0])]
+            .map(|(side, left)| sides[side].solve(|_, tail| tail < half + left).0);
+        [low, -high]
+    }
+
+    /// Returns the point, and the probability of a mean below it, at the saddle that is nearest to
+    /// the values of those for which `is_beyond` is false. It is true near them.
+    fn solve(&self, is_beyond: impl Fn(f64, f64) -> bool) -> (f64, f64) {
+        let least = self.weighted().map(|(x, _)| x).fold(f64::INFINITY, f64::min);
+        // Natural logarithms of distances from the least value.
+        let (mut near, mut far) = (-30.0, 8.0);
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (near + far);
+            let (point, probability) = self.tail(least - libm::exp(middle));
+            *(if is_beyond(point, probability) { &mut near } else { &mut far }) = middle;
+        }
+        self.tail(least - libm::exp(far))
+    }
+
+    /// Returns the point whose saddle lies `saddle`, below all values, and the probability of a
+    /// mean below the point: Lugannani and Rice, Advances in Applied Probability 12 (1980), in the
+    /// form of Barndorff-Nielsen. Ends of proportions are within 0.005 of the exact ones.
+    ///
+    /// The mean is below c if `Σ γ (x - c) < 0`, with γ of the gamma distribution. The saddle of
+    /// its cumulants is a pole u that gives the point: c - u is the harmonic mean of x - u.
+    fn tail(&self, saddle: f64) -> (f64, f64) {
+        let (mut total, mut inverses) = (0.0, 0.0);
+        for (x, weight) in self.weighted() {
+            total += weight;
+            inverses += weight / (x - saddle);
+        }
+        let point = saddle + total / inverses;
+        // Twice the log-likelihood ratio, and the second cumulant at the saddle.
+        let (mut ratio, mut curvature) = (0.0, 0.0);
+        for (x, weight) in self.weighted() {
+            let distance = x - saddle;
+            let slope = (x - point) / distance;
+            ratio += 2.0 * weight * libm::log(distance * inverses / total);
+            curvature += weight * slope * slope;
+        }
+        let (r, q) = (ratio.max(0.0).sqrt(), curvature.sqrt());
+        // Equal values have no spread.
+        let z = if r.min(q) < 1e-7 { 0.0 } else { r + libm::log(q / r) / r };
+        (point, 0.5 * libm::erfc(z * std::f64::consts::FRAC_1_SQRT_2))
+    }
+
+    /// Returns the values with their parameters.
+    fn weighted(&self) -> impl Iterator<Item = (f64, f64)> {
+        let unseen = Some(self.unseen).filter(|(_, weight)| *weight > 0.0);
+        self.values.iter().map(|x| (*x, 1.0)).chain(unseen)
     }
 }
 
-/// Computes the moments of strata. `None` for fewer than two values.
-fn spread(strata: &[Vec<f64>]) -> Option<Spread> {
-    let (mut n, mut freedom, mut squares, mut cubes) = (0.0, 0.0, 0.0, 0.0);
-    for values in pooled(strata).iter().filter(|values| values.len() > 1) {
+/// Returns the values about one mean instead of that of their stratum. Their variance about it is
+/// that within strata.
+fn about(value: f64, strata: &[Vec<f64>]) -> Vec<f64> {
+    let strata = pooled(strata);
+    let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
+    let values = strata.iter().flat_map(|values| {
+        // Bessel's correction in each stratum, less that for one stratum.
         let (n_values, middle) = (values.len() as f64, mean(values));
-        let error = n_values * standard_error(values);
-        n += n_values;
-        freedom += n_values - 1.0;
-        squares += error * error;
-        // n² / ((n - 1) (n - 2)) removes the bias of the third moment. Two values have none.
-        let unbiased = n_values * n_values / ((n_values - 1.0) * (n_values - 2.0).max(1.0));
-        let deviations = values.iter().map(|value| value - middle);
-        cubes +=
-            unbiased * deviations.map(|deviation| deviation * deviation * deviation).sum::<f64>();
-    }
-    (n > 0.0).then(|| Spread { n, freedom, variance: squares / n, third_moment: cubes / n })
+        let bessel = n_values / (n_values - 1.0).max(1.0) * (n - 1.0) / n;
+        values.iter().map(move |x| value + bessel.sqrt() * (x - middle))
+    });
+    values.collect()
 }
 
 /// Returns the strata, or all values as one stratum if a stratum has a single value.
 fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    match strata.iter().any(|values| values.len() == 1) {
-        true => vec![strata.concat()],
-        false => strata.to_vec(),
-    }
+    let has_single = strata.iter().any(|values| values.len() == 1);
+    if has_single { vec![strata.concat()] } else { strata.to_vec() }
 }
 
 /// Returns the proportion of true values with its 95 % interval by Agresti and Coull, which is
@@ -376,12 +423,39 @@ mod tests {
     }
 
     #[test]
+    fn ends_of_proportions_are_those_of_beta_distributions() {
+        // R's qbeta(0.025, hits, 10 - hits + weight): with 1 that of Clopper and Pearson.
+        let wanted = [(8, 1.0, 0.4439), (8, 0.5, 0.4775), (10, 1.0, 0.6915), (10, 0.5, 0.7731)];
+        for (hits, weight, wanted) in wanted {
+            let values = (0..10).map(|k| f64::from(k < hits)).collect();
+            let (low, tail) = Posterior { values, unseen: (0.0, weight) }.solve(|_, p| p < 0.025);
+            assert!((low - wanted).abs() < 0.004 && (tail - 0.025).abs() < 1e-6, "{hits}: {low}");
+        }
+    }
+
+    #[test]
+    fn flights_that_were_not_seen_extend_the_interval_of_good_ones() {
+        let good: Vec<f64> = (0..20).map(|k| 0.96 + 0.001 * f64::from(k)).collect();
+        let estimate = mean_of_probabilities(std::slice::from_ref(&good));
+        assert!((0.85..0.93).contains(&estimate.low), "one of twenty may fail: {estimate:?}");
+        assert!((0.97..0.975).contains(&estimate.high), "{estimate:?}");
+        let bad: Vec<f64> = good.iter().map(|p| 1.0 - p).collect();
+        let mirrored = mean_of_probabilities(&[bad]);
+        assert!((mirrored.high + estimate.low - 1.0).abs() < 1e-9, "{mirrored:?}");
+        for equal in [0.0, 0.4, 1.0] {
+            let Estimate { value, low, high } = mean_of_probabilities(&[vec![equal; 9]]);
+            assert!((value - equal).abs() < 1e-12 && low <= value && value <= high);
+            assert!(high - low > 0.1, "nine equal flights: {low} to {high}");
+        }
+    }
+
+    #[test]
     fn differences_between_words_do_not_widen_the_interval() {
         let estimate = mean_of_strata(&[vec![1.0; 50], vec![5.0; 50]]);
         assert_eq!((estimate.low, estimate.value, estimate.high), (3.0, 3.0, 3.0));
         let once = mean_of_probabilities(&[vec![0.1], vec![0.5]]);
         assert!(
-            once.value == 0.3 && once.low < 0.01 && once.high > 0.97,
+            once.value == 0.3 && once.low < 0.1 && once.high > 0.7,
             "one seed a word: {once:?}"
         );
     }

@@ -59,8 +59,11 @@ CHEATS = {
     "kills.py": ("import os\nos.kill(os.getppid(), 9)\ndef controller(state, reference):\n" + ZERO, "failed: os.kill"),
     "thread.py": ("import threading\ndef spin():\n    while True: pass\nthreading.Thread(target=spin, daemon=True).start()\n"
                   "def controller(state, reference):\n" + ZERO, "failed: it flies with a thread that works"),
-    "child.py": ("import ctypes\nlibc = ctypes.CDLL(None)\nif libc.fork() == 0:\n    libc.sleep(60)\n"
-                 "def controller(state, reference):\n" + ZERO, "failed: it flies with 2 processes beside its own"),
+    "child.py": ("import ctypes\nlibc = ctypes.CDLL(None)\nassert libc.fork() > 0\n"
+                 "def controller(state, reference):\n" + ZERO, "failed: AssertionError, line 3"),
+    "keys.py": ("import ctypes, os\nlibc = ctypes.CDLL(None)\nadd_key = {'x86_64': 248, 'aarch64': 217}[os.uname().machine]\n"
+                "assert libc.syscall(add_key, b'user', b'noctograph', b'state', 5, -3) > 0\n"
+                "def controller(state, reference):\n" + ZERO, "failed: AssertionError, line 4"),
     "starts.py": ("import _thread\ndef controller(state, reference):\n    _thread.start_new_thread(print, ())\n"
                   + ZERO, "failed: RuntimeError: can't start new thread, line 3"),
     "asks.py": ("import subprocess\nsubprocess.run(['id'])\ndef controller(state, reference):\n" + ZERO,
@@ -177,7 +180,7 @@ def test_no_submission_outlives_its_grader(tmp_path, namespaces):
     run = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
     if "unshare" in run.stderr:
         pytest.skip("no namespaces for users here")
-    assert "outlives failed: it flies with" in run.stdout, run
+    assert "outlives failed: no answer within" in run.stdout, run
     assert not left_over()
 
 
@@ -214,6 +217,9 @@ HONEST_WAYS = {
     "dataclass.py": "from __future__ import annotations\nfrom dataclasses import dataclass\n@dataclass\nclass Controller:\n"
                     "    total: float = 0\n    def __call__(self, state, reference):\n        return [2e4] * 4\n",
     "writes.py": "def controller(state, reference):\n    state[0] = 0\n    return [2e4] * 4\n",
+    "alone.py": "def controller(state, reference):\n    assert state.base is None and reference.base is None\n    return [2e4] * 4\n",
+    "threads.py": "import threading\nthread = threading.Thread(target=print)\nthread.start(), thread.join()\n"
+                  "def controller(state, reference):\n    return [2e4] * 4\n",
     "plots.py": "import matplotlib.pyplot as plt\ndef controller(state, reference):\n    return [2e4] * 4\n",
 }  # fmt: skip
 

@@ -49,8 +49,13 @@ WRITTEN = 4 << 20
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
 NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR = 0x1000_0000, 1, 0x8000, 442
 DEATH_SIGNAL, DUMPABLE, SECCOMP, SUBREAPER, NO_NEW_PRIVILEGES = 1, 4, 22, 36, 38
-#: System calls that create a thread or a process: clone, fork, vfork, clone3.
-CLONES = {"x86_64": (56, 57, 58, 435), "aarch64": (220, 435)}
+#: Of each architecture: its number in audit(3), clone, clone3, and calls that no controller needs: fork, vfork, and
+#: add_key, request_key and keyctl, since keys outlive the process and are seen by all of its user.
+CALLS = {
+    "x86_64": (0xC000_003E, 56, 435, (57, 58, 248, 249, 250)),
+    "aarch64": (0xC000_00B7, 220, 435, (217, 218, 219)),
+}
+CLONE_THREAD, OTHER_CALLS = 0x1_0000, 0x4000_0000
 BIND, CAPABILITIES = 0x1000 | 0x4000, 0x2008_0522
 
 
@@ -245,24 +250,32 @@ def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
         rows = np.frombuffer(bytearray(message[1:])).reshape(-1, COLUMNS)
         motors = np.empty((len(rows), 4))
         for row, command in zip(rows, motors, strict=True):
-            state, reference = row[1:13], row[13:22]
+            state, reference = row[1:13].copy(), row[13:22].copy()  # not views of the other flights
             controller = controllers[int(row[0])]
             found = controller(state, reference, row[22]) if timed else controller(state, reference)
             command[:] = numbers(found, (4,), "motor command")
         send(wire, b"m" + motors.tobytes())
 
 
-def bind() -> None:
-    """Forbids new threads and processes, by a filter of system calls (seccomp(2), in BPF), if that exists."""
-    calls = CLONES.get(os.uname().machine, ()) if sys.platform == "linux" else ()
-    steps = [(0x20, 0, 0, 0)]  # the call's number
-    steps += [(0x15, len(calls) - place, 0, call) for place, call in enumerate(calls)]  # one of them: to the last step
-    steps += [(0x06, 0, 0, 0x7FFF_0000), (0x06, 0, 0, 0x0005_0001)]  # allowed; EPERM
-    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))
-    if calls:
-        libc = ctypes.CDLL(None)
-        libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
-        libc.prctl(SECCOMP, 2, struct.pack("HP", len(steps), ctypes.addressof(code)))
+def bind(flying: bool) -> None:
+    """Forbids new processes, and new threads in flight, by a filter of system calls (seccomp(2), in BPF), if that
+    exists. Before, clone3 does not exist, whose flags a filter cannot read: the C library then calls clone."""
+    if sys.platform != "linux" or (machine := os.uname().machine) not in CALLS:
+        return
+    arch, clone, clone3, refused = CALLS[machine]
+    # Operation, operand, and where it goes on if true and if false: a label, or the next step.
+    load, equal, reaches, has, answer = 0x20, 0x15, 0x35, 0x45, 0x06
+    steps = [(load, 4, "", ""), (equal, arch, "", "EPERM"), (load, 0, "", ""), (reaches, OTHER_CALLS, "EPERM", "")]
+    steps += [(equal, call, "EPERM", "") for call in (*refused, *((clone, clone3) if flying else ()))]
+    steps += [(equal, clone3, "ENOSYS", ""), (equal, clone, "", "allowed"), (load, 16, "", ""), (has, CLONE_THREAD, "allowed", "EPERM")]
+    ends = {"allowed": 0x7FFF_0000, "EPERM": 0x0005_0001, "ENOSYS": 0x0005_0026}
+    to = {label: len(steps) + place for place, label in enumerate(ends)}
+    jumps = [(op, *(to[it] - place - 1 if it else 0 for it in goes), k) for place, (op, k, *goes) in enumerate(steps)]
+    jumps += [(answer, 0, 0, k) for k in ends.values()]
+    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in jumps))
+    libc = ctypes.CDLL(None)
+    libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+    libc.prctl(SECCOMP, 2, struct.pack("HP", len(jumps), ctypes.addressof(code)))
 
 
 def remembered(ask: Callable[..., Report]) -> Callable[..., Report]:
@@ -335,6 +348,7 @@ def main() -> NoReturn:
         limit(resource.RLIMIT_CPU, limits["total_s"])
         limit(resource.RLIMIT_AS, limits["memory_mb"] << 20)
         sys.addaudithook(audit)
+        bind(flying=False)
         code = compile(source, NAME, "exec")
         each = [handed_in(code, scene)]
         made = [it is not None for it in each[0]]
@@ -343,7 +357,7 @@ def main() -> NoReturn:
         limit(resource.RLIMIT_FSIZE, 0)
         limit(resource.RLIMIT_NOFILE, 0)
         limit(resource.RLIMIT_NPROC, 0)
-        bind()
+        bind(flying=True)
         flying = True
         send(wire, b"r")
         fly(wire, each)
