@@ -90,6 +90,9 @@ pub(super) fn read(
         (None, Some(period_s)) => numbered_times(&named, is_captured, period_s),
         (None, None) => return Err(without_times(text, &titles, file)),
     };
+    if unnamed.is_some() {
+        check_assumed_times(&time_s, file)?;
+    }
     if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {
         let text = "several rows share a stamp: they are spread evenly up to the next";
         log.warn("times-equal", text);
@@ -158,6 +161,24 @@ fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static 
     };
     let is_time = cells[..2].iter().all(|cell| cell.bytes().all(|byte| byte.is_ascii_digit()));
     is_time.then_some(names)
+}
+
+/// Refuses a table without a header whose first column, which was assumed to be the times, rarely
+/// rises above all before. It may be the first element of a matrix.
+fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
+    let mut latest_s = f64::NEG_INFINITY;
+    let rising = time_s.iter().filter(|time_s| {
+        let rises = **time_s > latest_s;
+        latest_s = latest_s.max(**time_s);
+        rises
+    });
+    let (n_rising, n) = (rising.count(), time_s.len());
+    if 2 * n_rising >= n {
+        return Ok(());
+    }
+    let numbers = format!("no head, and {} of {n} numbers that do not rise", n - n_rising);
+    let hint = "write a head above the rows that names the columns, such as t,x,y,z";
+    Err(Error::input("column 1", numbers, "times", hint).in_file(file, None))
 }
 
 /// Adds what was assumed about the columns to the hint of an error.

@@ -11,7 +11,7 @@ use super::recording::{Column, Recording};
 use super::sources::is_position;
 use super::titles::{Title, in_si_units};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::simplified;
+use noctograph_core::files::{simplified, unit};
 
 /// Known subjects: names of vehicles, tracked bodies, and sources of positions.
 const SUBJECTS: &str = "drone uav quad quadrotor quadcopter copter multirotor crazyflie cf vehicle \
@@ -20,7 +20,7 @@ const SUBJECTS: &str = "drone uav quad quadrotor quadcopter copter multirotor cr
     optitrack mocap qualisys vive lighthouse uwb lps dwm kalman ekf ekf2 filtered fused slam vio \
     state current position pos global self ego actual";
 
-/// Titles of positions by compass directions, in meters, and their axes.
+/// Titles of positions by compass directions, in meters or with a unit, and their axes.
 const COMPASS: [(&str, Axes); 8] = [
     ("pn pe pd", Axes::ZDown),
     ("pos_n pos_e pos_d", Axes::ZDown),
@@ -31,6 +31,9 @@ const COMPASS: [(&str, Axes); 8] = [
     ("e n u", Axes::ZUp),
     ("x_enu y_enu z_enu", Axes::ZUp),
 ];
+
+/// Units after compass directions. `north_m_s` is a velocity.
+const LENGTHS: &str = "m meter meters cm mm ft feet";
 
 /// Parts of names that show that a column is not a position.
 const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic vel velocity speed \
@@ -86,14 +89,24 @@ fn has(columns: &[Column], name: &str) -> bool {
 /// Returns the columns of a position by compass directions, and its axes.
 fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     COMPASS.iter().find_map(|(names, axes)| {
-        let indices = names
-            .split(' ')
-            .map(|name| columns.iter().position(|column| simplified(&column.name) == name));
-        let indices: Vec<usize> = indices.collect::<Option<_>>()?;
-        let titles =
-            POSITION.map(|name| Title { name: name.into(), is_known: true, ..Title::default() });
-        Some((indices.into_iter().zip(titles).collect(), *axes))
+        let parts = names.split(' ').zip(POSITION).map(|(direction, name)| {
+            let (index, unit) = columns
+                .iter()
+                .enumerate()
+                .find_map(|(index, column)| Some((index, unit_after(direction, &column.name)?)))?;
+            let name = name.to_owned();
+            Some((index, Title { name, is_known: true, unit, ..Title::default() }))
+        });
+        Some((parts.collect::<Option<_>>()?, *axes))
     })
+}
+
+/// Returns the unit of a title that is a name, or a name and a unit of length. `None` for others.
+fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
+    let title = simplified(title);
+    let rest = title.strip_prefix(name)?;
+    let length = rest.strip_prefix('_').filter(|rest| LENGTHS.split(' ').any(|unit| unit == *rest));
+    if rest.is_empty() { Some(None) } else { Some(unit(length?, false)) }
 }
 
 /// Returns the columns of the only known subject with a position, or none if no subject has one.

@@ -126,6 +126,12 @@ fn split_path(title: &str) -> (String, String) {
         match &*group.to_lowercase() {
             "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
             "attitude" => return (before.join("/"), (*axis).to_owned()),
+            // Angles keep their names, as the yaw that PlotJuggler computes.
+            "orientation" | "rotation"
+                if matches!(&*axis.to_lowercase(), "yaw" | "pitch" | "roll") =>
+            {
+                return (before.join("/"), (*axis).to_owned());
+            }
             "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
             // The time of a message is that of all its bodies.
             "header" => return (String::new(), format!("header_{axis}")),

@@ -43,6 +43,8 @@ const PAPER: f64 = 0.5;
 /// Largest difference of a checkerboard's pixels from their gray, and between its two grays.
 const GRAY: u8 = 5;
 const GRAYS_APART: std::ops::RangeInclusive<u8> = 8..=90;
+/// Most pixels between two squares of a checkerboard that was scaled.
+const BLENDED: usize = 2;
 
 /// Lines of a bitmap.
 pub(super) struct Traced {
@@ -64,8 +66,7 @@ pub(super) fn read(
 ) -> Result<Warned<Traced>> {
     let budget = Budget::new(file, "make the picture smaller, or draw less");
     // The picture as it is meant: upright, on one ground, and of a sheet if its corners are known.
-    let (mut picture, file_scale) = upright(bytes, &budget, file)?;
-    let is_checkered = without_checkerboard(&mut picture);
+    let (mut picture, file_scale, is_checkered) = upright(bytes, &budget, file)?;
     let mut in_file = Map([[file_scale, 0.0, 0.0], [0.0, file_scale, 0.0], [0.0, 0.0, 1.0]]);
     let corners = corners(options, file)?;
     if let Some(corners) = corners {
@@ -73,10 +74,11 @@ pub(super) fn read(
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
     // Its ink, unless it is a photograph of something else.
-    let field = Field::new(&picture).ok_or_else(|| blank(file))?;
+    let mut field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         return Err(photograph(file));
     }
+    let n_rulings = if field.is_photo { 0 } else { field.drop_rulings() };
     // Patches of ink before lines: specks and surroundings would count as pens.
     let (patches, n_cut) = field.patches();
     let (patches, n_specks) = without_specks(patches, field.width.max(field.height) as f64);
@@ -92,7 +94,7 @@ pub(super) fn read(
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
-    let mut warnings = field.warnings(n_cut, n_specks, lines.len());
+    let mut warnings = field.warnings([n_cut, n_specks, n_rulings, lines.len()]);
     warnings.retain(|warning| corners.is_none() || warning.code != "picture-photo");
     if is_checkered {
         warnings.insert(0, Diagnostic::warning("picture-checkerboard", CHECKERBOARD));
@@ -163,9 +165,9 @@ fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     Error::input(file, cause, wanted, "choose another file; or save it as PNG, or smaller")
 }
 
-/// The picture upright, opaque and at most as large as needed, and the file's pixels in one of its
-/// pixels. Fails for an unsupported or broken file.
-fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)> {
+/// The picture upright, opaque and at most as large as needed, the file's pixels in one of its
+/// pixels, and true if it had a checkerboard. Fails for an unsupported or broken file.
+fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, bool)> {
     refuse_foreign(bytes, file)?;
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let reader = reader.map_err(|e| unreadable(file, e))?;
@@ -178,6 +180,13 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
     // Smaller before it is turned, which is less work.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(file, e))?;
+    // The squares of a checkerboard have their colors only in the size of the file.
+    let mut is_checkered = false;
+    if is_opaque(&picture) {
+        let mut opaque = picture.into_rgb8();
+        is_checkered = without_checkerboard(&mut opaque);
+        picture = opaque.into();
+    }
     if width.max(height) > LONGER_SIDE {
         picture = picture.thumbnail(LONGER_SIDE, LONGER_SIDE);
     }
@@ -186,7 +195,16 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
         f64::from(width.max(height)) / f64::from(picture.width().max(picture.height()));
     let is_opaque = !picture.color().has_alpha();
     let picture = if is_opaque { picture.into_rgb8() } else { on_ground(&picture.into_rgba8()) };
-    Ok((picture, file_scale))
+    Ok((picture, file_scale, is_checkered))
+}
+
+/// True for a picture of 8 bits without transparent pixels.
+fn is_opaque(picture: &DynamicImage) -> bool {
+    match picture {
+        DynamicImage::ImageRgb8(_) | DynamicImage::ImageLuma8(_) => true,
+        DynamicImage::ImageRgba8(picture) => picture.pixels().all(|pixel| pixel.0[3] == 255),
+        _ => false,
+    }
 }
 
 /// Fails for an unsupported kind of file by its first bytes, whatever the ending of its name.
@@ -244,12 +262,17 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
 /// there is one: two grays cover most pixels, in squares of one size.
 fn without_checkerboard(picture: &mut RgbImage) -> bool {
     let Some(grays) = two_grays(picture) else { return false };
-    // Lengths of the runs of one gray between two of the other, along rows.
+    // Lengths of the runs of one gray between two of the other, along rows. Pixels between two
+    // squares may have a gray between theirs.
     let mut n_of_length = std::collections::BTreeMap::<usize, usize>::new();
     for row in picture.rows() {
         let tones: Vec<_> = row.map(|pixel| near_gray(pixel, grays)).collect();
-        let runs: Vec<_> = tones.chunk_by(|a, b| a == b).collect();
-        for run in runs.windows(3).filter(|runs| runs.iter().all(|run| run[0].is_some())) {
+        let runs = tones.chunk_by(|a, b| a == b);
+        let runs: Vec<_> = runs.filter(|run| run[0].is_some() || run.len() > BLENDED).collect();
+        let squares = runs.windows(3).filter(|runs| {
+            runs.iter().all(|run| run[0].is_some()) && runs.windows(2).all(|p| p[0][0] != p[1][0])
+        });
+        for run in squares {
             *n_of_length.entry(run[1].len()).or_default() += 1;
         }
     }
@@ -261,8 +284,12 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
     if usual < 3 || n_runs < picture.height() as usize || 3 * n_usual < 2 * n_runs {
         return false;
     }
-    for pixel in picture.pixels_mut().filter(|pixel| near_gray(pixel, grays).is_some()) {
-        pixel.0 = [grays[0]; 3];
+    let between = grays[0].min(grays[1])..=grays[0].max(grays[1]);
+    for pixel in picture.pixels_mut() {
+        let is_between = is_gray(pixel) && between.contains(&pixel.0[1]);
+        if is_between || near_gray(pixel, grays).is_some() {
+            pixel.0 = [grays[0]; 3];
+        }
     }
     true
 }
@@ -271,7 +298,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
 fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     let mut counts = [0_usize; 256];
     for [r, g, b] in picture.pixels().map(|pixel| pixel.0) {
-        counts[usize::from(g)] += usize::from(r.max(g).max(b) - r.min(g).min(b) <= 2 * GRAY);
+        counts[usize::from(g)] += usize::from(is_gray(&Rgb([r, g, b])));
     }
     let n_near = |tone: u8| -> usize {
         let range = tone.saturating_sub(GRAY)..=tone.saturating_add(GRAY);
@@ -286,7 +313,11 @@ fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
 }
 
 /// The gray of two that a pixel is near. `None` if it is near neither.
-fn near_gray(Rgb([r, g, b]): &Rgb<u8>, grays: [u8; 2]) -> Option<u8> {
-    let is_gray = r.max(g).max(b) - r.min(g).min(b) <= 2 * GRAY;
-    grays.into_iter().find(|gray| is_gray && g.abs_diff(*gray) <= GRAY)
+fn near_gray(pixel: &Rgb<u8>, grays: [u8; 2]) -> Option<u8> {
+    grays.into_iter().find(|gray| is_gray(pixel) && pixel.0[1].abs_diff(*gray) <= GRAY)
+}
+
+/// True if a pixel has about no color.
+fn is_gray(Rgb([r, g, b]): &Rgb<u8>) -> bool {
+    r.max(g).max(b) - r.min(g).min(b) <= 2 * GRAY
 }

@@ -9,8 +9,8 @@
 //! 1979). A second closing, wider than any shape, tells filled shapes from shadows by depth and
 //! hue.
 //!
-//! The strongest of red, green and blue counts: yellow is as strong as blue. Not modeled: rulings,
-//! ink on a ground of several colors, the edge of a sheet.
+//! The strongest of red, green and blue counts: yellow is as strong as blue. Not modeled: ink on
+//! a ground of several colors, the edge of a sheet.
 
 use std::ops::Range;
 

@@ -1,6 +1,6 @@
 //! What lies on a page of an SVG file: areas in colors, and what cuts them.
 
-use kurbo::{Affine, BezPath, PathEl};
+use kurbo::{Affine, BezPath, PathEl, Point};
 
 use super::super::curves::{on_grid, polylines, subpaths};
 use super::super::outline::{self, Filled};
@@ -17,6 +17,9 @@ pub(super) const FLATNESS: f64 = 2e-4;
 /// Largest difference of a rectangle's area from that of its box, as a fraction, for rounding.
 const ROUNDING: f64 = 1e-6;
 
+/// Largest distance of a subpath's points from a line by its largest coordinate, for rounding.
+const FLAT: f64 = 1e-6;
+
 /// Budget steps of a point of an area.
 const STEPS_PER_POINT: usize = 200;
 
@@ -32,10 +35,11 @@ pub(super) struct Painted {
 }
 
 impl Painted {
-    /// Its path with every subpath closed, as a fill closes it.
+    /// Its path with every subpath closed, as a fill closes it, without those that enclose nothing.
     pub(super) fn closed(&self) -> BezPath {
         let mut closed = BezPath::new();
-        for (first, elements) in subpaths(&self.path) {
+        let subpaths = subpaths(&self.path).into_iter();
+        for (first, elements) in subpaths.filter(|(first, elements)| !is_flat(*first, elements)) {
             closed.move_to(first);
             let is_closed = elements.last() == Some(&PathEl::ClosePath);
             closed.extend(elements);
@@ -65,6 +69,22 @@ impl Painted {
         let (color, alpha, cuts) = (*color, *alpha, self.cuts.clone());
         Some(Layer { element, area, color, alpha, cuts, is_stroke: true })
     }
+}
+
+/// True if all points of a subpath lie on one line, but for rounding.
+fn is_flat(first: Point, elements: &[PathEl]) -> bool {
+    let points = elements.iter().flat_map(|element| match *element {
+        PathEl::MoveTo(p) | PathEl::LineTo(p) => vec![p],
+        PathEl::QuadTo(a, p) => vec![a, p],
+        PathEl::CurveTo(a, b, p) => vec![a, b, p],
+        PathEl::ClosePath => Vec::new(),
+    });
+    let points: Vec<Point> = points.collect();
+    let largest = points.iter().map(|p| p.x.abs().max(p.y.abs())).fold(0.0, f64::max);
+    let offsets = points.iter().map(|point| *point - first);
+    let farthest = offsets.clone().max_by(|a, b| a.hypot2().total_cmp(&b.hypot2()));
+    let along = farthest.unwrap_or_default();
+    offsets.into_iter().all(|p| along.cross(p).abs() <= FLAT * largest * along.hypot())
 }
 
 /// An area with an even-odd or a nonzero rule.

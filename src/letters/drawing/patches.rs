@@ -59,6 +59,11 @@ const RULED: Warning = (
     "{n} lines across the picture's edge are drawn, as rulings of the paper \
     would be: draw on plain paper, or leave a margin around the drawing",
 );
+const NOT_RULED: Warning = (
+    "picture-not-ruled",
+    "{n} rulings of the paper are not drawn: lines from edge to edge that are paler \
+    than the rest",
+);
 const COLORS_TOUCH: Warning =
     ("picture-colors-touch", "areas of several colors that touch are drawn as one: leave a gap");
 const TOO_FINE: Warning = (
@@ -163,13 +168,11 @@ impl Field {
         sides.sum()
     }
 
-    /// The warnings that apply to a picture from which `n_cut` patches at the edge and `n_specks`
-    /// specks were dropped, and `n_lines` lines are drawn.
+    /// The warnings that apply to a picture, by the numbers of patches at the edge, specks and
+    /// rulings that were dropped, and of lines that are drawn.
     pub(super) fn warnings(
         &self,
-        n_cut: usize,
-        n_specks: usize,
-        n_lines: usize,
+        [n_cut, n_specks, n_rulings, n_lines]: [usize; 4],
     ) -> Vec<Diagnostic> {
         let n_marks = self.marks_across_edge();
         // Edges longer than the picture are those of areas that touch, not of lines that cross.
@@ -178,7 +181,8 @@ impl Field {
             (PHOTO, usize::from(self.is_photo)),
             (SPECKS, n_specks),
             (CUT, n_cut),
-            (FAINT_MARKS, usize::from(self.faint > FAINT)),
+            (FAINT_MARKS, usize::from(n_rulings == 0 && self.faint > FAINT)),
+            (NOT_RULED, n_rulings),
             (RULED, if n_marks >= RULINGS { n_marks } else { 0 }),
             (COLORS_TOUCH, usize::from(colors_touch)),
             (TOO_FINE, if n_lines >= FINE { n_lines } else { 0 }),

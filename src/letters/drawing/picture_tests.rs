@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
+use image::imageops::{FilterType, resize};
 use image::{DynamicImage, ImageFormat, RgbImage, RgbaImage};
 use tiny_skia::{FillRule, LineCap, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
 
@@ -211,7 +212,7 @@ const ICONS: &str = "fill #c8141e 60,60 180,60 180,180 60,180; fill #003ca0 300,
 /// of the warnings.
 type Row = (&'static str, &'static str, Taken, ImageFormat, &'static str, &'static str);
 
-const ROWS: [Row; 31] = [
+const ROWS: [Row; 32] = [
     ("#fff", CROSS, CLEAN, ImageFormat::Png, "black 3", ""),
     ("#fff", NOOR, CLEAN, ImageFormat::Jpeg, "black 5", ""),
     ("#fff", HOUSE, NOISE, ImageFormat::Jpeg, "black 2", ""),
@@ -242,7 +243,8 @@ const ROWS: [Row; 31] = [
         "blue 1",
         "colors-touch",
     ),
-    // Rulings of a photograph are faint, those of a clean page are lines.
+    // Rulings are fainter than the pen, which may follow them. Few lines are no rulings, and
+    // neither are those of the pen.
     (
         "#fff",
         "!pen 2 #d0e0f8 0,60 600,62; !pen 2 #d0e0f8 0,120 600,122; !pen 2 #d0e0f8 0,180 600,182;\
@@ -255,10 +257,19 @@ const ROWS: [Row; 31] = [
     (
         "#fff",
         "pen 3 #96bee6 0,50 600,50; pen 3 #96bee6 0,100 600,100; pen 3 #96bee6 0,150 600,150;\
-        pen 3 #96bee6 0,200 600,200; pen 8 #141414 200,250 400,250 400,350",
+        pen 3 #96bee6 0,200 600,200; pen 8 #141414 200,150 400,150 400,350; pen 2 #f0aaaa 70,0 70,400",
         CLEAN,
         ImageFormat::Png,
-        "black 1 blue 4",
+        "black 1",
+        "not-ruled",
+    ),
+    (
+        "#fff",
+        "pen 3 #141414 0,50 600,50; pen 3 #141414 0,100 600,100; pen 3 #141414 0,150 600,150;\
+        pen 3 #141414 0,200 600,200; pen 8 #141414 200,250 400,250 400,350",
+        CLEAN,
+        ImageFormat::Png,
+        "black 5",
         "rulings",
     ),
     (
@@ -521,19 +532,26 @@ fn dust_and_a_checkerboard_are_left_out_and_fine_pictures_named() {
     let wanted = drawn(clean.clone(), &options).unwrap();
     let mut dusty = clean.clone();
     change(&mut dusty, |x, y, value| if noise(x, y) > 0.498 { 0.0 } else { value });
-    let checkered = |side: u32, tones: [u16; 2]| {
-        let mut picture = clean.clone();
+    fn checkered(mut picture: RgbImage, side: u32, tones: [u16; 2]) -> RgbImage {
         for (x, y, pixel) in picture.enumerate_pixels_mut() {
             let tone = tones[usize::from((x / side + y / side).is_multiple_of(2))];
             pixel.0 = pixel.0.map(|value| u8::try_from(u16::from(value) * tone / 255).unwrap());
         }
         picture
-    };
+    }
+    // Larger than a picture in which lines are looked for, and made smaller by a viewer.
+    let [width, height] = SIZE.map(|side| 4 * side);
+    let large = resize(&clean, width, height, FilterType::Nearest);
+    let large = checkered(large, 16, [204, 255]);
+    let small = resize(&large, width / 4 * 3, height / 4 * 3, FilterType::Triangle);
+    let checkerboard = "picture-checkerboard";
     for (picture, code) in [
         (dusty, "picture-specks"),
-        (checkered(8, [204, 255]), "picture-checkerboard"),
-        (checkered(16, [191, 254]), "picture-checkerboard"),
-        (checkered(10, [102, 153]), "picture-checkerboard"),
+        (checkered(clean.clone(), 8, [204, 255]), checkerboard),
+        (checkered(clean.clone(), 16, [191, 254]), checkerboard),
+        (checkered(clean.clone(), 10, [102, 153]), checkerboard),
+        (large, checkerboard),
+        (small, checkerboard),
     ] {
         let strokes = drawn(picture, &options).unwrap();
         assert_eq!(strokes.source.strokes.len(), wanted.source.strokes.len(), "{code}");

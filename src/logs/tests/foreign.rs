@@ -546,6 +546,31 @@ fn refused(text: &str) -> String {
 }
 
 #[test]
+fn compass_directions_with_units_are_a_position_and_a_matrix_is_no_table_of_times() {
+    let ned = rows("t,north_m,east_m,down_m,north_m_s,yaw_deg\n", |t, [x, y, z]| {
+        format!("{t:.3},{x},{},{},0.1,{}", -y, -z, -YAW_RAD.to_degrees())
+    });
+    let flight = read(ned.as_bytes());
+    check("north, east and down", &flight);
+    let yaw_rad = flight.samples[60].attitude.yaw_rad;
+    assert!((yaw_rad - YAW_RAD).abs() < 1e-6, "{yaw_rad}");
+    let yaw = rows(
+        "__time,/cf/pose/position/x,/cf/pose/position/y,/cf/pose/position/z,/cf/pose/orientation/yaw\n",
+        |t, [x, y, z]| format!("{t:.3},{x},{y},{z},{YAW_RAD}"),
+    );
+    let flight = read(yaw.as_bytes());
+    check("a yaw beside a position", &flight);
+    assert!((flight.samples[60].attitude.yaw_rad - YAW_RAD).abs() < 1e-6);
+    // Poses of KITTI: the first three rows of a matrix, without times.
+    let kitti = rows("", |_, [x, y, z]| format!("1 0 0 {x} 0 1 0 {y} 0 0 1 {z}"));
+    let turning =
+        rows("", |t, [x, y, z]| format!("{:.6} 0 0 {x} 0 1 0 {y} 0 0 1 {z}", 0.01 * libm::sin(t)));
+    for text in [kitti, turning] {
+        assert!(refused(&text).contains("no head, and"), "{}", refused(&text));
+    }
+}
+
+#[test]
 fn days_without_a_clock_are_refused_and_another_encoding_is_named() {
     let stamped = |title: &str, stamp: &dyn Fn(f64) -> String| {
         rows(&format!("{title},x,y,z\n"), |t, [x, y, z]| format!("{},{x},{y},{z}", stamp(t)))

@@ -1,0 +1,128 @@
+//! Rulings of paper in a clean scan: straight lines from edge to edge that are paler than the pen.
+
+use super::ink::Field;
+
+/// Fewest rulings of a page.
+const LEAST: usize = 4;
+/// Steepest ruling.
+const SLOPE: f64 = 0.02;
+/// Least fraction of a ruling that has ink, and least contrast there by that of its ends.
+const ALONG: f64 = 0.97;
+const INKED: f64 = 0.6;
+/// Largest contrast of a ruling by that of the drawing, and least fraction of the picture that the
+/// drawing's ink covers.
+const PALE: f64 = 0.6;
+const DRAWING: f64 = 5e-4;
+/// Largest contrast of the pixels that are dropped, by that of the ruling.
+const RULED: f64 = 1.5;
+/// Widest ruling, by the side that it crosses.
+const WIDTH: f64 = 0.012;
+
+/// A ruling.
+struct Ruling {
+    /// True if it is upright.
+    is_upright: bool,
+    /// Its rows, or columns if it is upright, at its two ends.
+    ends: [f64; 2],
+    width: usize,
+    contrast: f64,
+}
+
+impl Field {
+    /// Drops the ink of rulings. A pen's line on a ruling stays, because its ink is darker. Returns
+    /// the number of rulings, 0 if there are too few or the rest is no darker.
+    pub(super) fn drop_rulings(&mut self) -> usize {
+        let rulings: Vec<Ruling> =
+            [false, true].into_iter().flat_map(|is_upright| self.rulings(is_upright)).collect();
+        let darkest = rulings.iter().map(|ruling| ruling.contrast).fold(0.0, f64::max);
+        let n_dark = self.contrast.iter().filter(|contrast| PALE * **contrast > darkest).count();
+        if rulings.len() < LEAST || (n_dark as f64) < DRAWING * self.contrast.len() as f64 {
+            return 0;
+        }
+        for ruling in &rulings {
+            let reach = ruling.width / 2 + 1;
+            for along in 1..=self.length(ruling.is_upright) {
+                let middle = self.middle(ruling, along);
+                for across in middle.saturating_sub(reach)..=middle + reach {
+                    let pixel = self.pixel_across(ruling.is_upright, along, across);
+                    if let Some(pixel) = pixel
+                        && self.contrast[pixel] < RULED * ruling.contrast
+                    {
+                        (self.ink[pixel], self.contrast[pixel]) = (0.0, 0.0);
+                    }
+                }
+            }
+        }
+        rulings.len()
+    }
+
+    /// Pixels of the picture along its rows, or along its columns if `is_upright`.
+    fn length(&self, is_upright: bool) -> usize {
+        (if is_upright { self.height } else { self.width }) - 2
+    }
+
+    /// The index of a pixel by its places along and across a ruling.
+    fn pixel_across(&self, is_upright: bool, along: usize, across: usize) -> Option<usize> {
+        let [x, y] = if is_upright { [across, along] } else { [along, across] };
+        (x < self.width && y < self.height).then(|| y * self.width + x)
+    }
+
+    /// The place across a ruling of its middle.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
+    fn middle(&self, ruling: &Ruling, along: usize) -> usize {
+        let part = (along - 1) as f64 / (self.length(ruling.is_upright) - 1) as f64;
+        (ruling.ends[0] + part * (ruling.ends[1] - ruling.ends[0])).round().max(0.0) as usize
+    }
+
+    /// Lines of one direction with ink from edge to edge.
+    fn rulings(&self, is_upright: bool) -> Vec<Ruling> {
+        let length = self.length(is_upright);
+        // Narrow marks at both edges, then pairs of these with ink all the way between them.
+        let [first, last] = [1, length].map(|along| self.marks(is_upright, along));
+        let pairs = first.iter().filter_map(|(start, width, contrast)| {
+            let ends = last.iter().filter(|mark| (mark.0 - start).abs() <= SLOPE * length as f64);
+            ends.map(|mark| Ruling {
+                is_upright,
+                ends: [*start, mark.0],
+                width: (*width).max(mark.1),
+                contrast: contrast.min(mark.2),
+            })
+            .find(|ruling| self.is_inked(ruling))
+        });
+        pairs.collect()
+    }
+
+    /// True if there is ink along nearly all of a ruling.
+    fn is_inked(&self, ruling: &Ruling) -> bool {
+        let length = self.length(ruling.is_upright);
+        let n_inked = (1..=length).filter(|along| {
+            let middle = self.middle(ruling, *along);
+            let mut near = middle.saturating_sub(1)..=middle + 1;
+            near.any(|across| {
+                self.pixel_across(ruling.is_upright, *along, across)
+                    .is_some_and(|pixel| self.contrast[pixel] >= INKED * ruling.contrast)
+            })
+        });
+        n_inked.count() as f64 >= ALONG * length as f64
+    }
+
+    /// Middle, width and contrast of each narrow mark of ink across the picture at a place.
+    fn marks(&self, is_upright: bool, along: usize) -> Vec<(f64, usize, f64)> {
+        let side = self.length(!is_upright);
+        let contrast = |across: usize| {
+            let pixel = self.pixel_across(is_upright, along, across);
+            pixel.filter(|pixel| self.ink[*pixel] > 0.0).map_or(0.0, |pixel| self.contrast[pixel])
+        };
+        let contrasts: Vec<f64> = (0..=side + 1).map(contrast).collect();
+        let mut start = 0;
+        let mut marks = Vec::new();
+        for run in contrasts.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
+            let most = run.iter().copied().fold(0.0, f64::max);
+            if most > 0.0 && run.len() as f64 <= (WIDTH * side as f64).max(6.0) {
+                marks.push((start as f64 + 0.5 * (run.len() - 1) as f64, run.len(), most));
+            }
+            start += run.len();
+        }
+        marks
+    }
+}
