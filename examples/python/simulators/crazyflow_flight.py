@@ -25,14 +25,13 @@ design = plan.at(time_s)
 flown = []
 for x, v, a in zip(design.position_m, design.velocity_m_s, design.acceleration_m_s2):
     flown.append([np.asarray(sim.data.states.pos[0, 0]), np.asarray(sim.data.states.quat[0, 0])])
-    command = [*x, *v, *a, 0, 0, 0, 1, 0, 0, 0]  # then the quaternion x, y, z, w and the rates
+    command = [*x, *v, *a, 0, 0, 0, 1, 0, 0, 0]  # the last seven: quaternion x, y, z, w and rates
     sim.state_control(np.array([[command]], np.float32))
     sim.step(5)
 
 position_m, quaternion = zip(*flown)
-flight = nc.Flight(
-    time_s, position_m, light=design.light, attitude_rad=nc.attitude_rad(quaternion), design_m=design.position_m
-)
+attitude_rad = nc.attitude_rad(quaternion)
+flight = nc.Flight(time_s, position_m, light=design.light, attitude_rad=attitude_rad, design_m=design.position_m)
 shot = nc.photograph(scene, flight)
 shot.save(photo)
 print(shot)

@@ -19,30 +19,23 @@ scene = nc.Scene("cf21", word=word, set={"plan.reference": "design", "plan.light
 
 xml = re.sub(r'<(mesh|geom) [^>]*(file|mesh)="[^>]*/>', "", open(model_file).read())
 model = mujoco.MjModel.from_xml_string(xml.replace("-0.00001 0.00001", "-0.01 0.01"))
-data, gravity = mujoco.MjData(model), np.array([0, 0, 9.81])
+data, mass, inertia = mujoco.MjData(model), model.body_mass.sum(), model.body_inertia[1]
 data.qpos[:3] = plan.position_m[0]
 time_s = np.arange(0, plan.duration_s, model.opt.timestep)
-design, mass, flown = plan.at(time_s), model.body_mass.sum(), []
+design, flown = plan.at(time_s), []
 for x, v, a in zip(design.position_m, design.velocity_m_s, design.acceleration_m_s2):
-    # Geometric control: the thrust along the body's z, the torque turns it toward the force.
-    force = mass * (a + gravity + 30 * (x - data.qpos[:3]) + 10 * (v - data.qvel[:3]))
-    rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
-    rotation = rotation.reshape(3, 3)
-    up = force / np.linalg.norm(force)
-    ahead = np.cross([0, 1, 0], up)
-    wanted = np.stack([ahead / np.linalg.norm(ahead), np.cross(up, ahead / np.linalg.norm(ahead)), up], axis=1)
-    twist = wanted.T @ rotation - rotation.T @ wanted
-    turn = -400 * np.array([twist[2, 1], twist[0, 2], twist[1, 0]]) - 40 * data.qvel[3:6]
-    torque = model.body_inertia[1] * turn
-    data.ctrl[:] = [force @ rotation[:, 2], *-torque]  # its gears are negative
+    mujoco.mj_kinematics(model, data)
     flown.append(data.qpos[:7].copy())
+    # Geometric control: the thrust is along the body's z, and the torque turns z toward the force and x ahead.
+    rotation = data.xmat[1].reshape(3, 3)
+    force = mass * (a + [0, 0, 9.81] + 30 * (x - data.qpos[:3]) + 10 * (v - data.qvel[:3]))
+    turn = rotation.T @ np.cross(rotation[:, 2], force / np.linalg.norm(force)) - [0, 0, rotation[1, 0]]
+    data.ctrl[:] = [force @ rotation[:, 2], *-inertia * (800 * turn - 40 * data.qvel[3:6])]  # its gears are negative
     mujoco.mj_step(model, data)
 
-flown = np.array(flown)
-flight = nc.Flight(
-    time_s, flown[:, :3], light=design.light, attitude_rad=nc.attitude_rad(flown[:, 3:], "wxyz"), design_m=design.position_m
-)
+position_m, quaternion = np.split(np.array(flown), [3], axis=1)
+attitude_rad = nc.attitude_rad(quaternion, "wxyz")
+flight = nc.Flight(time_s, position_m, light=design.light, attitude_rad=attitude_rad, design_m=design.position_m)
 shot = nc.photograph(scene, flight)
 shot.save(photo)
 print(shot)

@@ -18,9 +18,8 @@ scene = nc.Scene("cf21", word=word, set={"plan.reference": "design", "plan.light
 (plan,) = nc.plan(scene)
 
 hertz = 240
-aviary = CtrlAviary(
-    DroneModel.CF2X, initial_xyzs=plan.position_m[:1] + [0, 0, 0.03], pyb_freq=hertz, ctrl_freq=hertz, user_debug_gui=False
-)
+start_m = plan.position_m[:1] + [0, 0, 0.03]
+aviary = CtrlAviary(DroneModel.CF2X, initial_xyzs=start_m, pyb_freq=hertz, ctrl_freq=hertz, user_debug_gui=False)
 controller = DSLPIDControl(DroneModel.CF2X)
 time_s = np.arange(0, plan.duration_s, 1 / hertz)
 design = plan.at(time_s)

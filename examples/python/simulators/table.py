@@ -3,6 +3,7 @@
 `python examples/python/simulators/table.py [cf2.xml]`; a simulator that is not installed has no row.
 """
 
+import contextlib
 import importlib.metadata
 import os
 import pathlib
@@ -10,21 +11,21 @@ import runpy
 import sys
 import tempfile
 
-# crazyflow wants it before SciPy is imported.
-os.environ.setdefault("SCIPY_ARRAY_API", "1")
+import controllers
+import noctograph as nc
 
-import controllers  # noqa: E402
-import noctograph as nc  # noqa: E402
-
+#: Motors that are faster than those of `cf21`.
+FAST = {"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05}
 #: Simulator: package, example, controller and what is set for it.
 ROWS = {
     "RotorPy": ("rotorpy", "rotorpy_flight.py", "RotorPy", {}),
     "crazyflow": ("crazyflow", "crazyflow_flight.py", "Crazyflow", {}),
-    # It knows no lag of the motors, and turns over with the 0.14 s of `cf21`.
-    "gym-pybullet-drones": (
-        "gym_pybullet_drones", "pybullet_flight.py", "Pybullet", {"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05},
-    ),
+    # It knows no lag of the motors, and turns over with the 0.14 s of `cf21`; udaan's gains swing with it.
+    "gym-pybullet-drones": ("gym_pybullet_drones", "pybullet_flight.py", "Pybullet", FAST),
     "Menagerie's cf2 in MuJoCo": ("mujoco", "mujoco_flight.py", None, {}),
+    # Controllers that fly no Crazyflie of their own.
+    "udaan, its geometric controller": ("udaan", None, "Udaan", FAST),
+    "RAPTOR, a trained policy": ("foundation_policy", None, "Raptor", {}),
 }  # fmt: skip
 STILL = {"observer.kind": "truth", "air.gusts": "none", "plan.reference": "design", "plan.light_clock": "setpoint"}
 
@@ -50,22 +51,21 @@ def main():
         if version is None or (controller is None and not models):
             print(f"skipped: {name}", file=sys.stderr)
             continue
-        with tempfile.TemporaryDirectory() as folder:
-            typed = sys.argv
-            sys.argv = [example, "NOOR", os.path.join(folder, "noor.png"), *models]
-            out, sys.stdout = sys.stdout, sys.stderr
-            try:
-                theirs = runpy.run_path(str(here / example))
-            finally:
-                sys.argv, sys.stdout = typed, out
-        ours = "– | – | –"
+        theirs = ours = "– | – | –"
+        if example is not None:
+            with tempfile.TemporaryDirectory() as folder:
+                typed, sys.argv = sys.argv, [example, "NOOR", os.path.join(folder, "noor.png"), *models]
+                with contextlib.redirect_stdout(sys.stderr):
+                    made = runpy.run_path(str(here / example))
+                sys.argv = typed
+            theirs = figures(made["shot"], made["flight"])
         if controller is not None:
             scene = nc.Scene("cf21", word="NOOR", set={**STILL, **keys})
             (own,) = nc.fly(scene, controller=getattr(controllers, controller)(scene))
             # The same samples as theirs: the lit ones.
             flight = nc.Flight(own.time_s, own.position_m, light=own.lights, design_m=own.design_m)
             ours = figures(nc.photograph(scene, own), flight)
-        print(f"| {name} {version} | {figures(theirs['shot'], theirs['flight'])} | {ours} |")
+        print(f"| {name} {version} | {theirs} | {ours} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -121,6 +121,25 @@ def test_cheats_and_faults_cost_their_owner_alone(tmp_path):
     assert not notes
 
 
+#: What packages do as they are imported: null device, open descriptors, and what they do without if it is refused.
+PACKAGE = """import os, socket, subprocess
+open(os.devnull, "w").close()
+os.fdopen(os.dup(1), "w").close()
+for refused in (lambda: subprocess.run(["id"]), lambda: os.mkdir("/tmp/theirs"), lambda: open("/tmp/theirs.txt", "w"), socket.socket):
+    try:
+        refused()
+    except PermissionError:
+        continue
+    raise SystemExit("it is allowed")
+"""
+
+
+def test_packages_do_without_what_they_are_refused_as_they_are_imported(tmp_path):
+    written = f"import os, sys\nopen('package.py', 'w').write({PACKAGE!r})\nsys.path.insert(0, os.getcwd())\nimport package\n"
+    (row,) = rows(graded(hand_in(tmp_path / "all", {"ada.py": written + HONEST["soft.py"]}), 1))
+    assert not row["note"], row
+
+
 def test_every_entry_of_a_folder_has_a_row_or_is_named(tmp_path, capsys):
     names = ["BEN.TOML", "cy.toml.txt", "dora.zip", ".ed.toml", "eve_13/gains.toml", "fay_14/more/x.toml"]
     for name in names:

@@ -280,20 +280,43 @@ def test_the_flights_of_other_simulators_are_read(package, tmp_path):
     assert "NoctographWarning" not in done.stderr, done.stderr
 
 
-@pytest.mark.parametrize("name, package", [("RotorPy", "rotorpy"), ("Crazyflow", "crazyflow"), ("Pybullet", "gym_pybullet_drones")])
-def test_controllers_of_other_simulators_fly(name, package):
-    if importlib.util.find_spec(package) is None:
-        pytest.skip(f"{package} is not installed")
+CONTROLLERS = {
+    "RotorPy": "rotorpy", "Crazyflow": "crazyflow", "Pybullet": "gym_pybullet_drones", "Udaan": "udaan",
+    "Raptor": "foundation_policy",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_controllers_of_other_projects_fly(name, tmp_path):
+    if importlib.util.find_spec(CONTROLLERS[name]) is None:
+        pytest.skip(f"{CONTROLLERS[name]} is not installed")
+    handed_in = tmp_path / "handed-in"
+    handed_in.mkdir()
+    (handed_in / "theirs.py").write_text((SIMULATORS / "controllers.py").read_text() + f"\n\ncontroller = {name}\n")
     code = f"""
-import os; os.environ["SCIPY_ARRAY_API"] = "1"
 import sys; sys.path.insert(0, {str(SIMULATORS)!r})
 import controllers, noctograph as nc
+from noctograph.grade import grade
 lags = {{"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05}}
-scene = nc.Scene("cf21", word="T", set={{"air.gusts": "none", "observer.kind": "truth", **lags}})
-made = controllers.{name}
+task = nc.Scene("cf21", word="T", set={{**{SMALL!r}, **lags, "air.gusts": "none"}})
+scene, made = nc.Scene(task, set={{"observer.kind": "truth"}}), controllers.{name}
 assert nc.photograph(scene, nc.fly(scene, controller=made(scene))).legible
 found = nc.fly_many(scene, 2, controller=made, progress=False)
 assert found.legible.all() and found.contour_m.max() < 0.03, found
+ranked = nc.rank({{"theirs": (scene, made)}}, seeds=1, conditions="still", progress=False)
+graded = grade(task, {str(handed_in)!r}, seeds=1, conditions="still", progress=False)
+for report in (ranked, graded):
+    assert [it["legible"] for it in report["flights"]] == [True], report.text
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_stable_baselines_asks_nothing_of_the_environment(scene):
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.env_checker import check_env
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        check_env(nc.Env(scene))
+    assert not said, [str(it.message) for it in said]

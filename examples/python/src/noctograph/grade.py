@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import json
 import os
 import secrets
@@ -64,6 +65,16 @@ class Limits:
     memory_mb: int = 4096
 
 
+def _no_window() -> dict[str, str]:
+    """Returns the variables with which packages of MuJoCo are imported without a display.
+
+    pyGLFW starts a process to ask for the version of its library, unless the library is named.
+    """
+    spec = importlib.util.find_spec("glfw")
+    libraries = sorted(Path(spec.origin).parent.rglob("libglfw*")) if spec and spec.origin else []
+    return {"MUJOCO_GL": "disable", **{"PYGLFW_LIBRARY": str(it) for it in libraries[-1:]}}
+
+
 class Failed(Exception):
     """Says why a submission has no place."""
 
@@ -92,7 +103,7 @@ class _Process:
                  json.dumps({**asdict(limits), "shown": shown})],
                 cwd=own, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env={"PYTHONPATH": path, **dict.fromkeys(("TMPDIR", "HOME", "MPLCONFIGDIR"), own), "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads, **kept},
+                env={"PYTHONPATH": path, **dict.fromkeys(("TMPDIR", "HOME", "MPLCONFIGDIR"), own), "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **_no_window(), **threads, **kept},
             )  # fmt: skip
         running.add(self)
         try:

@@ -319,14 +319,16 @@ def main() -> NoReturn:
         path = os.path.abspath(os.fsdecode(named)) + os.sep
         is_own = event.startswith(FILES) and bool(named) and path.startswith(own + os.sep)
         writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
+        # A descriptor is open already, and what is written to the null device is gone.
+        is_nowhere = event == "open" and (isinstance(arguments[0], int) or named in (os.devnull, os.fsencode(os.devnull)))
         forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
-        if flying or (forbidden and not is_own):
+        if flying or (forbidden and not is_own and not is_nowhere):
             module, line = running_lines()
             what = f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's"
             if flying and module:
                 what = f"import {module} in flight: import it at the top of the file"
-            elif not flying and event.startswith("subprocess."):
-                raise PermissionError(what)  # as packages that ask the system, and do without its answer
+            elif not flying and (module or event.startswith("subprocess.")):
+                raise PermissionError(what)  # packages ask the system as they are imported, and do without its answer
             fail(wire, what + line)
 
     def limit(what: int, most: int) -> None:
