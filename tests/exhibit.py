@@ -750,14 +750,16 @@ def the_operators_header_has_room_in_every_language(hall):
         ]);
     }"""
     for code in LANGUAGES:
+        host, _ = opened(hall.browser, hall.operator, locale=f"{code}-{code.upper()}", viewport={"width": 1024, "height": 768})
+        host.wait_for_selector("#tabs button")
         for width in [1024, 1152, 1280, 1366, 1440]:
-            host, _ = opened(hall.browser, f"{hall.operator}", locale=f"{code}-{code.upper()}", viewport={"width": width, "height": 768})
-            host.wait_for_selector("#tabs button")
+            host.set_viewport_size({"width": width, "height": 768})
+            until(host, f"innerWidth === {width}")
             found = host.evaluate(overlaps)
             assert not found, f"{code} {width}: {found}"
             tall = host.evaluate("document.documentElement.scrollHeight")
             assert tall <= 768, f"{code} {width}: {tall} px on a screen of 768"
-            host.context.close()
+        host.context.close()
 
 
 def an_old_address_opens_a_page_in_the_visitors_language(hall):
