@@ -124,8 +124,9 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result
 /// Checks that a picture has at least one pixel, and `n_channels` values for each.
 pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> Result<()> {
     let [width_px, height_px] = size_px;
-    let n_wanted = width_px as usize * height_px as usize * n_channels;
-    if n_wanted > 0 && n_values == n_wanted {
+    // The product of the three may exceed `usize`.
+    let n_wanted = u128::from(width_px) * u128::from(height_px) * n_channels as u128;
+    if n_wanted > 0 && n_values as u128 == n_wanted {
         return Ok(());
     }
     let actual = format!("{n_values} values for {width_px} x {height_px} pixels");
@@ -144,7 +145,7 @@ mod tests {
     use crate::flight::{Flight, FlightData, FlightSample};
     use crate::photo::{Photo, PhotoData};
     use crate::plan::{Plan, PlanData, Setpoint};
-    use crate::strokes::{Cell, Glyph, Strokes, StrokesData};
+    use crate::strokes::{Cell, Glyph, Move, Strokes, StrokesData};
 
     fn refused<T>(made: Result<T>, said: &[&str]) {
         let error = made.err().expect("it breaks a rule").to_string();
@@ -180,6 +181,8 @@ mod tests {
         refused(flight(|it| it.lights = lights(400, 255.0)), &["255 in row 0", "from 0 to 1"]);
         refused(flight(|it| _ = it.extra.insert("v".into(), vec![0.0])), &["v: found 1 rows"]);
         refused(flight(|it| it.gaps = vec![[2.0, 1.0]]), &["gaps", "2 before 1"]);
+        refused(flight(|it| it.gaps = vec![[1.0, f64::NAN]]), &["gaps", "1 before NaN"]);
+        refused(flight(|it| it.gaps = vec![[1.0, f64::INFINITY]]), &["gaps", "1 before inf"]);
     }
 
     #[test]
@@ -204,10 +207,17 @@ mod tests {
         assert!(Photo::new(photo(2, 12)).is_ok());
         refused(Photo::new(photo(2, 11)), &["11 values for 2 x 2 pixels", "12"]);
         refused(Photo::new(photo(0, 0)), &["0 x 2 pixels", "one pixel or more"]);
+        let many = PhotoData { height_px: u32::MAX, ..photo(u32::MAX, 3) };
+        refused(Photo::new(many), &["3 values for 4294967295 x 4294967295 pixels"]);
         let cell = Cell { left_m: 0.0, baseline_m: f64::NAN, width_m: 1.0, cap_height_m: 1.0 };
         let glyphs = vec![Glyph { character: 'I', cell, moves: Vec::new() }];
         let strokes = StrokesData { glyphs, ..StrokesData::default() };
         refused(Strokes::new(strokes), &["glyphs", "NaN in row 0"]);
+        let cell = Cell { baseline_m: 0.0, ..cell };
+        let still = Move { from_m: [0.0; 2], to_m: [1.0; 2], lit: true, pace: 0.0 };
+        let glyphs = vec![Glyph { character: 'I', cell, moves: vec![still] }];
+        let strokes = StrokesData { glyphs, ..StrokesData::default() };
+        refused(Strokes::new(strokes), &["glyphs", "a pace of 0 in row 0", "above 0"]);
     }
 
     #[test]

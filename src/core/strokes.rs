@@ -44,9 +44,9 @@ pub struct StrokesData {
 pub struct Source {
     /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
     pub corners_px: Option<[[f64; 2]; 4]>,
-    /// True if it is a bitmap: its strokes are in pixels.
+    /// True for a bitmap, whose strokes are in pixels.
     pub is_bitmap: bool,
-    /// All strokes in the order of their numbers, omitted ones included.
+    /// All strokes in the order of their numbers, including omitted strokes.
     pub strokes: Vec<SourceStroke>,
 }
 
@@ -65,7 +65,7 @@ pub struct LeftOut {
     /// Their number.
     pub strokes: usize,
     /// Their fraction of the length of all strokes, 0 to 1.
-    pub share: f64,
+    pub length_fraction: f64,
 }
 
 /// Freedom to reorder strokes.
@@ -112,12 +112,14 @@ pub struct Move {
     pub to_m: [f64; 2],
     /// True if the lights are on.
     pub lit: bool,
-    /// Speed by the stroke speed: 1 but for handwriting in its writer's pace (`letters.pace`).
+    /// Speed relative to the stroke speed. 1 except for handwriting in its writer's pace
+    /// (`letters.pace`).
     pub pace: f64,
 }
 
 impl Rules for StrokesData {
-    /// Checks that there is a color for each glyph or none, and that all numbers are finite.
+    /// Checks that there is a color for each glyph or none, that all numbers are finite, and that
+    /// the pen moves.
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {
@@ -128,12 +130,16 @@ impl Rules for StrokesData {
         for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
             let cell = [left_m, baseline_m, width_m, cap_height_m];
-            let moves = moves.iter().flat_map(|step| {
+            let numbers = moves.iter().flat_map(|step| {
                 let [from_m, to_m] = [step.from_m, step.to_m];
                 [from_m[0], from_m[1], to_m[0], to_m[1], step.pace]
             });
-            if let Some(value) = cell.into_iter().chain(moves).find(|value| !is_number(*value)) {
+            if let Some(value) = cell.into_iter().chain(numbers).find(|value| !is_number(*value)) {
                 return Err(odd_number("glyphs", row, value));
+            }
+            if let Some(Move { pace, .. }) = moves.iter().find(|step| step.pace <= 0.0) {
+                let actual = format!("a pace of {pace} in row {row}");
+                return Err(Error::input("glyphs", actual, "paces above 0", "1 is the usual pace"));
             }
         }
         Ok(())
@@ -153,7 +159,8 @@ impl StrokesData {
         digest.hex()
     }
 
-    /// Number of strokes: runs of lit moves that each begin where the one before ends.
+    /// Number of strokes. A stroke is a run of lit moves, each of which begins at the end of the
+    /// move before.
     pub fn n_strokes(&self) -> usize {
         let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);

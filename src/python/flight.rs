@@ -165,17 +165,17 @@ impl PyFlight {
     /// -------
     /// Flight
     #[pyo3(signature = (plan, begins_s = None))]
-    fn with_design(&self, plan: &PyPlan, begins_s: Option<f64>) -> Self {
-        let mut flight = self.flight.clone();
-        let first_s = flight.samples.first().map_or(0.0, |first| first.time_s);
-        let begins_s = begins_s.unwrap_or(first_s);
-        flight.edit(|flight| {
-            for sample in &mut flight.samples {
-                sample.design_m = plan.0.design_m(on_grid(sample.time_s - begins_s)).map(on_grid);
-            }
-            flight.unlogged.remove(&Quantity::Design);
-        });
-        Self::new(flight)
+    fn with_design(&self, py: Python<'_>, plan: &PyPlan, begins_s: Option<f64>) -> PyResult<Self> {
+        let mut flight = self.flight.clone().into_data();
+        let begins_s = begins_s.unwrap_or(flight.samples.first().map_or(0.0, |s| s.time_s));
+        if !begins_s.is_finite() {
+            return Err(refused(py, "begins_s", begins_s, "a time in s", "or leave it out"));
+        }
+        for sample in &mut flight.samples {
+            sample.design_m = plan.0.design_m(on_grid(sample.time_s - begins_s)).map(on_grid);
+        }
+        flight.unlogged.remove(&Quantity::Design);
+        Flight::new(flight).map(Self::new).map_err(|error| raised(py, &error))
     }
 
     /// numpy.ndarray: Time of each sample in s, shape (N,).
@@ -299,7 +299,7 @@ fn fly_with_controller(
     mut session: Session,
     stop: &Stop,
 ) -> Result<PyResult<Flight>> {
-    while let Some(observation) = session.waits() {
+    while let Some(observation) = session.command_inputs() {
         stop.check()?;
         match call_controller(function, observation, session.time_s(), takes_time) {
             Ok(motors) => session.command(motors)?,

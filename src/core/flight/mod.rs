@@ -48,8 +48,8 @@ pub struct FlightData {
     /// channel, 0 (off) to 1, each as long as `samples`.
     pub lights: BTreeMap<String, Vec<f64>>,
     /// Further columns, each as long as `samples`. Of a real log: under the names and in the units
-    /// of the log, held between their own samples. Of a simulated flight: [`SATURATED_S`] and,
-    /// where the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
+    /// of the log, held between their own samples. A simulated flight has [`SATURATED_S`] and, if
+    /// the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
     /// Gaps in a real log: the times of the last sample before and the first sample after each, in
     /// ascending order. Nothing is known in between, so no line is drawn and no lamp shines there.
@@ -77,7 +77,7 @@ impl Rules for FlightData {
     fn check(&self) -> Result<()> {
         check_times(self.samples.iter().map(|sample| sample.time_s))?;
         for (row, sample) in self.samples.iter().enumerate() {
-            // The times have their own check, and a letter is a number in any case.
+            // The times are checked separately, and a letter is always a number.
             let numbers = sample.numbers();
             if let Some(odd) = numbers[1..].iter().position(|value| !is_number(*value)) {
                 let mut names = Quantity::TABLE.iter().flat_map(|(.., columns)| columns.iter());
@@ -92,12 +92,13 @@ impl Rules for FlightData {
             check_length(name, column.len(), self.samples.len())?;
         }
         let ends_s = self.gaps.as_flattened();
-        match ends_s.windows(2).find(|pair| pair[0] > pair[1] || pair[0].is_nan()) {
+        let is_wrong = |pair: &&[f64]| pair[0] > pair[1] || !(pair[0] + pair[1]).is_finite();
+        match ends_s.windows(2).find(is_wrong) {
             None => Ok(()),
             Some(pair) => {
                 let actual = format!("{} before {}", pair[0], pair[1]);
                 let hint = "give each gap its beginning and its end";
-                Err(Error::input("gaps", actual, "gaps in rising order", hint))
+                Err(Error::input("gaps", actual, "finite times in rising order", hint))
             }
         }
     }

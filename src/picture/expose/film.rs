@@ -9,7 +9,7 @@
 use super::Tint;
 use super::tile::ALL;
 use noctograph_core::digest::Digest;
-use noctograph_core::error::Result;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::product::{Rules, Valid, check_picture};
 
 const TILE_PX: u32 = 16;
@@ -17,7 +17,7 @@ const TILE_PX: u32 = 16;
 /// Bits of the sum of peaks on a tile, in counts.
 const TILE_BITS: i32 = 31;
 
-/// Bits of the peak of a record, in counts: those of its curves.
+/// Bits of the peak of a record, in counts, equal to the bits of its curves.
 const PEAK_BITS: i32 = 30;
 
 /// Bits of the glow of the floor, in counts.
@@ -25,6 +25,18 @@ const GLOW_BITS: i32 = 30;
 
 /// Finest scale: enough for any light, and far from underflow.
 const MIN_SCALE_LOG2: i32 = -128;
+
+/// Coarsest scale: the largest count is still far below the largest `f32`.
+const MAX_SCALE_LOG2: i32 = 64;
+
+/// Checks a scale.
+pub(super) fn check_scale(scale_log2: i32) -> Result<()> {
+    if (MIN_SCALE_LOG2..=MAX_SCALE_LOG2).contains(&scale_log2) {
+        return Ok(());
+    }
+    let wanted = format!("{MIN_SCALE_LOG2} to {MAX_SCALE_LOG2}");
+    Err(Error::input("scale_log2", scale_log2, wanted, "a count is 2^scale_log2 lx s"))
+}
 
 /// Luminous exposure of the sensor per pixel and color channel, as integer counts.
 pub type Film = Valid<FilmData>;
@@ -44,7 +56,8 @@ pub struct FilmData {
 
 impl Rules for FilmData {
     fn check(&self) -> Result<()> {
-        check_picture([self.width_px, self.height_px], self.counts.len(), 3)
+        check_picture([self.width_px, self.height_px], self.counts.len(), 3)?;
+        check_scale(self.scale_log2)
     }
 }
 

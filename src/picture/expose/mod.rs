@@ -9,11 +9,11 @@
 //!    that moves evenly along a line while it fades, as a sum of up to four spots at rest
 //!    (quadrature, to 6e-6 of the peak), each a curve along x times a curve along y. Pixels add
 //!    them up in integers, on the CPU or on a graphics device, with the same bits.
-//! 3. Lamps of one color are added up in one plane, which is then counted into the three of the
-//!    film. The glow of the floor is added last.
+//! 3. Lamps of one color are added up in one plane, which is then counted into the three planes of
+//!    the film. The glow of the floor is added last.
 //!
-//! Vectors are nalgebra's and f64 up to the segments. Records are scalars in f32, and all that
-//! follows is integers. The width changes in `record`.
+//! Vectors are nalgebra's and f64 up to the segments. Records are scalars in f32, and everything
+//! after them is integers. The width changes in `record`.
 //!
 //! Accuracy: the light of a spot to 1e-6, pixels to 2e-5 of the brightest unmerged, and to 1e-3
 //! merged at 0.005 px. No pixel can overflow: a bound on the brightest sets the scale of the
@@ -126,7 +126,7 @@ settings! {
         /// albedo, relative.
         ///
         /// Measured on lit floors and walls of eight public long exposures: 2 to 3 % on smooth
-        /// ones, 5 to 13 % on a hall's floor and a scratched table.
+        /// surfaces, 5 to 13 % on a hall's floor and a scratched table.
         unevenness: f64 = 0.05, in 0.0..=1.0;
         fixed {
             /// How far a sample may lie from the segment that replaces it. 0 merges nothing and
@@ -169,7 +169,7 @@ pub fn expose(
 ///
 /// # Errors
 ///
-/// As [`expose`], but for the device.
+/// Like [`expose`], except for the device.
 pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Latent> {
     check(trace, camera, options)?;
     let size_px = [camera.width_px, camera.height_px];
@@ -186,8 +186,10 @@ impl Latent {
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] if counts so fine would overflow.
+    /// [`Error::Infeasible`] if counts so fine would overflow. [`Error::Input`] for a scale that no
+    /// film may have.
     pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
+        film::check_scale(scale_log2)?;
         if scale_log2 < self.scale_log2 {
             return Err(Error::infeasible(
                 format!("counts of 2^{scale_log2} lx s would overflow on this light"),
@@ -274,7 +276,7 @@ pub struct Developer {
 }
 
 impl Developer {
-    /// Starts the backend in a thread of its own. The processor needs none.
+    /// Starts the backend in a separate thread. The processor needs none.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
         let device = match choice {

@@ -20,7 +20,7 @@ use noctograph_core::flight::timestamps::unit_of;
 
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 
-/// Resolution of an intensity. Rows whose colors differ by at most this have one color.
+/// Resolution of an intensity. Rows whose colors differ by at most this count as one color.
 const DIGIT_CD: f64 = 1e-5;
 
 /// Usual titles of each column, in lower case and without their unit.
@@ -46,7 +46,7 @@ const MAX_CD: f64 = 1e6;
 /// Bytes in which the header is searched.
 const HEADER_SIZE: usize = 1 << 16;
 
-/// Largest level of a light log in bytes, and the intensity that it stands for.
+/// Largest level of a light log in bytes, and the corresponding intensity.
 const FULL_LEVEL: f64 = 255.0;
 const FULL_CD: f64 = 1.0;
 
@@ -236,7 +236,7 @@ const MIN_STRETCHES: usize = 2;
 /// Returns the lamps of a lit run: one for each stretch of one color, which fades into the next, or
 /// one for each channel of a color that changes continuously.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
-    // Stretches of one color, which is that of the brightest row so far.
+    // Stretches of one color, taken from the brightest row so far.
     let mut stretches = Vec::new();
     let (mut start, mut brightest) = (0, &run[0]);
     for (i, instant) in run.iter().enumerate() {
@@ -274,7 +274,7 @@ fn same_color(a: &Instant, b: &Instant) -> bool {
 }
 
 /// Returns a lamp that shines in all directions. `instant_cd` gives its intensity at each instant
-/// by index. The largest one is level 1.
+/// by index. The largest intensity is level 1.
 fn lamp(run: &[Instant], rgb: [f64; 3], instant_cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
     let intensities_cd: Vec<f64> =
         run.iter().enumerate().map(|(i, instant)| instant_cd(i, instant)).collect();
@@ -290,7 +290,7 @@ fn lamp(run: &[Instant], rgb: [f64; 3], instant_cd: impl Fn(usize, &Instant) -> 
         intensity_cd,
         rgb,
         beam_exponent: 1.0,
-        spill: 1.0,
+        isotropic_fraction: 1.0,
         visible_cos: -1.0,
         diameter_m: 0.0,
         depth_m: None,

@@ -13,10 +13,10 @@ use noctograph_core::geometry::Attitude;
 use noctograph_core::statistics::weighted_quantile;
 
 /// Largest uncertainty of a bridge: about the width of an overexposed trail. A larger limit draws
-/// strokes that were not flown. A smaller one leaves dashes.
+/// strokes that were not flown. A smaller value leaves dashes.
 const BRIDGE_M: f64 = 0.02;
 
-/// Least acceleration that is assumed for a flight, m/s²: that of the reference flight.
+/// Least acceleration that is assumed for a flight, m/s², as in the reference flight.
 const LEAST_M_S2: f64 = 0.4;
 
 /// Time over which velocities are measured: ten samples of the firmware's position loop.

@@ -20,7 +20,7 @@ pub(super) struct Pose {
 }
 
 /// Largest distance of a lamp from its path between two samples: 1 % of a pixel that shows a
-/// millimeter. A smaller one needs more samples and improves no picture.
+/// millimeter. A smaller value needs more samples and improves no picture.
 pub(super) const FINE_M: f64 = 10e-6;
 
 /// Largest distance for a lamp of several colors in turn, such as an LED of a spinner.

@@ -8,8 +8,8 @@
 //!    and wait for the timer of the firmware, 50 ms.
 //! 2. The dies of a row have levels over time. Each color that they show together is a lamp.
 //! 3. With the flight, the levels become samples of the lamps while they are lit, enough to keep
-//!    them within 10 µm of their path. Lamps shine across the short gaps of a real log and are dark
-//!    in long ones, where nothing says where they were.
+//!    them within 10 µm of their path. Lamps shine across the short gaps of a real log. In long
+//!    gaps, in which their positions are unknown, they are dark.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp.
@@ -88,25 +88,39 @@ const MAX_LEVEL: f64 = 1e3;
 
 /// Checks that an emitter's numbers are within range.
 fn check_emitter(emitter: &Emitter) -> Result<()> {
-    let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, depth_m, .. } =
-        emitter;
-    // Each number with its largest value.
+    let Emitter {
+        name,
+        intensity_cd,
+        rgb,
+        beam_exponent,
+        isotropic_fraction,
+        visible_cos,
+        diameter_m,
+        depth_m,
+    } = emitter;
+    // Each number with its least and its largest value.
     let settings = [
-        ("intensity_cd", *intensity_cd, 1e9),
-        ("rgb[0]", rgb[0], 1e3),
-        ("rgb[1]", rgb[1], 1e3),
-        ("rgb[2]", rgb[2], 1e3),
-        ("beam_exponent", *beam_exponent, 1e6),
-        ("spill", *spill, 1.0),
-        ("diameter_m", *diameter_m, 10.0),
-        ("depth_m", depth_m.unwrap_or(0.0), 10.0),
+        ("intensity_cd", *intensity_cd, 0.0, 1e9),
+        ("rgb[0]", rgb[0], 0.0, 1e3),
+        ("rgb[1]", rgb[1], 0.0, 1e3),
+        ("rgb[2]", rgb[2], 0.0, 1e3),
+        ("beam_exponent", *beam_exponent, 0.0, 1e6),
+        ("spill", *isotropic_fraction, 0.0, 1.0),
+        ("visible_cos", *visible_cos, -1.0, 1.0),
+        ("diameter_m", *diameter_m, 0.0, 10.0),
+        ("depth_m", depth_m.unwrap_or(0.0), 0.0, 10.0),
     ];
-    for (key, value, max) in settings {
-        if !(0.0..=max).contains(&value) {
+    for (key, value, min, max) in settings {
+        if !(min..=max).contains(&value) {
             let place = format!("lamp `{name}`: {key}");
             let hint =
                 "correct this emitter in the scene; a color outside sRGB must be brought inside";
-            return Err(Error::input(place, value, format!("a number from 0 to {max:e}"), hint));
+            return Err(Error::input(
+                place,
+                value,
+                format!("a number from {min} to {max:e}"),
+                hint,
+            ));
         }
     }
     Ok(())
@@ -196,7 +210,7 @@ pub struct Emitter {
     /// Exponent m of the beam's shape cosᵐ.
     pub beam_exponent: f64,
     /// Isotropic fraction: intensity in all directions relative to that on the axis, 0 to 1.
-    pub spill: f64,
+    pub isotropic_fraction: f64,
     /// Cosine of the angle off axis beyond which the body hides the lamp.
     pub visible_cos: f64,
     /// Diameter of the luminous disc or cylinder.
@@ -225,12 +239,12 @@ impl Emitter {
             cos if self.beam_exponent == 1.0 => cos.min(1.0),
             cos => libm::pow(cos.min(1.0), self.beam_exponent),
         };
-        self.spill + (1.0 - self.spill) * beam
+        self.isotropic_fraction + (1.0 - self.isotropic_fraction) * beam
     }
 
     /// True if the intensity is the same in all directions.
     pub(crate) fn is_isotropic(&self) -> bool {
-        self.spill >= 1.0 && self.visible_cos <= -1.0
+        self.isotropic_fraction >= 1.0 && self.visible_cos <= -1.0
     }
 }
 
@@ -394,7 +408,7 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
         intensity_cd,
         rgb: if intensity_cd > 0.0 { rgb(mixture_xyz) } else { [1.0; 3] },
         beam_exponent: fixture.beam_exponent,
-        spill: fixture.spill,
+        isotropic_fraction: fixture.spill,
         visible_cos: fixture.visible_cos,
         diameter_m: fixture.diameter_m,
         depth_m: fixture.depth_m,

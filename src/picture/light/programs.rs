@@ -177,7 +177,8 @@ impl<'a> Programs<'a> {
 ///
 /// Twice as much from the deck overexposes a word of seven letters at f/22. Half as much leaves 8
 /// steps of green. An LED of the ring can emit 1 cd. Screen colors that differ only in brightness
-/// become one color, whose strongest channel is as bright as that of white: one exposure suits all.
+/// become one color, whose strongest channel is as bright as white's, so that one exposure suits
+/// all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
 /// Factors on the intensity in the search for the best bytes. The first is preferred.

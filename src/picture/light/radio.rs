@@ -57,7 +57,7 @@ pub(super) fn arrivals(
         commanded = level;
         let delay_s = options.radio_delay_s + options.radio_jitter_s * chance.uniform(n);
         n += 1;
-        // No command overtakes another one.
+        // No command overtakes another command.
         let earliest_s = arrivals.last().map_or(f64::NEG_INFINITY, |last| last.time_s);
         arrivals.push(Change { time_s: (sample.time_s + delay_s).max(earliest_s), level });
     }

@@ -26,8 +26,8 @@ const DARK: Frame = [[0; 3]; RING_LEDS];
 pub(super) const CHANNELS: [&str; 4] = [RING.name, RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
 /// Returns the frames that the ring shows during a flight, each with its time, if they differ from
-/// the one before. A ring without the channel `ring` is always on. One that is on at the start of
-/// the flight has finished fading in.
+/// the one before. A ring without the channel `ring` is always on. A ring that is on at the start
+/// of the flight has finished fading in.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,
@@ -69,7 +69,8 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
         let initial_level = levels.first().copied().unwrap_or(0.0);
         let changes = arrivals(&flight.samples, levels, initial_level, options, chance).into_iter();
         commands.extend(changes.map(|c| (index, Change { time_s: c.time_s + write_s, ..c })));
-        // A fade's color is one parameter, a solid color three: they arrive one after another.
+        // A fade's color is one parameter. A solid color is three parameters, which arrive one
+        // after another.
         if index > 0 && matches!(options.ring, RingEffect::Solid(_)) {
             write_s += RADIO_WRITE_S;
         }

@@ -41,7 +41,7 @@ pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
         intensity_cd: 1.8,
         rgb: [1.0; 3],
         beam_exponent: 1.0,
-        spill: 0.0,
+        isotropic_fraction: 0.0,
         visible_cos: -1.0,
         diameter_m: 0.003,
         depth_m: None,
@@ -64,7 +64,7 @@ pub(super) fn looking_down() -> Camera {
 /// A lamp of 1.8 cd that shines straight down at a place for 3 s.
 pub(super) fn hanging(place: [f64; 3]) -> LightTrace {
     let mut lamp = lamp([(0.0, place), (3.0, place)]);
-    (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.0, 0.0);
+    (lamp.emitter.isotropic_fraction, lamp.emitter.visible_cos) = (0.0, 0.0);
     lamp.samples.iter_mut().for_each(|sample| sample.axis = -Vector3::z());
     LightTrace::made(LightTraceData { lamps: vec![lamp] })
 }
@@ -82,7 +82,7 @@ pub(super) fn figure(n: u32) -> Lamp {
 /// A lamp behind a diffuser, which is upright and shines to all sides.
 pub(super) fn diffuser(mut lamp: Lamp) -> Lamp {
     let emitter = &mut lamp.emitter;
-    (emitter.spill, emitter.diameter_m, emitter.depth_m) = (1.0, 0.06, Some(0.02));
+    (emitter.isotropic_fraction, emitter.diameter_m, emitter.depth_m) = (1.0, 0.06, Some(0.02));
     lamp.samples.iter_mut().for_each(|sample| sample.axis = -Vector3::z());
     lamp
 }
@@ -180,7 +180,7 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     plane
 }
 
-/// Largest difference of the red plane from the brute force, over the peak.
+/// Largest difference of the red plane from brute force, relative to the peak.
 fn error_of_peak(film: &Film, reference: &[f64]) -> f64 {
     let peak = reference.iter().copied().fold(0.0, f64::max);
     let errors = reference.iter().enumerate().map(|(i, r)| (film.exposure_lx_s(0, i) - r).abs());
@@ -248,7 +248,7 @@ fn a_diffuser_leaves_a_stroke_as_wide_as_it_looks_from_the_camera() {
                 let at_mm = [f64::from(i) - 29.5, f64::from(j) - 9.5];
                 let mut point = streak(at_mm.map(|mm| mm * 1e-3), toward);
                 let emitter = &mut point.emitter;
-                (emitter.diameter_m, emitter.spill) = (0.0, 1.0);
+                (emitter.diameter_m, emitter.isotropic_fraction) = (0.0, 1.0);
                 emitter.intensity_cd /= 1200.0;
                 points.push(point);
             }
@@ -472,8 +472,22 @@ fn broken_samples_are_refused_by_lamp_and_time() {
     assert!(text.contains("`headlight` at 0 s: time"), "{text}");
     let text = refused(|lamp| lamp.emitter.rgb[1] = -0.1);
     assert!(text.contains("`headlight`: rgb[1]"), "{text}");
+    let text = refused(|lamp| lamp.emitter.visible_cos = f64::NAN);
+    assert!(
+        text.contains("`headlight`: visible_cos: found NaN, wanted a number from -1"),
+        "{text}"
+    );
 
     let options = ExposeOptions::default();
     let wide = project(&LightTrace::default(), &camera(16_385, 10), &options);
     assert!(matches!(wide, Err(Error::Input { .. })), "a picture too wide is refused");
+
+    let one_pixel = |scale_log2, counts| {
+        Film::new(FilmData { width_px: 1, height_px: 1, counts: vec![1; counts], scale_log2 })
+    };
+    assert!(one_pixel(-20, 3).is_ok());
+    let coarse = one_pixel(i32::MAX, 3).expect_err("beyond f32").to_string();
+    assert!(coarse.contains("scale_log2: found 2147483647, wanted -128 to 64"), "{coarse}");
+    let short = one_pixel(-20, 2).expect_err("a count is missing").to_string();
+    assert!(short.contains("2 values for 1 x 1 pixels"), "{short}");
 }
