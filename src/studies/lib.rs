@@ -57,7 +57,7 @@ pub use outcome::{Flown, Outcome};
 pub use rank::{Measures, Pair, Ranking, Unranked, least_flights, rank};
 pub use remedy::{Remedy, SEEDS, remedies, remedies_for};
 pub use shard::{Shard, shards};
-pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
+pub use spread::{BAND_FRAC, Band, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
 pub use store::{Record, Store};
 pub use submissions::{Submissions, submissions};
 pub use tables::{candidates_csv, flights_csv, marks_csv, ranking_csv};

@@ -1,4 +1,4 @@
-//! Spread: how much the flights of one plan differ, and whether their photos read.
+//! Spread: how much the flights of one plan differ, and whether their photos are legible.
 //!
 //! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
 //! and two [`Band`]s for each drone: one over flights that differ in room and drone, one over
@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 use super::Conditions;
 use super::experiment::counter;
-use super::statistics::mean;
 use super::trial::{or_lost, reader, shrink};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, FlightSample};
@@ -22,12 +21,10 @@ use noctograph_score::{Verdict, is_judged};
 
 /// Fraction of flights inside a band at each time.
 pub const BAND_FRAC: f64 = 0.9;
-/// Fewest flights whose band can hold that fraction: two of twenty intervals lie outside it.
+/// Fewest flights whose band can hold that fraction. Two of twenty intervals are outside it.
 pub const LEAST_FLIGHTS: usize = 19;
 /// Time step of a band.
 const STEP_S: f64 = 0.1;
-/// Largest difference between a band's time and that of the nearest sample.
-const NEAR_S: f64 = 0.02;
 /// Height of capitals in the photos.
 const CAP_HEIGHT_PX: f64 = 64.0;
 
@@ -56,7 +53,7 @@ pub struct SpreadFlight {
 pub struct SpreadShot {
     /// Flights, one for each drone.
     pub flights: Vec<Flight>,
-    /// The photo, from a small film.
+    /// The photo, developed from a small film.
     pub photo: Photo,
     /// The verdict. `None` if the reader cannot judge the letters.
     pub verdict: Option<Verdict>,
@@ -76,15 +73,6 @@ pub struct Band {
     pub design_m: Vec<Vector3<f64>>,
     /// True while a letter is written.
     pub writes: Vec<bool>,
-}
-
-/// How well a band holds a flight.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
-    /// Fraction of the times at which the flight is inside the band, on each axis.
-    pub inside: Vector3<f64>,
-    /// Width of the band, relative to one that is inside for [`BAND_FRAC`] of the times.
-    pub width: Vector3<f64>,
 }
 
 impl Band {
@@ -131,33 +119,6 @@ impl Band {
         let n = widths_m.len().max(1) as f64;
         widths_m.iter().sum::<Vector3<f64>>() / n
     }
-
-    /// Compares another flight with the band, at the band's times that have a sample within
-    /// 20 ms.
-    pub fn held(&self, samples: &[FlightSample]) -> Held {
-        // Distances from the median, divided by that of the band's end on the same side.
-        let mut ratios: [Vec<f64>; 3] = Default::default();
-        for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {
-            let after = samples.partition_point(|sample| sample.time_s < *time_s);
-            let around = samples[after.saturating_sub(1)..].iter().take(2);
-            let around = around.map(|sample| ((sample.time_s - time_s).abs(), sample));
-            let nearest = around.min_by(|(a_s, _), (b_s, _)| a_s.total_cmp(b_s));
-            let Some((_, sample)) = nearest.filter(|(away_s, _)| *away_s <= NEAR_S) else {
-                continue;
-            };
-            for (axis, ratios) in ratios.iter_mut().enumerate() {
-                let apart_m = sample.position_m[axis] - middle[axis];
-                let end_m = if apart_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
-                ratios.push((apart_m / end_m).max(0.0));
-            }
-        }
-        ratios.iter_mut().for_each(|ratios| ratios.sort_by(f64::total_cmp));
-        let ratios = ratios.each_ref();
-        Held {
-            inside: ratios.map(|axis| mean(axis.iter().map(|r| f64::from(*r <= 1.0)))).into(),
-            width: ratios.map(|sorted| 1.0 / quantile(sorted, BAND_FRAC)).into(),
-        }
-    }
 }
 
 /// Returns the quantiles of a band: its lower end, the median and its upper end.
@@ -178,7 +139,7 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (rank - rank.floor())
 }
 
-/// Flies a shoot with `n` seeds from the scene's on, each with its own drones and room, and again
+/// Flies a shoot with `n` seeds from the scene's on, each with different drones and room, and again
 /// with the drones and the room of the first. `done` is called with the number of flights so far.
 ///
 /// # Errors
@@ -267,19 +228,18 @@ mod tests {
     fn a_band_holds_nine_tenths_of_equal_flights() {
         let flights: Vec<Flight> = (0..199).map(flight).collect();
         let band = Band::new(&flights.iter().collect::<Vec<_>>(), |sample| sample.position_m);
-        let held = band.held(&flight(3).samples);
-        assert!(
-            (held.inside.x - 0.9).abs() < 0.02 && (held.width.x - 1.0).abs() < 0.02,
-            "{held:?}"
-        );
+        let inside = band
+            .ends_m
+            .iter()
+            .zip(&flight(3).samples)
+            .filter(|([low, _, high], sample)| (low.x..=high.x).contains(&sample.position_m.x));
+        let inside_frac = inside.count() as f64 / band.ends_m.len() as f64;
+        assert!((inside_frac - 0.9).abs() < 0.02, "{inside_frac}");
         assert!((band.half_width_m().x - 90.0).abs() < 1.0, "{}", band.half_width_m());
         assert_eq!((band.n_flights, band.holds_frac()), (199, BAND_FRAC));
         let [two, few, enough] = [2, 18, LEAST_FLIGHTS]
             .map(|n_flights| Band { n_flights, ..Band::default() }.holds_frac());
         assert_eq!((two, few < BAND_FRAC, enough), (1.0 / 3.0, true, BAND_FRAC));
-        let narrow: Vec<FlightSample> =
-            (0..1000).map(|i| sample(0.1 * f64::from(i), 99.0)).collect();
-        assert!((band.held(&narrow).inside.x - 1.0).abs() < 1e-12);
     }
 
     #[test]

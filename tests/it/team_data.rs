@@ -13,7 +13,7 @@ use noctograph::logs::ImportOptions;
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::SensorOptions;
 use noctograph::sim::{Drone, SimOptions, fly};
-use noctograph::studies::{Band, Conditions, Held};
+use noctograph::studies::{Band, Conditions};
 use noctograph::tracking::{Part, track};
 use noctograph::vehicle::Gusts;
 use serde_json::Value;
@@ -193,6 +193,41 @@ fn flown_again_with_gusts_it_errs_as_much_as_it_did() {
     }
 }
 
+/// How well a band holds a flight.
+#[derive(Debug)]
+struct Held {
+    /// Fraction of the times at which the flight is inside the band, on each axis.
+    inside: Vector3<f64>,
+    /// Width of the band, relative to a band that holds the flight for nine tenths of the times.
+    width: Vector3<f64>,
+}
+
+impl Held {
+    /// Compares a flight with a band, at the band's times that have a sample within 20 ms.
+    fn new(band: &Band, samples: &[FlightSample]) -> Self {
+        // Distances from the median, divided by that of the band's end on the same side.
+        let mut ratios: [Vec<f64>; 3] = Default::default();
+        for (time_s, [low, middle, high]) in band.time_s.iter().zip(&band.ends_m) {
+            let away_s = |sample: &FlightSample| (sample.time_s - time_s).abs();
+            let nearest = samples.iter().min_by(|a, b| away_s(a).total_cmp(&away_s(b)));
+            let Some(sample) = nearest.filter(|sample| away_s(sample) <= 0.02) else { continue };
+            for (axis, ratios) in ratios.iter_mut().enumerate() {
+                let apart_m = sample.position_m[axis] - middle[axis];
+                let end_m = if apart_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
+                ratios.push((apart_m / end_m).max(0.0));
+            }
+        }
+        ratios.iter_mut().for_each(|ratios| ratios.sort_by(f64::total_cmp));
+        let inside_frac = |sorted: &Vec<f64>| {
+            sorted.partition_point(|ratio| *ratio <= 1.0) as f64 / sorted.len() as f64
+        };
+        let needed = |sorted: &Vec<f64>| sorted[sorted.len() * 9 / 10];
+        let [inside, width] =
+            [ratios.each_ref().map(inside_frac), ratios.each_ref().map(|axis| 1.0 / needed(axis))];
+        Self { inside: inside.into(), width: width.into() }
+    }
+}
+
 /// How the real flight lies, airborne, in the 90 % band of 40 replays under conditions: of the true
 /// positions, and of the estimates, which are what the log holds.
 fn held(conditions: &Conditions) -> [Held; 2] {
@@ -211,7 +246,7 @@ fn held(conditions: &Conditions) -> [Held; 2] {
     let in_air = |sample: &&FlightSample| sample.motors.iter().all(|motor| *motor > 20_000.0);
     let airborne: Vec<FlightSample> = real.samples.iter().filter(in_air).copied().collect();
     let place: [fn(&FlightSample) -> Vector3<f64>; 2] = [|s| s.position_m, |s| s.estimate_m];
-    place.map(|place| Band::new(&flights, place).held(&airborne))
+    place.map(|place| Held::new(&Band::new(&flights, place), &airborne))
 }
 
 #[test]
