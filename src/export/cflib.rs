@@ -229,7 +229,7 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         "critical_v": platform.map_or(0.0, |_| safety::CRITICAL_BATTERY_V),
         "wrong_s": safety::WRONG_S,
         "fence_m": fence_m,
-        "stray_m": safety::STRAY_M,
+        "stray_m": safety::MAX_POSITION_ERROR_M,
     })
 }
 

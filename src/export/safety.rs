@@ -32,7 +32,7 @@ pub const CORNER_M: f64 = 0.02;
 pub const FENCE_M: f64 = 0.1;
 /// Largest distance of the estimated position from the setpoint, m. The PID cascade trails by 0.56
 /// s, 0.45 m at 0.8 m/s.
-pub const STRAY_M: f64 = 0.8;
+pub const MAX_POSITION_ERROR_M: f64 = 0.8;
 /// Speed of landing, m/s: slow enough for the ground effect not to throw the drone back up.
 pub const SINK_M_S: f64 = 0.3;
 /// Time for which a limit has to be exceeded in the air before the script lands, s, so that one bad
@@ -262,7 +262,7 @@ pub fn table() -> String {
 | battery at rest | `check`, cflib, Crazyswarm2 | with its sag in this flight above the low voltage | the simulated flight |
 | battery in the air | `check`, cflib, Crazyswarm2, firmware | {cf2} V (brushless {brushless} V) for {LOW_BATTERY_S:.0} s, in scripts {CRITICAL_BATTERY_V:.1} V for {WRONG_S} s | `platform_defaults_*.h` |
 | fence | cflib, Crazyswarm2 | {FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s | half of what the volume keeps from walls |
-| distance from the target | cflib | {STRAY_M} m for {WRONG_S} s | PID trails by 0.45 m at 0.8 m/s |
+| distance from the target | cflib | {MAX_POSITION_ERROR_M} m for {WRONG_S} s | PID trails by 0.45 m at 0.8 m/s |
 | numbers: place, variances, angles, battery | cflib, Crazyswarm2 | before take-off and, for {WRONG_S} s, in the air | a value that is not a number exceeds no limit |
 | silence of the radio | cflib, Crazyswarm2, firmware | firmware, with setpoints: levels out after {LEVEL_OUT_S} s, motors off after {MOTORS_STOP_S:.0} s. cflib lands after 1 s without one of the log blocks, over a new link if it hears nothing at all. Crazyswarm2 lands all drones after {MOTORS_STOP_S:.0} s without one of its topics | `supervisor.c` |
 | geometry of Lighthouse (`--check-geometry`) | cflib | {corner:.0} cm at the corners of the canvas | a student's hand and ruler |

@@ -37,7 +37,7 @@ pub struct Host<'a> {
     pub boot: &'a str,
     /// The host's words.
     pub brand: &'a Brand,
-    /// True if other machines are served, and can reach this one.
+    /// True if other machines are served, and can reach this machine.
     pub network: bool,
 }
 
@@ -90,7 +90,7 @@ pub struct Brand {
     pub title: Option<String>,
     /// Description of the evening, by language.
     pub sentence: BTreeMap<String, String>,
-    /// What a visitor agrees to by sending a photo, by language.
+    /// Terms that a visitor accepts by sending a photo, by language.
     pub consent: BTreeMap<String, String>,
     /// True if there is a logo.
     #[serde(skip_deserializing)]

@@ -121,7 +121,7 @@ pub struct Suggestion {
     /// Increase of the probability that the word is read.
     pub gain: f64,
     /// The changes in words.
-    pub said: Message,
+    pub message: Message,
     /// The keys with their values.
     pub set: Vec<Change>,
 }
@@ -426,7 +426,7 @@ impl PhotoFacts {
 impl Suggestion {
     /// Makes a suggestion of changes and their gain. `None` without a change.
     pub fn new(set: Vec<Change>, gain: f64) -> Option<Self> {
-        Some(Self { gain, said: Message::of_changes(&set)?, set })
+        Some(Self { gain, message: Message::of_changes(&set)?, set })
     }
 }
 

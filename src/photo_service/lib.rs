@@ -3,7 +3,7 @@
 //!
 //! A [`request`] is read and checked, and its subject is prepared as a scene, flown and
 //! photographed ([`answer`]). If it is refused, a message says why ([`messages`]). The crate
-//! `serve` answers the requests of its visitors with it. Compiled to WebAssembly (`door`,
+//! `serve` answers the requests of its visitors with it. Compiled to WebAssembly (`wasm`,
 //! `src/photo_service/build`), it answers them in the browser.
 
 #![deny(unsafe_code)]
@@ -14,12 +14,12 @@ use noctograph_pipeline::scene::Scene;
 
 pub mod about;
 pub mod answer;
-#[cfg(target_family = "wasm")]
-mod door;
 pub mod messages;
 pub mod replay;
 pub mod request;
 mod subject;
+#[cfg(target_family = "wasm")]
+mod wasm;
 
 #[cfg(test)]
 #[path = "../../tests/it/bless.rs"]

@@ -69,8 +69,8 @@ keys! {
     NotPossible "not-possible" 422 "this is not possible" "change something and try again";
     Broken "broken" 500 "the program failed on this" "change something and try again";
     Busy "busy" 503 "many visitors wait" "try again";
-    Closed "gone" 404 "this is no longer kept" "take the photo again";
-    DiskFull "disk-full" 507 "it could not be written down" "ask the host: the disk may be full";
+    Closed "gone" 404 "this is no longer stored" "take the photo again";
+    DiskFull "disk-full" 507 "it could not be saved" "ask the host: the disk may be full";
     EntriesMany "entries-many" 429 "too many are sent from here at once" "try again in a moment";
     QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
     Paused "paused" 503 "nothing is taken at the moment" "try again later";
@@ -103,15 +103,15 @@ fn key_or_last(keys: &str, key: &str) -> String {
     listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
 }
 
-/// Returns the page's code for that of a diagnostic. The page has one sentence for all missing
-/// parts of drawings.
+/// Returns the page's code for a diagnostic's code. The page has one sentence for all missing parts
+/// of drawings.
 pub fn code_on_page(code: &str) -> &str {
     let is_about_drawing = code.starts_with("drawing-") || code.starts_with("picture-");
     if is_about_drawing && code != "picture-photo" { "drawing-part" } else { code }
 }
 
 impl Message {
-    /// Makes a refusal with its own text.
+    /// Makes a refusal with the given text.
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
@@ -282,7 +282,7 @@ mod tests {
         }
     }
 
-    /// Every key has a sentence in every language of the page, with the values that are its own.
+    /// Every key has a sentence with its values in every language of the page.
     #[test]
     fn the_page_words_every_key_in_every_language() {
         let errors: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
@@ -294,7 +294,7 @@ mod tests {
             "advice": ADVICE.split(' ').collect::<Vec<_>>(),
             "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
-        // What tests/exhibit.py compares with the tables of words.
+        // Codes that tests/exhibit.py compares with the tables of words.
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../serve/page/keys.json");
         if crate::bless::is_blessed(file) {
             std::fs::write(file, format!("{keys:#}\n")).unwrap();

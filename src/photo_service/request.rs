@@ -20,7 +20,7 @@ pub const MAX_WORD: usize = 24;
 /// Greatest number of characters in the name of a visitor.
 const MAX_VISITOR: usize = 40;
 
-/// Greatest number of bytes in a setting's value. The longest one lists the omitted strokes.
+/// Greatest number of bytes in a setting's value. The longest value lists the omitted strokes.
 const MAX_VALUE: usize = 4096;
 
 /// Name of a log's file.

@@ -45,7 +45,7 @@ impl Subject {
     ) -> Result<PreparedScene> {
         let (drawing, room_m) = (self.drawing()?, self.room_m()?);
         let is_height_typed = self.settings.contains_key("letters.cap_height_m");
-        // 1. Settings, of which the later ones prevail: room, drawing, visitor, typeface.
+        // 1. Settings in rising priority: room, drawing, visitor, typeface.
         let mut settings: Vec<(String, String)> = Vec::new();
         if let Some(room_m) = room_m {
             settings.push(("expose.room_m".into(), format!("{room_m:?}")));

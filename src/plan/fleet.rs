@@ -2,8 +2,8 @@
 //!
 //! Each drone writes a part of the word, from left to right, with about the same length of light.
 //! Four routes of each part are tried: the shortest, the same backward, and those from one side to
-//! the other, which keep simultaneous drones apart. The drones are assigned in turn: each gets the
-//! route that ends first without conflict with the earlier ones, after a wait on the floor.
+//! the other, which keep simultaneous drones apart. The drones are assigned in turn. After a wait
+//! on the floor, each gets the route that ends first without conflict with the earlier drones.
 
 use std::collections::HashMap;
 
@@ -74,8 +74,8 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     let first = assignments.into_iter().min_by_key(|assignment| assignment.end);
     let assignment = first.ok_or_else(|| {
         Error::infeasible(
-            "two drones come too close to each other, however long one waits, or no start was \
-               found in a billion comparisons of places",
+            "two drones come too close to each other for any delay, or no start was found in a \
+             billion comparisons of positions",
             "share the word among fewer drones, or write it larger",
         )
     })?;
@@ -102,7 +102,10 @@ impl Assignment {
         let n_strokes = parts.iter().map(Vec::len).sum::<usize>();
         if n_strokes > MAX_SHARED {
             return Err(Error::infeasible(
-                format!("{n_strokes} strokes, more than {MAX_SHARED}, are too many to share"),
+                format!(
+                    "{n_strokes} strokes, more than {MAX_SHARED}, are too many to divide \
+                         among drones"
+                ),
                 "draw fewer strokes, lower letters.detail, or fly one drone",
             ));
         }
@@ -225,7 +228,8 @@ impl Conflicts<'_> {
         let [track_a, track_b] = [(a, start_a), (b, start_b)]
             .map(|(drone, start)| &self.routes[drone][start.route].track);
         let n_steps = [track_a, track_b].map(|track| track.places.len());
-        // Only the delay between the starts counts, up to where one starts after the other landed.
+        // Only the delay between the starts counts, up to the delay at which one starts after the
+        // other landed.
         let offset = (start_a.delay + n_steps[0]).saturating_sub(start_b.delay);
         let offset = offset.min(n_steps[0] + n_steps[1]);
         let left = &mut self.n_comparisons_left;
@@ -274,7 +278,7 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step, or that of the last step after the end of the plan.
+    /// The place at a step, or at the last step after the end of the plan.
     fn place(&self, step: usize) -> Place {
         self.places[step.min(self.places.len() - 1)]
     }
@@ -382,10 +386,10 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     (0..a.places.len().max(b.places.len())).filter_map(approach).min_by(Approach::compare)
 }
 
-/// The moment of least difference in height of two plans while both fly and one is within
-/// [`MIN_HORIZONTAL_M`] of the axis of the other's downwash. `None` without such a moment. The
-/// drone of the first plan is `vertical_m` above the other one.
-pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
+/// Returns the moment of least difference in height of two plans while both drones fly and one of
+/// them is within [`MIN_HORIZONTAL_M`] of the axis of the other's downwash. `None` without such a
+/// moment. The drone of the first plan is `vertical_m` above the other one.
+pub fn downwash_approach(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().min(b.duration_s());
     let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));
     let approaches = times_s.take_while(|time_s| *time_s <= end_s).filter_map(|time_s| {

@@ -39,7 +39,9 @@ mod team;
 pub mod tracking;
 mod transit;
 
-pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet, wake};
+pub use fleet::{
+    Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, downwash_approach, fleet,
+};
 pub use infer_lights::infer_lights;
 pub use lamp::LampTiming;
 pub use light_letters::light_letters;

@@ -197,7 +197,8 @@ impl PySessions {
         let (flights, columns) = (self.all(), PyDict::new(py));
         let sessions: Vec<_> = flights.iter().map(|flight| flight.session.as_ref()).collect();
         // State and reference where a command is awaited, `None` after the landing.
-        let awaiting: Vec<_> = sessions.iter().map(|s| s.and_then(Session::waits)).collect();
+        let awaiting: Vec<_> =
+            sessions.iter().map(|s| s.and_then(Session::command_inputs)).collect();
         let numbers: [(&str, usize, Vec<f64>); 5] = [
             ("state", 12, awaiting.iter().flat_map(|w| w.map_or([0.0; 12], |(x, _)| x)).collect()),
             (
@@ -206,7 +207,7 @@ impl PySessions {
                 awaiting.iter().flat_map(|w| w.map_or([0.0; 9], |(_, r)| r)).collect(),
             ),
             ("position_m", 3, vectors(&sessions, Session::position_m)),
-            ("design_m", 3, vectors(&sessions, Session::design_m)),
+            ("design_m", 3, vectors(&sessions, Session::reference_m)),
             ("time_s", 1, sessions.iter().map(|s| s.map_or(0.0, Session::time_s)).collect()),
         ];
         for (name, n, values) in numbers {

@@ -53,7 +53,7 @@ impl Session {
     /// The state is position (m, world), yaw, pitch and roll (rad), velocity (m/s) and angular
     /// velocity (rad/s) in the body frame. The reference is position (m), velocity (m/s) and
     /// acceleration (m/s²) in the world.
-    pub fn waits(&self) -> Option<([f64; 12], [f64; 9])> {
+    pub fn command_inputs(&self) -> Option<([f64; 12], [f64; 9])> {
         (!self.has_landed).then(|| {
             let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
                 self.rig.avionics.design(&self.plan, self.time_s());
@@ -74,7 +74,7 @@ impl Session {
     }
 
     /// Reference position, m.
-    pub fn design_m(&self) -> [f64; 3] {
+    pub fn reference_m(&self) -> [f64; 3] {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
 
@@ -135,12 +135,12 @@ mod tests {
         let flight = flown(&plan, &options, 1).unwrap();
         let mut session = Session::new(plan, &drone, |_| {}).unwrap();
         for sample in &flight.samples {
-            let (state, design) = session.waits().unwrap();
+            let (state, design) = session.command_inputs().unwrap();
             assert_eq!(design, [0.1, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
             assert!((state[2] - sample.estimate_m.z).abs() < 1e-6);
             session.command(sample.motors).unwrap();
         }
-        assert_eq!(session.waits(), None, "landed");
+        assert_eq!(session.command_inputs(), None, "landed");
         let again = session.finish();
         let pairs = flight.samples.iter().zip(&again.samples);
         let apart_m = pairs.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
@@ -155,7 +155,7 @@ mod tests {
             Session::new(hover(PLACE_M, 0.1), &Drone::new(&options, 1), |_| {}).unwrap();
         session.command([f64::NAN, 1e9, -1.0, 5.0]).unwrap();
         let mut n = 1;
-        while session.waits().is_some() {
+        while session.command_inputs().is_some() {
             session.command([4e4; 4]).unwrap();
             n += 1;
         }

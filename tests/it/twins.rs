@@ -18,7 +18,7 @@ fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
         intensity_cd: 1.8,
         rgb,
         beam_exponent: 1.0,
-        spill: 0.05,
+        isotropic_fraction: 0.05,
         visible_cos: -1.0,
         diameter_m: 0.003,
         depth_m: None,

@@ -6,7 +6,7 @@ use super::{COLOR_LED_COLORS, RING_COLORS};
 /// row of the emitter table ([`super::Fixture::parameter`]).
 #[derive(Debug, PartialEq)]
 pub struct Channel {
-    /// Its name, and that of its column in a plan.
+    /// Name of the channel and of its column in a plan.
     pub name: &'static str,
     /// The firmware parameter that it sets.
     pub parameter: &'static str,

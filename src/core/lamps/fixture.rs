@@ -17,12 +17,12 @@ settings! {
         position_body_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Axis of its beam, in the body frame.
         axis_body: [f64; 3] = [1.0, 0.0, 0.0], in -1e3..=1e3;
-        /// Light-emitting dies: one, or several of different colors with drives of their own.
+        /// Light-emitting dies: one, or several of different colors with separate drives.
         dies: Vec<Die> = vec![Die::default()];
         /// Exponent m of the beam shape: intensity falls as cosᵐ of the angle off axis. 1 is a
         /// Lambertian lamp.
         beam_exponent: f64 = 1.0, in 0.0..=1000.0;
-        /// Share of the intensity on the axis that the package spills evenly in all directions.
+        /// Isotropic fraction: intensity in all directions relative to that on the axis.
         spill: f64 = 0.0, in 0.0..=1.0;
         /// Cosine of the angle off axis beyond which the body hides the lamp: −1 for nowhere, 0
         /// beyond a right angle.
@@ -38,7 +38,7 @@ settings! {
         /// `led.c`.
         bitmask_bit: Option<u8> = None, in 0.0..=6.0;
         /// Firmware parameter of its light channel, such as `deckled.level`. Lamps of Bitcraze's
-        /// decks have their own.
+        /// decks have fixed parameters.
         parameter: Option<String> = None;
         /// Value of that parameter at full level, or 1 for a switch.
         parameter_max: u32 = 1, in 1.0..=4_294_967_295.0;
@@ -70,7 +70,7 @@ pub enum Drive {
         /// Start of the first flash.
         phase_s: f64,
     },
-    /// Random flashes too short to tell apart: the mean level of every 0.1 s is their number.
+    /// Random flashes too short to be distinguished: the mean level of every 0.1 s is their number.
     Flicker {
         /// Mean number of flashes per second.
         flashes_hz: f64,
@@ -158,8 +158,8 @@ impl Fixture {
             }
             None => ("no parameter: nothing commands this lamp", "set drive.command"),
             Some(channel) if Channel::named(channel).is_some() => (
-                "no parameter: the channel is that of a deck",
-                "give the lamp a channel of its own: drive.command",
+                "no parameter: the channel belongs to a deck",
+                "give the lamp a separate channel: drive.command",
             ),
             Some(_) => return Ok(()),
         };

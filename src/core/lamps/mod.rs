@@ -12,7 +12,8 @@ pub use tables::Deck;
 
 /// Channels of a plan for the color of the ring.
 pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];
-/// Channels of a plan for the color of the color LED deck. Without them it is that of the letter.
+/// Channels of a plan for the color of the color LED deck. Without them it is the color of the
+/// letter.
 pub const COLOR_LED_COLORS: [&str; 4] =
     ["color-led.white", "color-led.red", "color-led.green", "color-led.blue"];
 

@@ -54,7 +54,7 @@ const BLUE: [f64; 2] = [0.132, 0.049];
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
-/// White of the headlights: that of the team's photograph where it does not clip.
+/// White of the headlights: that of the unclipped parts of the team's photograph.
 const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 
 /// The LEDs on the board of a Crazyflie 2.x, which plans do not control but pictures show.
@@ -64,9 +64,9 @@ const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 /// `ledseq.c` at 016e1e7). Link LED at the front left (M4), red for every packet sent
 /// (`radiolinkSyslinkDispatch`, `radiolink.c`), for a tick of 1 ms that its timer cuts short
 /// (`seq_linkup_def` and `runLedseq`, `ledseq.c`), so half of it in the mean. The reference
-/// flight's log of 38 variables in seven blocks, at 10 ms where the radio keeps up, holds 279
-/// packets a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's
-/// photograph, which shows no green for the packets received.
+/// flight's log of 38 variables in seven blocks, at 10 ms if the radio keeps up, holds 279 packets
+/// a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's photograph,
+/// which shows no green for the packets received.
 ///
 /// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class: the light that a small
 /// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on
@@ -114,7 +114,7 @@ pub fn crazyflie() -> Vec<Fixture> {
 ///
 /// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
 /// each red one, 13 to 15 mm farther from the middle of the drone. Blue is unclipped there, at 0.7
-/// of saturation, where the main strand clips green, too. The propeller, a centimeter higher up, is
+/// of saturation. In the main strand green clips, too. The propeller, a centimeter higher up, is
 /// assumed to reflect it. The body is the motor, its mount and the arm around the LED.
 fn lit_by(
     led: &Fixture,
@@ -149,9 +149,9 @@ fn lit_by(
 /// From the side the white packages of the ring's LEDs glow. In a public photograph of a flower
 /// (docs/photograph.md) strokes are ribbons with brighter edges, as wide as the ring when the drone
 /// climbs. They have 5 to 30 times the light of a power LED of the board beside them (a JPEG of 510
-/// px is no more exact): an isotropic fraction of 0.15 makes it 5. From above the deck hides them:
-/// the team's camera, 16° and more above the letters, saw only the glow on the floor of a ring that
-/// swings by 4°.
+/// px is not more exact). With an isotropic fraction of 0.15 the ratio is 5. From above the deck
+/// hides them: the team's camera, 16° and more above the letters, saw only the glow on the floor of
+/// a ring that swings by 4°.
 pub fn led_ring() -> Vec<Fixture> {
     // Both headlights, the LEDs of the ring, and the parts of the body that the headlights light.
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];

@@ -57,7 +57,7 @@ pub(super) fn reduced(
             simplified(&smooth(line, size / POINTS, BEND * roughness), FLATNESS * BEND * roughness);
     }
     let dropped_fraction = if total > 0.0 { dropped / total } else { 0.0 };
-    Ok((lines, LeftOut { strokes: short.len(), share: dropped_fraction }))
+    Ok((lines, LeftOut { strokes: short.len(), length_fraction: dropped_fraction }))
 }
 
 /// The lines, with those joined that continue each other in one color over less than `gap`.
@@ -134,7 +134,9 @@ mod tests {
         let ends: Vec<_> = some.iter().map(|(line, _)| (line[0], line[line.len() - 1])).collect();
         assert_eq!(ends, [([0.0, 0.0], [100.0, 0.0]), ([41.0, 0.5], [41.0, 50.0])]);
         let whole = 40.0 + 1.0 + 59.0 + 49.5 + 2.0;
-        assert!(left_out.strokes == 1 && (left_out.share - 2.0 / (whole - 1.0)).abs() < 1e-12);
+        assert!(
+            left_out.strokes == 1 && (left_out.length_fraction - 2.0 / (whole - 1.0)).abs() < 1e-12
+        );
         let (few, left_out) = reduced(lines, 0.0, 400.0, "a").unwrap();
         assert_eq!((few.len(), left_out.strokes), (1, 2), "the longest stays");
     }

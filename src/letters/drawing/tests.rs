@@ -272,7 +272,7 @@ fn an_svg_with_less_detail_has_fewer_strokes() {
         [1.0, 0.5].map(|detail| drawn("a.svg", &svg(body), &with_detail(detail)).unwrap());
     assert_eq!((all.n_strokes(), all.left_out.strokes), (3, 0));
     assert_eq!((some.n_strokes(), some.left_out.strokes), (1, 1));
-    assert!((some.left_out.share - 4.0 / 203.0).abs() < 1e-3, "{:?}", some.left_out);
+    assert!((some.left_out.length_fraction - 4.0 / 203.0).abs() < 1e-3, "{:?}", some.left_out);
 }
 
 #[test]

@@ -75,8 +75,8 @@ fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     ends
 }
 
-/// Adds up the light of all records on a band: each color in `tiles`, which are then counted into
-/// the band's rows of the three planes.
+/// Adds up the light of all records on a band. Each color is summed in `tiles`, which are then
+/// counted into the band's rows of the three planes.
 #[inline(always)]
 fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
     let counts_per_lx_s = latent.counts_per_lx_s();

@@ -265,7 +265,7 @@ impl<'a> Floor<'a> {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
             let (on, point_m) = self.room.intersection(ray)?;
-            // The exposure of the sensor over that of the surface: ρ τ cos⁴ / (4 N²).
+            // Exposure of the sensor relative to the surface: ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
             let n = camera.f_number;
             let reflected = self.room.surfaces[on].albedo * camera.transmission / (4.0 * n * n);
@@ -308,8 +308,9 @@ impl<'a> Floor<'a> {
         Some([nw?, ne?, sw?, se?])
     }
 
-    /// Appends an even square to `squares`, divides any other, and drops dark ones. `middle` is the
-    /// exposure in its middle, and `feet_px` are points below sources that may be under it.
+    /// Appends an even square to `squares`, divides any other square, and drops dark squares.
+    /// `middle` is the exposure in its middle, and `feet_px` are points below sources that may be
+    /// under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se], .. } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);

@@ -60,7 +60,7 @@ impl Gpu {
         }))
         .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
 
-        // This handler receives errors of later calls. The first one names the cause.
+        // This handler receives errors of later calls. The first error names the cause.
         let first_error = Arc::new(Mutex::new(None));
         let handler_error = Arc::clone(&first_error);
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
@@ -181,7 +181,7 @@ impl Gpu {
             // If the receiver is gone, an error has been reported already.
             let _ = sender.send(mapped);
         });
-        // The handler's error names the cause. The others are consequences.
+        // The handler's error names the cause. Later errors are consequences.
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         if let Some(first_error) = self.first_error.lock().ok().and_then(|mut e| e.take()) {
             return Err(self.fail(first_error));

@@ -1,7 +1,8 @@
 //! Parts of records on the lit tiles of a picture, in chunks for a graphics device.
 //!
 //! A workgroup of the shader is a tile and goes through all parts on it, so that no two threads add
-//! to one pixel. The curves of the records are drawn here, while the device adds up earlier ones.
+//! to one pixel. The curves of the records are drawn here, while the device adds up earlier
+//! records.
 
 use std::ops::Range;
 
@@ -34,7 +35,7 @@ pub(super) struct Part {
 /// Work for one submission to the device.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
-    /// Parts, each with the index of its tile among the lit ones.
+    /// Parts, each with the index of its tile among the lit tiles.
     pub(super) parts: Vec<(usize, Part)>,
     pub(super) curves: Vec<[u32; SPOTS]>,
 }
@@ -59,7 +60,7 @@ fn tiles(pixels: Range<u32>) -> Range<usize> {
 }
 
 /// Calls `send` with the records of a color in chunks: their curves, and their parts on the tiles
-/// in `lit`, which are the ones to be drawn.
+/// in `lit`, which are drawn.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,
@@ -68,7 +69,7 @@ pub(super) fn chunks(
 ) {
     let [width, height] = latent.size_px;
     let across = width.div_ceil(TILE_PX) as usize;
-    // Index of each tile of the picture among the lit ones.
+    // Index of each tile of the picture among the lit tiles.
     let mut slots = vec![None; across * height.div_ceil(TILE_PX) as usize];
     lit.iter().enumerate().for_each(|(slot, &tile)| slots[tile] = Some(slot));
 
@@ -98,7 +99,7 @@ pub(super) fn chunks(
     }
 }
 
-/// Returns the part of a record on a tile, whose index among the lit ones is `slot`. `along` and
+/// Returns the part of a record on a tile, whose index among the lit tiles is `slot`. `along` and
 /// `across` are the starts of the record's curves.
 #[expect(clippy::cast_possible_truncation, reason = "tiles have fewer than 2^32 pixels")]
 fn part(

@@ -47,9 +47,9 @@ impl Segment {
     }
 }
 
-/// Relative error of brightness and of spot width for each pixel of tolerance. A smaller one makes
-/// more segments of a changing light. At 1, the error of a ramp would be ten times that of
-/// position.
+/// Relative error of brightness and of spot width for each pixel of tolerance. A smaller value
+/// makes more segments of a changing light. At 1, the error of a ramp would be ten times the error
+/// of position.
 const UNEVENNESS: f64 = 0.2;
 
 /// Largest change of half the width or height of a rectangle for each pixel of tolerance. Such a
@@ -57,8 +57,8 @@ const UNEVENNESS: f64 = 0.2;
 /// stroke.
 const HALF_SLACK: f64 = 4.0;
 
-/// Merges the intervals of one lamp and appends the segments. Their light is that of the brightest
-/// channel: `fraction` times the lamp's. A `tolerance_px` of 0 merges nothing.
+/// Merges the intervals of one lamp and appends the segments. Their light is the brightest
+/// channel's, which is `fraction` times the lamp's. A `tolerance_px` of 0 merges nothing.
 ///
 /// Every skipped sample is within `tolerance_px` of the position of its segment at that time, and
 /// its brightness and spot width are within [`UNEVENNESS`] of the segment's.
@@ -219,7 +219,8 @@ mod tests {
             for segment in &segments {
                 let [start, end] = segment.ends_px;
                 assert_eq!(intervals[first].at_px[0], start, "segments follow each other");
-                // The pause ends where it begins: take the last interval that fits the light.
+                // The pause ends at the position where it begins: take the last interval that fits
+                // the light.
                 let mut light = 0.0;
                 let mut last = first;
                 while light < segment.light_lx_s - 1e-9 {

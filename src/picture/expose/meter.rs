@@ -201,7 +201,7 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
-/// Number of segments of a trail above which successive ones at the same point are joined.
+/// Number of segments of a trail above which successive segments at the same point are joined.
 const MANY: usize = 20_000;
 
 /// Distance, in σ of the spot, within which segments are at the same point.
@@ -399,7 +399,7 @@ mod tests {
             project::intervals(&lamp, &camera).next().unwrap().sigma_px * camera.pixel_pitch_m();
         let metered =
             meter(&LightTrace::made(LightTraceData { lamps: vec![lamp] }), &camera).unwrap();
-        // The Gaussian's peak is that of a trail of even brightness, √(2π) σ wide.
+        // A trail of even brightness, √(2π) σ wide, has the same peak as the Gaussian.
         let width_m = std::f64::consts::TAU.sqrt() * sigma_m;
         let wanted = trail_exposure_lx_s(1.8, &camera, 3.0, 0.2, width_m);
         let wanted = libm::log2(wanted / camera.saturation_lx_s());

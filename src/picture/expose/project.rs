@@ -5,7 +5,7 @@
 //! and all of it falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
 //! spot, is called light here, in lx px².
 //!
-//! A small lamp is a disc that faces the camera: it widens the Gaussian of the lens. A cylinder,
+//! A small lamp is a disc that faces the camera and widens the Gaussian of the lens. A cylinder,
 //! such as a diffuser, is a rectangle as wide and as high as the box around it, which is blurred.
 
 use glam::DVec2;
@@ -24,7 +24,7 @@ pub(super) const NEAREST_M: f64 = 0.1;
 /// differs by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), hence curves are divided by their sums.
 pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
-/// Width of the widest spot. Wider ones are drawn this wide, with all their light.
+/// Width of the widest spot. Wider spots are drawn this wide, with all their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;
 
 /// Greatest distance of a spot from the corner of the picture, for the precision of differences.

@@ -18,7 +18,7 @@ pub(super) const SPOTS: usize = 4;
 /// this radius the spot has 3.7e-6 of its peak.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Bound on the peak of a spot over that of its Gaussian, once the sum is corrected: for those
+/// Bound on the peak of a spot relative to its Gaussian, after the sum is corrected: for spots
 /// narrower than 0.85 px, and for others.
 const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 const NARROW_SIGMA_PX: f64 = 0.85;

@@ -63,7 +63,8 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
             // Axes are grouped by their coordinates, rounded to halves. An isotropic lamp has none.
             let scale = if emitter.is_isotropic() { 0.0 } else { 2.0 };
             let [x, y, z] = axis.map(|value| (scale * value).round()).into();
-            let key = [emitter.beam_exponent, emitter.spill, emitter.visible_cos, x, y, z];
+            let key =
+                [emitter.beam_exponent, emitter.isotropic_fraction, emitter.visible_cos, x, y, z];
             match groups.iter_mut().rev().find(|(_, other, _)| *other == key) {
                 Some((.., sources)) => sources.push(source),
                 None => groups.push((emitter, key, vec![source])),
@@ -163,7 +164,7 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     intensity_cd: 1.0,
     rgb: [1.0; 3],
     beam_exponent: 1.0,
-    spill: 0.0,
+    isotropic_fraction: 0.0,
     visible_cos: 0.0,
     diameter_m: PATCH_M,
     depth_m: None,
@@ -318,7 +319,7 @@ mod tests {
         });
         trace.edit(|trace| {
             let lamp = &mut trace.lamps[0];
-            (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.05, -0.5);
+            (lamp.emitter.isotropic_fraction, lamp.emitter.visible_cos) = (0.05, -0.5);
             lamp.samples = samples.collect();
         });
         let trees = trees(&trace, &looking_down(), 0.0);

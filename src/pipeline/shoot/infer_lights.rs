@@ -12,7 +12,7 @@ use noctograph_plan::infer_lights;
 
 impl Shoot {
     /// Prepares the photograph of a flight, a log or a light trace, and returns the log's warnings
-    /// with it. A log without lights gets those of the scene's word, or light from take-off to
+    /// with it. A log without lights gets the lights of the scene's word, or light from take-off to
     /// landing.
     ///
     /// # Errors
@@ -24,13 +24,13 @@ impl Shoot {
         let Warned { product: mut recording, mut warnings } = Recording::read(path, &options)?;
         if let Recording::Flight(flight) = &mut recording {
             if let Some(preset) = infer_lights_if_dark(flight, &mut scene)? {
-                let message = format!("the letters are those of {}", preset.name());
+                let message = format!("the letters are taken from {}", preset.name());
                 warnings.push(Diagnostic::warning("log", message));
             }
             if flight.lights.is_empty() {
                 // Without a word in the scene, this is what the user asked for.
                 if scene.has_strokes() {
-                    let message = "lit all along: no setpoints tell where the lights were on";
+                    let message = "lit throughout: no setpoints show where the lights were on";
                     warnings.push(Diagnostic::warning("log", message));
                 }
                 light_while_airborne(flight, &scene);

@@ -30,7 +30,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
         "lamps so dim or flights so long that the room would fog the picture",
     ),
     ("camera.dots_per_inch", "the size of the print, in the photo's file"),
-    ("camera.shutter_close_s", "nothing, where it is the end of the flight"),
+    ("camera.shutter_close_s", "nothing at the end of the flight"),
 ];
 
 /// A scene and its products or their errors, each made when it is first needed.

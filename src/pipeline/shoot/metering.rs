@@ -42,7 +42,8 @@ pub struct Metered {
     /// Exposure of the room, in stops over saturation. `None` if it is dark.
     pub room_stops: Option<f64>,
     /// True if the trail is darker than wanted by more than a stop, to keep the room dark.
-    pub gave_way: bool,
+    #[serde(rename = "gave_way")]
+    pub keeps_room_dark: bool,
     /// Whole stops of a neutral filter that the exposure needs besides the smallest aperture and
     /// the least sensitivity.
     pub filter_stops: u32,
@@ -84,8 +85,8 @@ pub(super) fn metered(
     Some(metered)
 }
 
-/// Meters the light by the targets of the scene's metering, or by the default ones if it has none.
-/// `None` if it is dark.
+/// Meters the light by the targets of the scene's metering, or by the default targets if it has
+/// none. `None` if it is dark.
 pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,
@@ -106,7 +107,8 @@ pub fn recommended(
     let trail_stops = brightest.median_stops;
     let room_stops = photo.ambient_stops(&camera);
     let channel_stops = color_stops(trace, &camera, &brightest.name);
-    let (stops, gave_way) = correction_stops(&targets, channel_stops, trail_stops, room_stops);
+    let (stops, keeps_room_dark) =
+        correction_stops(&targets, channel_stops, trail_stops, room_stops);
     let (f_number, iso) = settings(options, &camera, stops);
     // Settings have steps and limits. A filter removes what they expose too much.
     let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
@@ -119,7 +121,7 @@ pub fn recommended(
         iso,
         trail_stops: trail_stops + set_stops,
         room_stops: room_stops.map(|room_stops| room_stops + set_stops),
-        gave_way: gave_way && excess_stops < 0.5,
+        keeps_room_dark: keeps_room_dark && excess_stops < 0.5,
         #[expect(clippy::cast_possible_truncation, reason = "a few stops")]
         filter_stops: excess_stops.max(0.0).round() as u32,
         longest_s: fixed.map(|lens| lens.longest_s).filter(|longest_s| *longest_s < open_s),
@@ -127,8 +129,8 @@ pub fn recommended(
 }
 
 /// Returns the stops by which the exposure must change to reach the targets, and true if the trail
-/// is darker than wanted, to keep the room dark. `channel_stops` are those of the strongest channel
-/// of colored light, and of white light.
+/// is darker than wanted, to keep the room dark. `channel_stops` belong to the strongest channel of
+/// colored light, and to white light.
 fn correction_stops(
     targets: &TrailMetering,
     channel_stops: [Option<f64>; 2],
@@ -229,10 +231,10 @@ mod tests {
     fn a_short_trail_is_a_stop_over_and_a_long_exposure_leaves_the_room_dark() {
         let (camera, short) = pass(SIDE_CD, 30.0, |_| {});
         let short = short.unwrap();
-        assert!((short.trail_stops - 1.0).abs() < 0.2 && !short.gave_way, "{short:?}");
+        assert!((short.trail_stops - 1.0).abs() < 0.2 && !short.keeps_room_dark, "{short:?}");
         assert_eq!((camera.f_number, camera.iso), (short.f_number, short.iso));
         let long = pass(SIDE_CD, 300.0, |_| {}).1.unwrap();
-        assert!(long.gave_way && long.f_number > short.f_number, "{long:?}");
+        assert!(long.keeps_room_dark && long.f_number > short.f_number, "{long:?}");
         assert!((long.room_stops.unwrap() + 7.0).abs() < 0.25, "{long:?}");
         // In an hour no room stays dark: the trail is kept.
         let hour = pass(SIDE_CD, 3600.0, |_| {}).1.unwrap();

@@ -32,7 +32,7 @@ use noctograph_logs::{self as logs, ImportOptions};
 use noctograph_picture::expose::{BackendChoice, Developer};
 use noctograph_picture::light::csv::{is_light_trace, read as read_light};
 use noctograph_picture::light::{LightOptions, LightTrace};
-use noctograph_plan::{Approach, Plan, wake};
+use noctograph_plan::{Approach, Plan, downwash_approach};
 use noctograph_score::{Reader, is_judged};
 use noctograph_sim::vehicle::Downwash;
 use noctograph_sim::{Avionics, Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
@@ -266,7 +266,7 @@ impl Shoot {
     pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
         let counts = recordings.iter().map(|recording| match recording {
             Recording::Flight(flight) => flight.samples.len(),
-            // A sample of light has a fourth of the size of a flight's sample.
+            // A sample of light is a fourth as large as a flight's sample.
             Recording::Light(trace) => {
                 trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
             }
@@ -324,7 +324,7 @@ impl Shoot {
         let n = self.plans.len();
         let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
         let pairs = pairs.filter_map(|[a, b]| {
-            let nearest = wake(&self.plans[a].plan, &self.plans[b].plan)?;
+            let nearest = downwash_approach(&self.plans[a].plan, &self.plans[b].plan)?;
             Some((if nearest.vertical_m < 0.0 { [b, a] } else { [a, b] }, nearest))
         });
         pairs.collect()

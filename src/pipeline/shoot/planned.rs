@@ -233,7 +233,7 @@ mod tests {
         for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
             let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
             scene.plan.lights = vec![lamp.to_owned()];
-            // The drone trails positions by some 0.3 s: so does the light.
+            // The drone trails positions by about 0.3 s, and so does the light.
             scene.plan.reference = ReferenceKind::Design;
             scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 255, 0], [0, 0, 0, 255]];
             let plan = plan(&scene, &noor()).unwrap().swap_remove(0).plan;

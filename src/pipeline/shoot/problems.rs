@@ -329,7 +329,7 @@ mod tests {
             intensity_cd: 1.0,
             rgb: [1.0; 3],
             beam_exponent: 0.0,
-            spill: 0.0,
+            isotropic_fraction: 0.0,
             visible_cos: -1.0,
             diameter_m: 0.005,
             depth_m: None,

@@ -349,7 +349,7 @@ interface Suggestion {
   /** Increase of the probability that the word is read. */
   gain: number;
   /** The changes in words. */
-  said: Message;
+  message: Message;
   /** The keys with their values. */
   set: Change[];
 }

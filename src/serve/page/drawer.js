@@ -345,11 +345,11 @@ function ofShot() {
 }
 
 /** @param {Suggestion} remedy */
-function remedy({ gain, set, said }) {
+function remedy({ gain, set, message }) {
   const button = make(
     "button",
     { type: "button", className: "second" },
-    sentence("advice", said),
+    sentence("advice", message),
     make("small", {}, t("gain", { percent: Math.round(100 * gain) })),
   );
   button.onclick = () => {

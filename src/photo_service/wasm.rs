@@ -52,7 +52,7 @@ extern "C" fn base() -> usize {
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
-    // The user of such a page is both host and visitor.
+    // The user of a page without a server is both host and visitor.
     let about = About {
         host: Host { role: Role::Visitor, boot: "", brand: &Brand::default(), network: false },
         alone: true,
