@@ -1,10 +1,10 @@
 //! What an exposure costs, part by part: 40 s at 1 kHz on 1920×1080, spots of 1.6 px; and the floor's
 //! glow under NOOR as the default scene flies it.
 //!
-//! The way is that of the word NOOR where `NOCTOGRAPH_BENCH_CSV` names a light trace
-//! (`t,x,y,z,r,g,b`), else a figure of the same length and speed. What the machine could do at
-//! best: 0.35 ms of arithmetic unmerged on one core and 1.4 ms to clear and read the picture. Goals:
-//! the splat on one core in 2 ms merged, 7 ms unmerged.
+//! The path is the word NOOR if `NOCTOGRAPH_BENCH_CSV` names a light trace (`t,x,y,z,r,g,b`), else
+//! a figure of the same length and speed. What the machine could do at best: 0.35 ms of arithmetic
+//! unmerged on one core and 1.4 ms to clear and read the picture. Goals: the splat on one core in 2
+//! ms merged, 7 ms unmerged.
 //!
 //! Processor time here, before and after lamps of one color shared a plane and curves were drawn in
 //! registers, side by side on a busy machine: splat merged 1.9 and 1.5 ms, unmerged 12.8 and 5.7 ms;

@@ -33,7 +33,7 @@ fn everything() -> SimOptions {
     options
 }
 
-/// Processor time of this thread, where the system reports it.
+/// Processor time of this thread, if the system reports it.
 fn processor_time() -> Option<Duration> {
     let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     line.split(' ').next()?.parse().ok().map(Duration::from_nanos)

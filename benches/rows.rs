@@ -74,8 +74,8 @@ fn run(words: &str) {
     black_box(report_of(&words).expect("the verb runs"));
 }
 
-/// Largest memory of a process of its own that previews, in MB; `None` where the system does not
-/// tell it.
+/// Peak memory of a separate process that runs `preview`, in MB. `None` if the system does not
+/// report it.
 fn memory_mb(folder: &Path) -> Option<f64> {
     let program = std::env::current_exe().ok()?;
     let output = Command::new(program).arg("--memory-of-preview").arg(folder).output().ok()?;

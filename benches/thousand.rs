@@ -1,13 +1,13 @@
 //! A Monte Carlo: 1,000 flights of 40 s with the full stack, on two cores. Goal: 6 s, which is
 //! 12 ms of processor time a flight.
 //!
-//! `cargo bench --bench thousand`; a number after `--` flies so many instead. The full stack is the
-//! preset `cf21`: 1 kHz Runge–Kutta with rotor lag, drag, battery and ground effect, Lighthouse
-//! sweeps, inertial sensors at 1 kHz, regulator at 500 Hz, log at 250 Hz.
+//! `cargo bench --bench thousand`. A number after `--` sets the number of flights. The full stack
+//! is the preset `cf21`: 1 kHz Runge–Kutta with rotor lag, drag, battery and ground effect,
+//! Lighthouse sweeps, inertial sensors at 1 kHz, regulator at 500 Hz, log at 250 Hz.
 //!
-//! Measured in November 2026 on two busy cores with AVX-512 (load 12): 19 ms a flight (sweeps, EKF),
-//! 14 ms (beams, observer). Drones that shared the widest registers took 0.67 to 0.85 of that, which
-//! saved 3 % of a study and was not worth its code.
+//! Measured in November 2026 on two busy cores with AVX-512 (load 12): 19 ms a flight (sweeps,
+//! EKF), 14 ms (beams, observer). Drones that shared the widest registers took 0.67 to 0.85 of that
+//! time. This saved 3 % of a study and was not worth its code.
 
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]
@@ -45,7 +45,7 @@ fn full(positioning: Positioning, estimator: EstimatorKind) -> SimOptions {
     options
 }
 
-/// Processor time of this thread; wall time where the system does not report it.
+/// Processor time of this thread, or wall time if the system does not report it.
 fn processor_time(since: Instant) -> Duration {
     let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let ns = line.and_then(|line| line.split(' ').next()?.parse().ok());

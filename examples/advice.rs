@@ -68,7 +68,7 @@ fn main() -> Outcome<()> {
             let mut scene = Scene::parse_with("", "scene", &set)?;
             scene.seed = (10 * number + place) as u64;
             let found = match Shoot::new(scene.clone()).and_then(|shoot| remedies(&shoot)) {
-                // Without a photograph there is no advice but the error's own.
+                // Without a photograph the only advice is the error's.
                 Err(Error::Infeasible { what, .. }) => {
                     silent += 1;
                     rows.push(format!("| {fault} | {word} | 0.00 | none: {what} | | |"));
@@ -78,7 +78,7 @@ fn main() -> Outcome<()> {
             };
             let Some(first) = found.first() else {
                 let before = mean(&scene)?;
-                // A word that reads needs no advice.
+                // A legible word needs no advice.
                 silent += usize::from(before < 0.5);
                 rows.push(format!("| {fault} | {word} | {before:.2} | none | | |"));
                 continue;
@@ -104,7 +104,7 @@ fn print_out(rows: &[String], [rose, fell, silent]: [usize; 3]) {
     println!("|---|---|---|---|---|---|");
     rows.iter().for_each(|row| println!("{row}"));
     println!(
-        "\n{} scenes: rose in {rose}, fell in {fell}, no advice in {silent} that do not read.",
+        "\n{} scenes: rose in {rose}, fell in {fell}, no advice in {silent} that are illegible.",
         rows.len()
     );
 }

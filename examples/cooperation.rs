@@ -1,4 +1,5 @@
-//! What drones that share three anchors reach: the tables of docs/cooperative.md, and its pictures.
+//! Makes the tables and pictures of docs/cooperative.md: the errors of drones that share three
+//! anchors.
 //!
 //! ```sh
 //! cargo run --release --example cooperation -- setups 64     # who measures what, 64 flights each
@@ -51,7 +52,7 @@ const SETUPS: [Setup; 8] = [
 /// An estimate that is farther from the truth at some time belongs to a filter that went astray.
 const ASTRAY_M: f64 = 0.5;
 
-/// What one flight of a fleet came to.
+/// Result of a flight of a fleet.
 #[derive(Default)]
 struct Flown {
     /// Whether a drone was lost, or a filter went astray.
@@ -106,7 +107,7 @@ fn heading(what: &str, n_flights: &str) -> String {
 }
 
 /// Prints the row of a table: error, bound and consistency of the flights whose filters did not go
-/// astray, how many did, and how many photos read.
+/// astray, how many did, and how many photos are legible.
 fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome<()> {
     let shoot = shoot(scene, set)?;
     let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();

@@ -92,7 +92,7 @@ fn characters() -> Outcome<()> {
                         continue;
                     }
                 };
-                // A font without lower case draws a capital: that was tried already.
+                // A font without lowercase letters draws a capital, which was tried already.
                 if verdict.word != character.to_string() {
                     continue;
                 }

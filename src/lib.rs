@@ -1,5 +1,5 @@
-//! Noctograph shows the long-exposure photograph of a drone's light painting before the flight,
-//! and says whether it reads.
+//! Noctograph shows the long-exposure photograph of a drone's light painting before the flight, and
+//! says whether the word is legible.
 //!
 //! # The road
 //!
@@ -48,15 +48,15 @@
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! `features` has no code: without it the tests of any one crate would build some thirty packages
-//! anew.
+//! `features` has no code. Without it, the tests of a single crate would rebuild about thirty
+//! packages.
 //!
 //! The crates are folders, not packages: fonts, shaders and goldens are at the top level, outside
 //! of them, which crates.io cannot have. A program that uses the library depends on the repository,
 //! as `examples/library` does.
 //!
 //! Rules beside these dependencies:
-//! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
+//! - `score` knows no plan, no flight and no light. Its inputs are a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed.
 //! - The world is in meters, f64 and nalgebra; the picture is in pixels: glam up to the segments of
 //!   `expose`, f32 in its records, integers after them. Each width changes in one function.

@@ -10,7 +10,7 @@ fn main() -> ExitCode {
         // Without that folder Mesa's device-select layer prints an error for each look at the
         // graphics devices; this switches the layer off.
         //
-        // SAFETY: no other thread runs yet that could read the environment meanwhile.
+        // SAFETY: no other thread is running that could read the environment.
         unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
     }
     cli::main().into()

@@ -274,8 +274,8 @@ fn planned(known: &Scene) -> Result<Shoot> {
     Ok(made[made.len() - 1].clone())
 }
 
-/// The flights of a shoot. The first ones, of clean words, are kept: faults of lamps and camera share
-/// them.
+/// The flights of a shoot. The first films, of clean words, are kept, because faults of lamps and
+/// camera use them.
 fn flown(known: &Scene, shoot: &Shoot) -> Result<Vec<Flight>> {
     type Flown = (Scene, Vec<Planned>, SimOptions, Vec<Flight>);
     static CLEAN: Mutex<Vec<Flown>> = Mutex::new(Vec::new());

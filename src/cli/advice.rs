@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};
 
-/// Keys of the scene with a flag of their own, and the flag's value name.
+/// Keys of the scene that have a flag, and the flag's value name.
 const OF_KEYS: [(&str, &str, &str); 8] = [
     ("expose.room_m", "--room", "WxDxH"),
     ("letters.font", "--font", "NAME"),
@@ -32,7 +32,7 @@ pub(super) fn mentioned(change: &Change) -> String {
 
 /// Writes changes of the scene as command-line arguments.
 pub(super) fn typed(changes: &[Change]) -> String {
-    // Width and height are one flag, --size. Any other key is a flag of its own or --set.
+    // Width and height are one flag, --size. Any other key becomes --set.
     if let [Change { key, value: Some(width) }, height] = changes
         && key == "camera.width_px"
     {
@@ -146,7 +146,7 @@ mod tests {
             .collect();
         for change in &changes {
             assert!(paths(Scene::SHAPE.settings()).contains(&*change.key), "{change}");
-            // Styles and decks have keys of their own.
+            // Styles and decks have different keys.
             let settings = [("plan.style", "even"), ("light.deck", "led-ring")];
             let value = change.value.as_deref().map(|value| (&*change.key, value));
             let settings: Vec<_> = settings.into_iter().chain(value).collect();

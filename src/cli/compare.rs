@@ -35,7 +35,7 @@ pub(super) struct CompareArgs {
     offset: Option<f64>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Position of B, where it differs from --position
+    /// Position of B, if it differs from --position
     #[arg(long, value_name = "SOURCE", hide_possible_values = true,
           value_parser = named::<PositionSource>())]
     position_b: Option<PositionSource>,
@@ -187,7 +187,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
         true => ("A", [a, b_stamped]),
         false => ("B", [a_stamped, b]),
     };
-    let note = format!("{name} is the drone's log: the clock ratio is that of its clock alone");
+    let note = format!("{name} is the drone's log, so the clock ratio applies only to it");
     message("note: ", &note);
     Ok(flights)
 }
@@ -223,7 +223,7 @@ fn plots(
 
 /// Describes a cause of the difference, and what to change.
 fn in_words(cause: Discrepancy) -> (String, &'static str) {
-    // All are said of B, compared with A.
+    // All describe B, compared with A.
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),
@@ -249,7 +249,7 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
             "measure B's drone, and set the scene so: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (
-            format!("B shakes about its own path by {:.0} mm (RMS)", 1e3 * m),
+            format!("B shakes about its path by {:.0} mm (RMS)", 1e3 * m),
             "lower the gains, or check the propellers and the measured positions",
         ),
     }

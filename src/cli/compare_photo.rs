@@ -25,7 +25,7 @@ pub(super) struct ComparePhotoArgs {
     output: PathBuf,
 }
 
-/// Longest side of the compared photograph. A larger one is shrunk to it.
+/// Longest side of the compared photograph. A larger picture is shrunk to this size.
 const LONGEST_PX: u32 = 2048;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
@@ -77,7 +77,7 @@ FLIP      {mean_flip:.3}, mean difference over the render
 ///
 /// [`Error::Infeasible`] if the pictures do not show equally many letters.
 fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {
-    // Letters are paired by their order: both pictures show as many.
+    // Letters are paired by their order, because both pictures show the same number.
     if render.is_empty() || render.len() != photo.len() {
         return Err(Error::infeasible(
             format!(

@@ -28,7 +28,7 @@ pub(super) struct CoverageArgs {
     /// Word at the center of the map [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
-    /// The word, also where a file is called so
+    /// The word, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
     as_word: Option<String>,
     #[command(flatten)]

@@ -11,12 +11,12 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
-/// Time after which the driver is said to hang. A software driver on a busy machine needs a few
+/// Time after which the driver counts as hung. A software driver on a busy machine needs a few
 /// seconds to compile the shader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Fault if no process can be started. It is not cached.
-const UNTRIED: &str = "cannot be tried in a process of its own";
+const UNTRIED: &str = "cannot be tried in a separate process";
 
 /// Arguments of the process that tries the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];
@@ -42,7 +42,7 @@ const LISTS: [&str; 4] = [
 /// Folder of installed drivers on Windows, below `SystemRoot`.
 const DRIVER_STORE: &str = r"System32\DriverStore\FileRepository";
 
-/// The backend to expose on: with [`BackendChoice::Auto`], the processor in place of a driver that
+/// The backend to expose on. [`BackendChoice::Auto`] takes the processor in place of a driver that
 /// hangs or crashes.
 ///
 /// # Errors

@@ -104,7 +104,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         }
     }
     if deviation_m.is_some_and(|off_m| off_m > 2.0 * tolerance_m) {
-        warn(["the design jumps; plan with --style even for a smooth one"]);
+        warn(["the design jumps; plan with --style even for a smooth design"]);
     }
     Ok(Report::with_layout(product, EXPORTED).with_files(&paths))
 }
@@ -140,14 +140,14 @@ note      {note}
 deviation\tup to {deviation_mm:.1} mm from the design
 ";
 
-/// Refuses plans of an unknown room: their fence would be a guess.
+/// Refuses plans of an unknown room, because their fence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
     let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
     let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
     let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
                 `plan` and `preview` write that beside a plan";
-    let (actual, wanted) = ("a plan without a room", "the room that it is flown in");
+    let (actual, wanted) = ("a plan without a room", "the room of the flight");
     Err(Error::input(plan.display(), actual, wanted, hint))
 }
 

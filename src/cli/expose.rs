@@ -60,7 +60,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(bytes)?;
-    // A light trace needs no word, as it has its own colors.
+    // A light trace needs no word, because it contains its colors.
     if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
         let note = "the photo names no word: name one with --word, or after the photo in `score`";
         message("note: ", note);

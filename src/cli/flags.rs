@@ -16,7 +16,7 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Limit for the files of plans that fly together. A plan has some 6 MB per hour.
+/// Limit for the files of plans that fly together. A plan has about 6 MB per hour.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
@@ -101,7 +101,7 @@ impl SceneFlags {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
 
-    /// The scene that was named, or else that of a text, which `check` may refuse before any file
+    /// The named scene, or else the scene of a text. `check` may refuse the text before any file
     /// that it names is opened.
     pub(super) fn load_or(
         &self,
@@ -224,8 +224,8 @@ pub(super) struct SubjectFlags {
     /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
-    /// Word that the plans write, or the word itself where a file or folder is called so [default:
-    /// the scene's]
+    /// Word that the plans write, or the word itself if a file or folder has its name [default: the
+    /// scene's]
     #[arg(long, value_name = "WORD", conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
@@ -266,7 +266,7 @@ impl SubjectFlags {
             [] => {}
             [word] => {
                 if let Some(other) = self.word.as_ref().filter(|other| *other != word) {
-                    let hint = "name one of them; --word says what plans write";
+                    let hint = "name one of them; --word names the word that the plans write";
                     return Err(Error::input("--word", other, format!("{word}, or none"), hint));
                 }
                 typed_word(Some(word), self.word.as_ref())?;
@@ -429,8 +429,8 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     let written_m = strokes.glyphs.first().map_or(asked_m, |glyph| glyph.cell.cap_height_m);
     if let Some([width_m, height_m]) = canvas_m.filter(|_| written_m < 0.999 * asked_m) {
         warn([format!(
-            "letters of {asked_m} m do not fit letters.canvas_m, {width_m} x {height_m} m: they are \
-             {written_m:.2} m high"
+            "letters of {asked_m} m do not fit into letters.canvas_m of {width_m} x {height_m} \
+             m, so they are {written_m:.2} m high"
         )]);
     }
 }
@@ -464,7 +464,7 @@ pub(super) fn typed_word<'a>(
     if let (Some(word), None) = (argument, flag) {
         let is_there = Path::new(word).exists() && !Path::new(word).is_dir();
         if is_there || is_file_name(word) {
-            let what = if is_there { "the file" } else { "the name of a file that is not there," };
+            let what = if is_there { "the file" } else { "the name of a missing file," };
             return Err(no_word(word, format!("{what} {word}")));
         }
     }

@@ -102,7 +102,7 @@ impl FlightFlags {
     }
 
     /// Flights, logs or light traces that are photographed, one for each drone. A log without
-    /// lights has those of the scene's word, or is `lit` all along.
+    /// lights gets the lights of the scene's word, or is `lit` throughout.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
@@ -144,7 +144,8 @@ pub(super) fn infer_lights_if_dark(
     let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| {
         let hint = format!(
             "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
-             SCENE.toml`; style even flies strokes in another order, which only a log with lights tells",
+             SCENE.toml`; style even flies strokes in another order, which only a log with \
+             lights shows",
             shell_word(path),
             shell_word(scene.word.as_ref()),
         );

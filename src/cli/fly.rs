@@ -75,7 +75,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     Ok(Report::new(text, json).with_files(&files))
 }
 
-/// Converts the setpoints of a log to a plan, and warns of interpolated ones.
+/// Converts the setpoints of a log to a plan, and warns of interpolated setpoints.
 fn sent(log: &Flight) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {

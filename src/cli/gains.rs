@@ -16,8 +16,8 @@ use serde_json::{Value, json};
 pub(super) struct GainsArgs {
     #[command(flatten)]
     scene: SceneFlags,
-    /// Motor lag that the margins are computed for, in seconds [default: the vehicle's, or 0.072
-    /// where it has none]
+    /// Motor lag that the margins are computed for, in seconds [default: the vehicle's, or 0.072 if
+    /// it has none]
     #[arg(long, value_name = "S")]
     motor_lag: Option<f64>,
     /// Print Bryson's weights for the range of the motors as well
@@ -167,7 +167,7 @@ fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);
     let words = upper.map(|pole| match pole.im {
         0.0 => format!("{:.2}", pole.re),
-        // The imaginary part is zero in two decimals: two real poles.
+        // The imaginary part is zero in two decimals, as for two real poles.
         im if im < 0.005 => format!("{:.2}  {:.2}", pole.re, pole.re),
         im => format!("{:.2}±{im:.2}i", pole.re),
     });

@@ -32,7 +32,7 @@ pub(super) struct IdentifyArgs {
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
-    // A pendulum test and a log are independent: each may be given without the other.
+    // A pendulum test and a log are independent, so each may be given without the other.
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia_kg_m2 = swing
         .map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s))

@@ -26,8 +26,8 @@ pub(super) struct ImportArgs {
     /// scripts name their drones. Others are in a folder named after the drone, or have its name
     /// before the first - or _
     log: PathBuf,
-    /// Word that was flown: of a log without lights, its letters and the schedule of the headlights
-    /// are inferred from the setpoints (in the letters of the scene or of a preset)
+    /// Flown word, from which the letters and the headlights' schedule of a log without lights are
+    /// inferred by its setpoints (in the letters of the scene or of a preset)
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
@@ -44,7 +44,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     if args.log.is_dir() && !is_one_log(&args.log)? {
         if let Some(word) = &args.word {
             let hint = "import the log that writes it by itself";
-            return Err(Error::input("input", word, "no word for a folder of logs", hint));
+            return Err(Error::input("input", word, "a folder of logs, without a word", hint));
         }
         let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
         let scene = args.scene.load(&[], &[])?;

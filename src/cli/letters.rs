@@ -60,7 +60,7 @@ fn color(text: &str) -> Result<[u8; 4], String> {
     let color: svgtypes::Color =
         text.parse().map_err(|error: svgtypes::Error| format!("{wanted} ({error})"))?;
     if [color.red, color.green, color.blue] == [0; 3] {
-        return Err("black is no light: name the color that the lamp shall shine in".to_owned());
+        return Err("black is not a light: name the color of the lamp".to_owned());
     }
     Ok(color_led_wrgb([color.red, color.green, color.blue], LEVELS))
 }
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn black_is_no_color_of_a_lamp() {
         for black in ["black", "#000", "rgb(0, 0, 0)"] {
-            assert!(color(black).is_err_and(|error| error.contains("no light")), "{black}");
+            assert!(color(black).is_err_and(|error| error.contains("not a light")), "{black}");
         }
         assert!(color("red").is_ok_and(|[_, r, g, b]| r > 4 * g.max(b)), "{:?}", color("red"));
     }

@@ -200,8 +200,8 @@ impl Dated<'_> {
         Some([zero_s + first.time_s, zero_s + last.time_s])
     }
 
-    /// Seconds from the zero of another file to the zero of this one, if their timestamps overlap:
-    /// then they are of one clock.
+    /// Seconds from the zero of another file to the zero of this file. `None` unless their
+    /// timestamps overlap, which shows that they are from one clock.
     fn after_s(&self, other: &Self) -> Option<f64> {
         let ([from_s, to_s], [other_from_s, other_to_s]) =
             (self.timestamps_s()?, other.timestamps_s()?);
@@ -222,7 +222,7 @@ fn aligned_logs<'a>(
         let measured = ranges(&log.flight, logs.len());
         samples.push(measured.map_err(|error| error.in_file(path.display(), None))?);
         logs.push(log);
-        // The number of ranges bounds memory: it is checked before the next log is read.
+        // The number of ranges bounds memory, so it is checked before the next log is read.
         check_count(samples.iter().map(Vec::len).sum())?;
     }
     align_logs(&mut logs, &mut samples)?;
@@ -343,11 +343,11 @@ fn by_observer(
     }
 }
 
-/// Returns the first position of a log, where the observer starts.
+/// Returns the first position of a log, from which the observer starts.
 fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
     first.map(|sample| sample.position_m).ok_or_else(|| {
-        let wanted = "positions, where the observer starts";
+        let wanted = "positions, from which the observer starts";
         let hint = "log stateEstimate.x, y and z too, or take --observer smooth";
         Error::input("columns", "no position", wanted, hint)
     })

@@ -100,7 +100,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         "brightest": brightest, "settings": settings, "focal_length_m": camera.focal_length_m,
         "is_set": recommended.is_some_and(|it| [it.f_number, it.iso] == [camera.f_number, camera.iso]),
         "help": recommended.and_then(|it| it.help()),
-        "why": recommended.filter(|it| it.gave_way).map(|_| "so that the room stays dark"),
+        "why": recommended.filter(|it| it.keeps_room_dark).map(|_| "so that the room stays dark"),
         "rows": rows, "trails": trails,
         "any_spots": spots.first().map(|_| "hot spots"),
         "spots": spots.get(..MOST_SPOTS).unwrap_or(&spots),

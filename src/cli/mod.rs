@@ -76,7 +76,8 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
     format!("{} ({commit}source {})", env!("CARGO_PKG_VERSION"), crate::studies::SOURCE)
 });
 
-/// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
+/// Shows the photograph of a drone's light painting before the flight, and says whether the word is
+/// legible.
 #[derive(Debug, Parser)]
 #[command(
     version = VERSION.as_str(),
@@ -121,7 +122,7 @@ macro_rules! verbs {
 
 verbs! {
     "Begin with" {
-        /// Preview the photograph of a word, and say whether it reads
+        /// Preview the photograph of a word, and say whether it is legible
         Preview(preview::PreviewArgs)
             "noctograph preview HELLO\n\
              noctograph preview NOOR --set camera.iso=200 --seed 7 -o noor",
@@ -276,7 +277,7 @@ fn run_typed() -> u8 {
     }
 }
 
-/// Runs a command for a program that calls this one.
+/// Runs a command for a calling program.
 ///
 /// # Errors
 ///
@@ -380,7 +381,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
         }
         return pool.install(work);
     }
-    message("note: ", "the system starts no thread: one does all the work");
+    message("note: ", "the system starts no thread, so one thread does all the work");
     let present = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
     present.build_global().map_err(|error| {
         let hint = "allow more processes (ulimit -u)";

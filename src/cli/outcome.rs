@@ -42,7 +42,7 @@ impl Report {
         Self { text: print(layout, &[&report.json, words]), ..report }
     }
 
-    /// Adds the text and the members of another one.
+    /// Adds the text and the members of another report.
     pub(super) fn add(&mut self, other: Self) {
         self.text += &other.text;
         if let (Some(members), Value::Object(more)) = (self.json.as_object_mut(), other.json) {

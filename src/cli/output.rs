@@ -101,8 +101,8 @@ pub(super) fn drone_number(path: &Path, kind: &str) -> Option<usize> {
     name.strip_prefix(kind)?.strip_prefix('-')?.strip_suffix(".csv")?.parse().ok()
 }
 
-/// The files of an earlier, larger set in a folder, which go with it: they would be flown with the
-/// new ones.
+/// The files of an earlier, larger set in a folder, which would be flown with the new files. The
+/// caller removes them.
 ///
 /// # Errors
 ///
@@ -116,7 +116,7 @@ pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Ve
     }
     let names: Vec<String> = others.iter().map(file_name).collect();
     let hint = "remove them, or name another folder: they would be flown together";
-    let wanted = format!("no {kind} of more than {n_drones} drones");
+    let wanted = format!("{kind} files of at most {n_drones} drones");
     Err(Error::input(folder.display(), names.join(", "), wanted, hint))
 }
 

@@ -100,13 +100,14 @@ impl PictureFlags {
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
         self.stand.apply(scene)?;
-        // Dots of a print are larger than photosites: each collects the charge of several.
+        // Dots of a print are larger than photosites. Each dot collects the charge of several
+        // photosites.
         if let Some(Size { px: [width_px, height_px], dots_per_inch }) = self.size {
             let Scene { camera, photo, .. } = scene;
             if let Noise::Emva1288(noise) = &mut photo.noise
                 && dots_per_inch.is_some()
             {
-                // The noise of a print's scene is that of its dots already.
+                // The noise of a print's scene is already the noise of its dots.
                 let before_px = match camera.dots_per_inch {
                     Some(_) => f64::from(camera.width_px),
                     None => camera.body.figures().width_px,

@@ -23,7 +23,7 @@ pub(super) struct PlanArgs {
     /// Word to write [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
-    /// The word, also where a file is called so
+    /// The word, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
     as_word: Option<String>,
     #[command(flatten)]
@@ -76,7 +76,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     Ok(report.with_files(&files))
 }
 
-/// Marks the lit samples of a log as its one letter: a log has no letters of its own.
+/// Marks the lit samples of a log as a single letter, because a log has no letters.
 fn written_where_lit(mut flight: Flight) -> Flight {
     if flight.samples.iter().all(|sample| sample.letter.is_none()) {
         flight.edit(|flight| {
@@ -97,7 +97,7 @@ fn light_s(plan: &Plan) -> f64 {
 
 /// The plan of each drone, and of all.
 fn described(word: &str, planned: &[Planned]) -> Report {
-    // Streaks are lights beyond the end of a stroke: those of all ends, and the worst.
+    // Streaks are light beyond the end of a stroke. The sum over all ends, and the worst.
     fn drone(Planned { plan, ends }: &Planned) -> Value {
         let ends = ends.iter().map(|end| {
             json!({

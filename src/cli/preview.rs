@@ -53,7 +53,7 @@ pub(super) struct PreviewArgs {
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let shoot = planned(args)?;
-    // All that can be refused is looked at before the long work: conditions and the folder.
+    // Conditions and the folder are checked before the long work, because they may be refused.
     let conditions = args.spread.conditions()?;
     let mut folder = OutputFolder::create(&args.output)?;
     let n_numbered = Some(shoot.plans.len()).filter(|n| *n > 1).unwrap_or(0);
@@ -68,7 +68,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
     warn(problems(false).map(sentence));
 
-    // The photograph is taken: its files, the spread, changes that help, and what `check` finds.
+    // The photograph is taken. Write its files, the spread, changes that help, and the findings of
+    // `check`.
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
     write(&shot, &json, &args.output, &mut folder)?;
@@ -81,7 +82,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     };
     let placement = shot.placement(&profile)?;
     warn_of_no_place(placement.as_ref());
-    // A camera behind the wall was warned of: it takes its photo all the same.
+    // A camera behind the wall causes only a warning, and still takes its photo.
     let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));
 
     // The report, in the order in which it is read.

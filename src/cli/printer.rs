@@ -9,8 +9,8 @@
 //! - `{path?yes:no}`: `yes` for true, a text, a number or a list with items, else `no`,
 //! - `[words {path}]`: words that are left out if a value in them is null.
 //!
-//! A null outside of brackets leaves out its line. A path that leads nowhere, such as a misspelled
-//! one, is printed as it is in the layout: tests/house and tests/it/examples.rs find it.
+//! A null outside of brackets leaves out its line. A misspelled path is printed as it is in the
+//! layout, where tests/house and tests/it/examples.rs find it.
 //!
 //! `*path line` prints a line for each item of a list. Paths are looked up in the item first, and
 //! `#` is its index. `|path|head` prints a [`table`] of a list, with the cells of a row in the next
@@ -118,7 +118,7 @@ fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     Some(text + rest)
 }
 
-/// The text of what is between braces, unless the value is null.
+/// Returns the text for a path between braces, unless its value is null.
 fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
     // `path?yes:no`
     if let Some((path, words)) = figure.split_once('?') {
@@ -190,7 +190,7 @@ fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
     scopes.rev().find_map(|scope| keys().try_fold(*scope, step))
 }
 
-/// A path that no scope has is printed: its line would be left out in silence.
+/// A path that no scope has is printed, because otherwise its line would be missing without notice.
 fn unknown(path: &str) -> String {
     format!("{{{path}}}")
 }
@@ -208,7 +208,7 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     let columns: Vec<(&str, &str, bool, usize)> = columns.collect();
     let names = columns.iter().map(|(name, ..)| (*name).to_owned()).collect();
     let units: Vec<String> = columns.iter().map(|(_, unit, ..)| (*unit).to_owned()).collect();
-    // Units have a line of their own, if there are any.
+    // If there are units, they have a separate line.
     let has_units = units.iter().any(|unit| !unit.is_empty());
     let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
     let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();

@@ -46,7 +46,7 @@ impl Progress {
     }
 }
 
-/// Shows the progress of a shoot. An exposure does not say how much of it is done.
+/// Shows the progress of a shoot. An exposure does not report its progress.
 pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
     let shown: Mutex<(Option<Progress>, Option<ProgressBar>)> = Mutex::default();
     move |stage, done| {

@@ -52,8 +52,8 @@ pub(super) struct RankArgs {
     /// Folder of shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
-    /// Also find the fastest strokes that read: N more seeds of each word at each of eight speeds,
-    /// 4 to 13 times the scene's. Above a P(read) of 0.96 this ranks, and P(read) does not
+    /// Also find the fastest legible strokes: N more seeds of each word at each of eight speeds, 4
+    /// to 13 times the scene's. Above a P(read) of 0.96 this ranks, and P(read) does not
     #[arg(long, value_name = "N", conflicts_with = "shard")]
     acuity: Option<u32>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png (with --task
@@ -70,7 +70,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
     let (contenders, unranked) = args.contenders(&conditions)?;
-    // A study may have no contender: then all submissions were refused, which the ranking says.
+    // A study may have no contender. Then all submissions were refused, and the ranking lists them.
     let least = least_flights(contenders.len());
     let usual = if args.task.is_some() { GRADED_SEEDS } else { 50 };
     let (words, seed) = (args.study.words(usual)?, args.study.seed);

@@ -15,8 +15,8 @@ use noctograph_core::files::{Limit, Text, ending, entries_in, file_name as name,
 use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
-#[command(after_help = "The folders of rank, tune, hold, locate and preview. \
-                        `noctograph preview --report` says more of a single photograph.")]
+#[command(after_help = "The folders of rank, tune, hold, locate and preview. `noctograph preview \
+                        --report` shows more about a single photograph.")]
 pub(super) struct ReportArgs {
     /// Output folder of a verb
     folder: PathBuf,
@@ -65,7 +65,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     if shown.is_empty() {
         let actual = args.folder.display().to_string();
         let wanted = "a folder with photos (PNG), drawings (SVG), tables (CSV) or a scene";
-        let hint = "name the folder that rank, tune, hold, locate or preview wrote";
+        let hint = "name a folder that rank, tune, hold, locate or preview wrote";
         return Err(Error::input("folder", actual, wanted, hint));
     }
     let more = Some(n_more).filter(|n| *n > 0);

@@ -14,7 +14,7 @@ use serde_json::json;
 pub(super) struct SceneArgs {
     /// Word to put into it
     word: Option<String>,
-    /// The word, also where a file is called so
+    /// The word, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
     as_word: Option<String>,
     /// Preset to start from, as --scene

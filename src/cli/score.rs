@@ -30,7 +30,7 @@ pub(super) struct ScoreArgs {
     photo: PathBuf,
     /// Expected word [default: the scene's]
     word: Option<String>,
-    /// The word, also where a file is called so
+    /// The word, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
     as_word: Option<String>,
     #[command(flatten)]
@@ -49,8 +49,8 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Open the font or drawing that the photo's own scene names, from the photo's folder on: its
-    /// name was chosen by the author of the photo
+    /// Open the font or drawing that the photo's scene names, relative to the photo's folder. The
+    /// author of the photo chose the name
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones (pink),
@@ -103,8 +103,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
             .map_err(|error| error.in_file(path.display(), None))?;
     }
 
-    // The word is at the given corners, at the writing that was read, or where the camera framed
-    // it.
+    // The word is at the given corners, at the detected writing, or where the camera framed it.
     let located = match (&args.corners, &reading) {
         (Some(Corners(corners_px)), _) => {
             let size_px = [photo.width_px, photo.height_px];
@@ -164,7 +163,7 @@ fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Res
     };
     let actual = "a font or drawing with other strokes";
     let hint = "find the font or drawing that the photo was made with";
-    Err(Error::input(file, actual, format!("that of digest {digest}"), hint))
+    Err(Error::input(file, actual, format!("the strokes of digest {digest}"), hint))
 }
 
 /// Returns the first key of the photo's scene that names a file, if it was not typed.
@@ -190,7 +189,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
         if !shown.split(' ').any(|known| known == digest) {
             let hint = "name the flight that was exposed in this photo";
             let actual = format!("a flight of digest {digest}");
-            let wanted = format!("the one that the photo shows, {shown}");
+            let wanted = format!("the flight that the photo shows, {shown}");
             return Err(Error::input(path.display(), actual, wanted, hint));
         }
     }

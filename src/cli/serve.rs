@@ -106,12 +106,12 @@ fn parsed_command_line() -> Option<CommandLine> {
 fn worker() -> std::io::Result<Command> {
     let mut command = program()?;
     command.args(["serve", "--worker"]);
-    // The Python package starts workers by its own command.
+    // The Python package starts workers with another command.
     let Some(CommandLine { verb: Verb::Serve(args), .. }) = parsed_command_line() else {
         return Ok(command);
     };
     // The path is made absolute, as the worker may run in another folder. A name that is not a path
-    // is that of a preset.
+    // names a preset.
     if let Some(scene) = args.scene {
         let path = std::path::absolute(&scene)?;
         command.arg("--scene").arg(if path.exists() { path.into() } else { OsString::from(scene) });
@@ -158,8 +158,8 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
         text += &line("network", visitors);
         text += &line("", "whoever has this address may write, draw and send");
         if !has_room {
-            let hint = "not known, so that scripts are fenced by a guess: name a scene with a room \
-                        by --scene, as `preview WORD --room WxDxH` writes it";
+            let hint = "not known, so the scripts' fence is a guess: name a scene with a room by \
+                        --scene, as `preview WORD --room WxDxH` writes it";
             text += &line("room", hint);
         }
     }

@@ -60,15 +60,15 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
     let text = match reason {
         Reason::NotInPhoto => "the photo does not show the place of the word",
         Reason::NoLight => "there is no light in the place of the word",
-        Reason::TooSmall => "its letters are less than 20 pixels high",
+        Reason::TooSmall => "its letters are smaller than 20 pixels",
         Reason::OutOfRange => "it is too far from its place, or too large or too small",
         Reason::OtherLength => "the photo shows a word of another length",
         Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
             Some(rival) => return format!("{} is likelier", in_one_line(&rival.word)),
-            None => "a letter looks like another one, or like none",
+            None => "a letter looks like another letter, or like none",
         },
         Reason::Unsure => {
-            "each letter is the likeliest in its place, but the readability is too low to count"
+            "each letter is the likeliest in its place, but the readability is too low"
         }
     };
     text.to_owned()
@@ -79,7 +79,8 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
     let Some(strokes) = strokes.filter(|strokes| strokes.font.is_none()) else {
         return Report::with_layout(json!({}), "");
     };
-    let left_out = json!({ "strokes": strokes.left_out.strokes, "share": strokes.left_out.share });
+    let left_out =
+        json!({ "strokes": strokes.left_out.strokes, "share": strokes.left_out.length_fraction });
     // The text names omitted strokes only if there are any.
     let mut drawing = json!({
         "strokes": strokes.n_strokes(), "length_m": strokes.length_m(), "left_out": left_out,
@@ -117,7 +118,7 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
             )
         }
     };
-    // A flight has its own clock: its duration counts from its first sample.
+    // A flight has a separate clock, so its duration counts from its first sample.
     let begins_s = flight.samples.first().map_or(0.0, |first| first.time_s);
     let lasts_s = flight.samples.last().map_or(0.0, |last| on_grid(last.time_s - begins_s));
     figures["duration_s"] = lasts_s.into();
@@ -134,7 +135,7 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
     Report::with_words(figures, &words, FLIGHT)
 }
 
-/// A lag below this is called a lead: it is 4 mm of a stroke.
+/// A lag below this, 4 mm of a stroke, is called a lead.
 pub(super) const LEAD_S: f64 = -0.02;
 
 const FLIGHT: &str = "\
@@ -152,7 +153,7 @@ pub(super) fn camera(shot: &Shot) -> Report {
     let why = "so that a long exposure leaves the room dark";
     let words = json!({
         "help": shot.metered.and_then(|metered| metered.help()),
-        "why": shot.metered.filter(|metered| metered.gave_way).map(|_| why),
+        "why": shot.metered.filter(|metered| metered.keeps_room_dark).map(|_| why),
     });
     let product =
         json!({ "camera": { "f_number": f_number, "iso": iso, "metered": shot.metered } });

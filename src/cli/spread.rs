@@ -26,7 +26,7 @@ pub(super) struct SpreadFlags {
     conditions: String,
 }
 
-/// What a spread adds to a preview.
+/// Results that a spread adds to a preview.
 pub(super) struct Shown {
     pub(super) report: Report,
     /// The band, from the front and over time (SVG).
@@ -51,8 +51,8 @@ impl SpreadFlags {
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
             warn([format!(
-                "{n} flights are too few for a band of 90 % of further ones, which takes \
-                 {LEAST_FLIGHTS}: this band is that of the {n}"
+                "{n} flights are too few for a band of 90 % of further flights, which takes \
+                 {LEAST_FLIGHTS}: this band holds the {n} flights"
             )]);
         }
         let mut drawings = vec![spread_front(&band)];
@@ -120,7 +120,7 @@ spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, medi
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
     match band.holds_frac() < BAND_FRAC {
-        true => format!("all {} flights, and {percent:.0} % of further ones,", band.n_flights),
+        true => format!("all {} flights, and {percent:.0} % of further flights,", band.n_flights),
         false => format!("{percent:.0} %"),
     }
 }

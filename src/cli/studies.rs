@@ -227,7 +227,7 @@ lag: behind the design; negative: {lead}
 
 *equal {contender} flies exactly as {equal_to}, to the last bit
 
-acuity: the fastest strokes that read, by {n_ladder} flights of each scene at eight speeds
+acuity: the fastest legible strokes, by {n_ladder} flights of each scene at eight speeds
 
 |limits|<4|scene<16|acuity/(m/s)>13|  interval<16|contour/mm>11
  {place}|{name}|{speed.value:.3}|  {speed.low:.3} to {speed.high:.3}|{contour_m*1e3:.1}

@@ -38,7 +38,7 @@ pub(super) struct TuneArgs {
     /// Budget: a number of flights, or minutes such as 5min
     #[arg(long, value_name = "N", default_value = "2000")]
     budget: String,
-    /// Key of the scene to turn (may be repeated) [default: the usual ones for its controller]
+    /// Key of the scene to turn (may be repeated) [default: the usual keys of its controller]
     #[arg(long, value_name = "KEY=...")]
     knob: Vec<String>,
     /// Longest flight, in seconds [default: that of the scene]
@@ -55,8 +55,8 @@ pub(super) struct TuneArgs {
         default_value = "LOG,WAX,HELLO,QUIZ,SKY"
     )]
     test_words: Vec<String>,
-    /// Seeds of each test word. The training words have four times as many new ones, six at least:
-    /// this test decides whether the tuned scene is written or the one it began with
+    /// Seeds of each test word. Training words get four times as many new seeds, at least six. This
+    /// test decides whether the tuned or the original scene is written
     #[arg(long, value_name = "N", default_value_t = 10)]
     test_seeds: u32,
     /// Folder for scene.toml, candidates.csv, pareto.svg and flights.jsonl
@@ -90,7 +90,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     if let Some(longest_s) = args.longest {
         crate::error::within("longest", longest_s, 1.0, 3600.0)?;
     }
-    // The best candidate on the training seeds must also win on four times as many new ones.
+    // The best candidate on the training seeds must also win on four times as many new seeds.
     let options = TuneOptions {
         knobs: match args.knob.as_slice() {
             [] => Knob::usual(&base.scene),
@@ -146,7 +146,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))
 }
 
-/// Returns comment lines for the top of the tuned scene: where it comes from.
+/// Returns comment lines with the origin of the tuned scene, for its top.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     let what = if tuned.helped() { "Tuned from" } else { "Nothing better was found than" };
     format!(

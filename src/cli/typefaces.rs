@@ -40,7 +40,7 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     for folder in folders {
         gather(folder, DEEPEST, &mut files);
     }
-    // The files may be gigabytes together, so the best ones are read first.
+    // The files may be gigabytes together, so the best files are read first.
     files.sort_by_cached_key(|path| (rank(path), path.clone()));
     let mut n_bytes = 0;
     files.into_iter().find(|path| {

@@ -51,10 +51,10 @@ macro_rules! figure_from {
 }
 figure_from! { f64 => Number, usize => Count, [f64; 3] => Position, String => Text, &str => Text, }
 
-/// What is wrong, doubtful, or could be better.
+/// A problem, a doubt, or a possible improvement.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Diagnostic {
-    /// Its name: that of the check (`lit transit`), or what happened (`shutter-closes`).
+    /// Code: the name of the check (`lit transit`), or of the event (`shutter-closes`).
     pub code: &'static str,
     /// How bad it is.
     pub severity: Severity,
@@ -240,7 +240,7 @@ impl Serialize for Diagnostic {
     /// of one of several. `value` and `limit` are always there.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut map = to.serialize_map(None)?;
-        // What is always there, then further figures, then texts.
+        // Members that are always present, then further figures, then texts.
         if let Some(Segment::Drone(drone)) = self.place.0.first() {
             map.serialize_entry("drone", drone)?;
         }
@@ -259,12 +259,12 @@ impl Serialize for Diagnostic {
     }
 }
 
-/// A product with what there is to say about it.
+/// A product with its diagnostics.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Warned<T> {
     /// The product.
     pub product: T,
-    /// What there is to say, in the order in which it was found.
+    /// The diagnostics, in the order in which they were found.
     pub warnings: Vec<Diagnostic>,
 }
 
@@ -302,8 +302,8 @@ impl fmt::Display for Change {
     }
 }
 
-/// What to do: words, and keys of the scene as data. A literal has the keys in braces, some with a
-/// value: `"raise {camera.iso}, or set {camera.metering=trail}"`.
+/// Suggested action: words, and keys of the scene as data. A literal has the keys in braces, some
+/// with a value: `"raise {camera.iso}, or set {camera.metering=trail}"`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Help(Vec<Part>);
 

@@ -45,7 +45,7 @@ impl Write for Digest {
     }
 }
 
-/// A writer that takes the digest of what it writes, if it is asked for.
+/// A writer that optionally computes the digest of its output.
 #[derive(Debug)]
 pub struct Digested<W> {
     /// Where it is written.
@@ -55,7 +55,7 @@ pub struct Digested<W> {
 }
 
 impl<W: Write> Digested<W> {
-    /// Wraps a writer, and takes the digest of what is written from now on.
+    /// Wraps a writer, and computes the digest of everything written from now on.
     pub fn new(to: W) -> Self {
         Self { to, digest: Some(Digest::default()) }
     }

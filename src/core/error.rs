@@ -55,7 +55,7 @@ pub enum Error {
     /// The graphics device failed.
     #[error("graphics device: {what}")]
     Gpu {
-        /// The failure, with the adapter's name where it is known.
+        /// The failure, with the adapter's name if it is known.
         what: String,
         /// Advice.
         hint: String,
@@ -63,7 +63,7 @@ pub enum Error {
     /// The input is well formed, but cannot be carried out.
     #[error("{what}")]
     Infeasible {
-        /// Its name, as that of an input, or `infeasible` if nothing hangs on it.
+        /// Code of the error, like that of an input, or `infeasible` if nothing depends on it.
         code: &'static str,
         /// The reason, with the figure that is exceeded.
         what: String,
@@ -76,7 +76,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// Name of the error, such as `file`, to which help and other languages refer.
+    /// Code of the error, such as `file`. Help and translations refer to it.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Io { .. } => "file",
@@ -87,7 +87,7 @@ impl Error {
         }
     }
 
-    /// Sets the name of an error of an input or of what cannot be carried out.
+    /// Sets the code of an input error or of an infeasible request.
     #[must_use]
     pub fn coded(mut self, name: &'static str) -> Self {
         if let Self::Input { code, .. } | Self::Infeasible { code, .. } = &mut self {
@@ -128,7 +128,7 @@ impl Error {
     }
 
     /// Names the file, and its line, before the error's place. A file that the place already names
-    /// is a part of this one.
+    /// is part of this file.
     #[must_use]
     pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
@@ -200,7 +200,8 @@ impl Error {
     }
 }
 
-/// True if Windows refuses a name for a file: it is a device's, or has a forbidden sign.
+/// True if Windows refuses a name for a file, because it is a device's name or has a forbidden
+/// character.
 fn is_reserved(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
     let numbered = ["COM", "LPT"].iter().find_map(|device| stem.strip_prefix(device));

@@ -15,7 +15,7 @@ pub struct PhotoData {
     pub height_px: u32,
     /// Red, green, blue by pixel, row by row from the top left, sRGB-encoded.
     pub rgb8: Vec<u8>,
-    /// Text of the scene that made it, where the file has one.
+    /// Text of the scene that made it, if the file has one.
     pub scene_toml: Option<String>,
 }
 

@@ -14,7 +14,7 @@ pub enum Segment {
     File(String),
     /// A line of the file, from 1.
     Line(u64),
-    /// A key, dotted where it is one of a table, a column or a flag.
+    /// A key (dotted if it is in a table), a column or a flag.
     Key(String),
     /// An index of a list, from 0.
     Index(usize),

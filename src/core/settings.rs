@@ -1,4 +1,4 @@
-//! Settings: one declaration holds a setting's documentation, type, default and range.
+//! Settings. A declaration holds a setting's documentation, type, default and range.
 //!
 //! The macro [`settings!`] declares three kinds of type. From the same lines come the Rust type
 //! with its `Default`, its form in a scene file, the check of its ranges, the commented scene that
@@ -59,7 +59,7 @@ pub struct Setting {
     pub range: Option<[f64; 2]>,
     /// Form of its value.
     pub shape: Shape,
-    /// All that must hold for it to have an effect.
+    /// All conditions under which the key has an effect.
     pub needs: &'static [Need],
 }
 
@@ -113,7 +113,7 @@ pub trait Described {
     /// Form in the scene file.
     const SHAPE: Shape = Shape::Plain;
 
-    /// Checks all ranges within the value. `place` is its key, and `range` its own range.
+    /// Checks all ranges within the value. `place` is its key, and `range` is its range.
     ///
     /// # Errors
     ///
@@ -325,7 +325,7 @@ macro_rules! described {
         $crate::settings::settings! { $($rest)* }
     };
 
-    // A choice with settings of its own.
+    // A choice with settings.
     (
         $(#[$meta:meta])*
         $vis:vis enum $name:ident tagged {

@@ -75,7 +75,8 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
         // A curve begins and ends along a stem.
         (true, false) => Some(chord.direction),
         (false, true) => Some(next.direction),
-        // The circle through three points: each direction weighs as the length of the other chord.
+        // The circle through three points. Each chord's direction is weighted by the length of the
+        // other chord.
         (false, false) => Some(unit(chord.direction * next.length + next.direction * chord.length)),
     }
 }

@@ -6,7 +6,7 @@ use kurbo::{BezPath, PathEl, Point};
 
 use super::vector::{Lines, coordinates, pairs};
 
-/// A polyline along each subpath, within a tolerance of its curves. A closed one repeats its first
+/// A polyline along each subpath, within a tolerance of its curves. A closed line repeats its first
 /// point. `None` if they have more than `max_points`, or a point is not finite.
 pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     if !path.is_finite() {

@@ -95,7 +95,7 @@ pub fn plain(text: &str) -> String {
         if is_format(c) {
             return false;
         }
-        // Joiners shape the letters of scripts that join, from Arabic to those of India.
+        // Joiners shape the letters of joining scripts, from Arabic to the scripts of India.
         let joins = matches!(previous, '\u{600}'..='\u{1cff}');
         previous = c;
         joins || !matches!(c, '\u{200c}' | '\u{200d}')
@@ -118,8 +118,8 @@ fn canvas_scale(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
 }
 
-/// The text with up to `n_breaks` spaces replaced by line ends: each time the longest line is
-/// broken at the space nearest to its middle.
+/// Returns the text with up to `n_breaks` spaces replaced by line ends. Each break divides the
+/// longest line at the space nearest to its middle.
 fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
     for _ in 0..n_breaks {
@@ -156,7 +156,7 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
 /// A part of a line with letters that its font lacks replaced by their capitals. It is preceded by
 /// `n_before` characters of the text, for the positions in errors.
 fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
-    // A typeface shapes the part as a whole: no character is replaced by its capital.
+    // A typeface shapes the part as a whole, so no character is replaced by its capital.
     if is_shaped(part)
         && let Some(line) = font.face.shaped_line(part, SPACE)
     {
@@ -241,7 +241,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
 /// The glyphs of a line on a baseline, aligned as the options say.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
-    // A space at an end leaves no room, but for an empty box.
+    // A space at an end takes no room unless the box is empty.
     let cells = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
     let begin_m = cells.first().map_or(0.0, |cell| cell.offset_m);
     let end_m = cells.last().map_or(0.0, |cell| cell.offset_m + cell.width_m);

@@ -135,7 +135,7 @@ impl LetterOptions {
         fonts.filter(|(_, name)| !font::is_shipped(name)).chain(drawing)
     }
 
-    /// The same in another size, on the same baseline and canvas.
+    /// Returns the options with another letter size, on the same baseline and canvas.
     pub fn scaled(&self, scale: f64) -> Self {
         Self {
             cap_height_m: self.cap_height_m * scale,

@@ -16,7 +16,7 @@ const EDGES_PER_BIN: usize = 10;
 /// Slack of the ends of segments that cross, as a fraction of their length, for rounding.
 const END_SLACK: f64 = 1e-9;
 
-/// Most samples of an outline. A longer one is sampled more coarsely.
+/// Most samples of an outline. A longer outline is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
 /// The filled area. Edges are sorted into bins by height, so that a query tests few of them.
@@ -26,7 +26,7 @@ pub(super) struct Filled<'a> {
     bottom: f64,
     bin_height: f64,
     edges: Vec<[[f64; 2]; 2]>,
-    /// Indices of edges: one as tall as the outline is in every bin.
+    /// Indices of edges. An edge as tall as the outline is in every bin.
     bins: Vec<Vec<u32>>,
 }
 
@@ -66,7 +66,7 @@ impl<'a> Filled<'a> {
         if !self.budget.spend_steps(STEPS_PER_EDGE * (bin.len() + EDGES_PER_BIN)) {
             return 0;
         }
-        // Edges that cross the ray to the right, upward ones positive (Sunday 2001).
+        // Edges that cross the ray to the right. Upward edges are positive (Sunday 2001).
         for index in bin {
             let [[ax, ay], [bx, by]] = &self.edges[*index as usize];
             if (*ay <= y) != (*by <= y) {
@@ -117,8 +117,8 @@ fn edges(contour: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
     (0..contour.len()).map(|i| [contour[i], contour[(i + 1) % contour.len()]])
 }
 
-/// The edges of the ink: runs of samples along the contours, at most `spacing` apart, where only
-/// one side has ink. Closed runs repeat their first point.
+/// Returns the edges of the ink: runs of samples along the contours, at most `spacing` apart, with
+/// ink on only one side. Closed runs repeat their first point.
 pub(super) fn ink_edges(
     contours: &[Contour],
     ink: &Filled<'_>,
@@ -131,7 +131,7 @@ pub(super) fn ink_edges(
         if samples.len() < 3 {
             continue;
         }
-        // Edges within the ink, where contours overlap, are dropped.
+        // Edges within the ink, at which contours overlap, are dropped.
         let n = samples.len();
         let is_edge = Vec::from_iter(edges(&samples).map(|edge| has_ink_on_one_side(edge, ink)));
         let Some(first_gap) = is_edge.iter().position(|is_edge| !is_edge) else {
@@ -139,7 +139,7 @@ pub(super) fn ink_edges(
             runs.push(samples);
             continue;
         };
-        // From a gap on no run goes over the contour's beginning.
+        // Starting at a gap, no run crosses the contour's beginning.
         let cycle: Vec<usize> = (first_gap..first_gap + n).map(|edge| edge % n).collect();
         for run in cycle.chunk_by(|a, b| is_edge[*a] == is_edge[*b]).filter(|run| is_edge[run[0]]) {
             let indices = run.iter().copied().chain([run[run.len() - 1] + 1]);

@@ -47,7 +47,7 @@ pub(super) struct Placed {
     pub(super) byte: usize,
 }
 
-/// Why a line cannot be set, with the byte of the character where it fails.
+/// Reason why a line cannot be set, with the byte of the character at which it fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unset {
     /// The face lacks the character.

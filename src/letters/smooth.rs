@@ -40,7 +40,8 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let mut points = Vec::new();
     let mut index = 0;
     for k in integers_below(if line.len() > 1 { n_pieces } else { 0.0 }) {
-        // Arc lengths rise, so that each point's segment is at or after that of the one before.
+        // Arc lengths rise, so that a point's segment is never before the segment of the preceding
+        // point.
         let arc_length = length * k / n_pieces;
         while index + 2 < line.len() && along[index + 1] < arc_length {
             index += 1;
@@ -127,8 +128,8 @@ impl Banded {
     }
 }
 
-/// The smooth line through closed points: it is solved over two rounds, and the middle half is
-/// kept, which the ends hardly affect.
+/// The smooth line through closed points. It is solved over two rounds, and the middle half is
+/// kept, because the ends hardly affect it.
 fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

@@ -27,13 +27,13 @@ use noctograph_core::input_error;
 /// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Most points of a letter. Composed ones could double from line to line.
+/// Most points of a letter. Composed letters could double from line to line.
 const MAX_POINTS: usize = 20_000;
 
 /// Most points of a font.
 const MAX_FONT_POINTS: usize = 1_000_000;
 
-/// Height of a small letter, for which marks are drawn, by that of a capital.
+/// Height of a lowercase letter, for which marks are drawn, relative to a capital.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
 /// Combining marks, and the signs of their shapes. A font has others by their code.
@@ -58,7 +58,7 @@ impl StrokeFont {
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
         let mut units = 1.0;
         for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
-            // The height of a capital stands before all letters.
+            // The height of a capital precedes all letters.
             let read = match line.strip_prefix("cap ").filter(|_| font.letters.is_empty()) {
                 Some(height) => {
                     font.fit = Fit::Proportional;
@@ -126,7 +126,7 @@ impl StrokeFont {
         if runs.iter().any(|run| run.points.len() < 2) {
             return None;
         }
-        // Points of a proportional font are samples of curves, those of a box font are corners.
+        // Points of a proportional font are samples of curves. Points of a box font are corners.
         if self.fit == Fit::Proportional {
             runs.iter_mut().for_each(|run| run.points = with_arcs(&run.points));
         }

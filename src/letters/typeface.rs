@@ -5,8 +5,8 @@
 //! cap height apart, the lower one on the baseline.
 //!
 //! Glyphs that touch are traced together, so that joined letters are one line. A glyph that is an
-//! area, such as a heart, is its outline. Not read: variations, and in text that is not shaped
-//! ligatures and kerning outside the table `kern`.
+//! area, such as a heart, is its outline. Not supported: variations. In text that is not shaped,
+//! also ligatures and kerning outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -30,7 +30,8 @@ use super::vector::{Lines, length, pairs, point};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 
-/// Most parts of the kerning table that are read: each is searched for every pair.
+/// Largest number of parts of the kerning table that are read. Each part is searched for every
+/// pair.
 const MAX_SUBTABLES: usize = 64;
 
 /// Budget steps of comparing two strokes to find the nearest.
@@ -72,7 +73,7 @@ pub(super) struct Typeface {
     cap: f64,
     /// Half the width of its strokes in cap heights, or 0 if outlines are traced.
     half_width: f64,
-    /// True if the width is that of known letters.
+    /// True if known letters have the width.
     has_stems: bool,
     /// True if its contours are strokes.
     is_stored: bool,
@@ -100,7 +101,7 @@ impl Typeface {
             let outlines = signs.chars().filter_map(|character| typeface.outline(character));
             stored::are_strokes(&outlines.collect::<Vec<BezPath>>())
         });
-        // The cap height first: it is the unit of the strokes' width.
+        // The cap height comes first, because it is the unit of the strokes' width.
         typeface.cap = typeface.known_outline().map_or(0.0, |path| path.control_box().y1);
         if !CAP_HEIGHTS.contains(&typeface.cap) {
             return Err(refused(file, "no letters"));
@@ -345,8 +346,8 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
     id.0 != 0 && face.outline(id).is_some()
 }
 
-/// Lines in the order of handwriting: each begins at its upper left end, the first is the nearest
-/// to the upper left, and each next is the nearest to the end of the one before.
+/// Lines in the order of handwriting. Each begins at its upper left end. The first is the nearest
+/// to the upper left, and each next line is the nearest to the end of the line before.
 fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
         // Height counts twice as much as the distance to the left.

@@ -6,7 +6,7 @@ use noctograph_core::geometry::distance;
 /// Polylines.
 pub(super) type Lines = Vec<Vec<Point>>;
 
-/// Length of a vector by libm, as that of [`distance`]: kurbo rounds differently.
+/// Length of a vector by libm, like [`distance`]. kurbo rounds differently.
 pub(super) fn length(vector: Vec2) -> f64 {
     libm::hypot(vector.x, vector.y)
 }

@@ -28,12 +28,13 @@ use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
-/// Offsets along the least certain direction, in standard deviations, where Gauss–Newton starts.
+/// Offsets of the starting points of Gauss–Newton along the least certain direction, in standard
+/// deviations.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
 const HAND_OVER_S: f64 = 5.0;
 /// Random walk of the error in the known motion, m/√s, for velocities estimated on board.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
-/// Added cost of positions outside the room: more than that of any fit inside.
+/// Added cost of positions outside the room, larger than the cost of any fit inside.
 const OUTSIDE_COST: f64 = 1e6;
 /// Least eigenvalue of the scaled covariance, which may be singular.
 const LEAST_EIGENVALUE: f64 = 1e-13;

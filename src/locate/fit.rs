@@ -7,7 +7,7 @@ use super::positions::range_jacobian;
 use noctograph_sim::kalman::Part;
 
 const FIT_STEPS: usize = 40;
-/// Damping at the start, and its factors after a better state and after a worse one.
+/// Damping at the start, and its factors after a better state and after a worse state.
 const DAMPING: f64 = 1e-2;
 const DAMPING_FACTORS: [f64; 2] = [0.2, 5.0];
 const LEAST_DAMPING: f64 = 1e-12;
@@ -61,8 +61,8 @@ pub(super) fn descend(
     let (mut jacobian, mut residuals_m) = problem(&solution);
     let mut damping = DAMPING;
     for _ in 0..FIT_STEPS {
-        // (JᵀJ + damping) step = Jᵀ residuals. A better state is accepted and lowers the damping,
-        // a worse one is rejected and raises it.
+        // (JᵀJ + damping) step = Jᵀ residuals. A better state is accepted and lowers the damping. A
+        // worse state is rejected and raises it.
         let mut normal = jacobian.transpose() * &jacobian;
         (0..solution.len()).for_each(|i| normal[(i, i)] += damping * unit(normal[(i, i)]));
         let right = jacobian.transpose() * &residuals_m;

@@ -39,8 +39,8 @@ pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     kept
 }
 
-/// Removes the ranges of a pair before the first range to an anchor in either drone's log: one
-/// log may be longer than the other.
+/// Removes the ranges of a pair before the first range to an anchor in either drone's log, because
+/// one log may begin earlier.
 pub(super) fn remove_before_both_logs(samples: &mut Vec<RangeSample>) {
     let mut begins_s: BTreeMap<usize, f64> = BTreeMap::new();
     for sample in &*samples {

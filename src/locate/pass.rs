@@ -13,7 +13,7 @@ use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, product, va
 /// Position and velocity of one drone.
 pub(super) const STATES: usize = 6;
 
-/// Ranges closer in time than this have one state.
+/// Ranges closer in time than this belong to the same state.
 pub(super) const STEP_S: f64 = 0.01;
 
 /// A drone whose first range comes this much after the log's first is on the ground until then.
@@ -27,7 +27,7 @@ pub(super) struct Model<'a> {
     stands_until_s: Vec<f64>,
 }
 
-/// Normalized innovations squared of the accepted ranges, and the number of rejected ones.
+/// Normalized innovations squared of the accepted ranges, and the number of rejected ranges.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     pub(super) sum: f64,
@@ -60,7 +60,7 @@ pub(super) struct Filter {
     pub(super) ranges: usize,
 }
 
-/// Splits samples, sorted by time, into steps of [`STEP_S`], each with one state.
+/// Splits samples, sorted by time, into steps of [`STEP_S`]. Each step has one state.
 pub(super) fn time_steps(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
     let mut remaining = samples;
     std::iter::from_fn(move || {

@@ -12,17 +12,17 @@ use noctograph_core::statistics::median;
 
 /// Standard deviation of a normal distribution over its median absolute deviation.
 const SIGMA_PER_MAD: f64 = 1.4826;
-/// Standard error of a median over that of a mean, for a normal distribution: √(π/2).
+/// Standard error of a median relative to a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
 /// Standard errors from which a median is not zero. Chance reaches them once in two million.
 const SURE_SIGMAS: f64 = 5.0;
 /// Least median that matters, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
-/// Fraction and number of a link's ranges that may be outliers: with ultra-wideband some 2 %.
+/// Fraction and number of a link's ranges that may be outliers. Ultra-wideband has about 2 %.
 const MOST_REFUSED_FRAC: f64 = 0.05;
 const MOST_REFUSED: usize = 5;
-/// Bounds of the mean normalized innovation squared if the assumed noise and motion are right to
-/// some 15 %, and the standard deviations of chance that widen them if ranges are few.
+/// Bounds of the mean normalized innovation squared if the assumed noise and motion are right
+/// within 15 %, and the standard deviations of chance that widen them if ranges are few.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 const NIS_SIGMAS: f64 = 3.0;
 
@@ -68,9 +68,9 @@ pub(super) fn spread_by_link(
 }
 
 impl Located {
-    /// Adds the residuals of all links, and warnings of suspect ones. `sigma_m` is the standard
-    /// deviation of a range. For an observer without a noise model it is zero: then each link's
-    /// own scatter is the scale, and there is no warning.
+    /// Adds the residuals of all links, and warnings of suspect links. `sigma_m` is the standard
+    /// deviation of a range. For an observer without a noise model it is zero. Then the scatter of
+    /// each link is its scale, and there is no warning.
     pub(super) fn with_residuals(
         mut self,
         anchors_m: &[Vector3<f64>],

@@ -163,7 +163,7 @@ fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
         }
     }
     let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
-    // Without the range between the drones, the shared anchor is no use to the observer.
+    // Without the range between the drones, the shared anchor does not help the observer.
     shared_anchor(&heard).filter(|_| between).ok_or_else(|| {
         let wanted = "two anchors a drone, one of them the same, and the range between the drones";
         let anchors = format!("anchors {:?} and {:?}", heard[0], heard[1]);

@@ -27,8 +27,8 @@ const MOST_RANGES: usize = 1_500_000;
 /// Largest number of multiplications in a pass, [`work`]: some seconds. Ten minutes of three drones
 /// with eight anchors at 50 Hz need 2.4·10⁹.
 const MOST_WORK: f64 = 4e9;
-const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a time: \
-                     drones without ranges between them are located as well alone";
+const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a \
+                     time: drones without ranges between them can be located one by one";
 
 /// Options of [`locate`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +39,7 @@ pub struct LocateOptions {
     pub acceleration_m_s2_sqrt_hz: f64,
     /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,
-    /// Box that holds all drones, if known: it decides between mirror images.
+    /// Box that holds all drones, if known. It decides between mirror images.
     pub room: Option<Room>,
 }
 
@@ -48,7 +48,7 @@ pub struct LocateOptions {
 pub struct Located {
     /// Times, rising.
     pub time_s: Vec<f64>,
-    /// Positions: for each drone one at each time.
+    /// Positions of each drone, one for each time.
     pub position_m: Vec<Vec<Vector3<f64>>>,
     /// Covariances of the positions, empty for an observer without a noise model.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
@@ -84,7 +84,7 @@ pub fn locate(
     let mut samples = checked(anchors_m, n_drones, samples)?;
     remove_before_both_logs(&mut samples);
     check_work(n_drones, &samples)?;
-    // The start state is that of each drone's first second.
+    // The start state is from each drone's first second.
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
@@ -182,7 +182,8 @@ pub(super) fn checked(
         if !sample.is_measurement() {
             let wanted = "a distance from 0 m to 10 km";
             let n_broken = samples.iter().filter(|sample| !sample.is_measurement()).count();
-            let hint = format!("leave out what is no measurement, {n_broken} of {}", samples.len());
+            let hint =
+                format!("leave out what is not a measurement, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
         let is_listed = match *link {

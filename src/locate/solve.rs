@@ -122,7 +122,7 @@ impl Passes<'_, '_> {
         // Innovations are those of the first pass, before later ranges improve the path.
         let first = self.forward(None, None);
         let (mut window_starts, mut steps) = (first.window_starts, first.steps);
-        // Gauss–Newton: each pass is linearized about the smoothed path of the one before.
+        // Gauss–Newton: each pass is linearized about the smoothed path of the pass before.
         for pass in 0..MAX_PASSES {
             let largest_change = self.backward(&window_starts, steps, pass > 0, &mut path)?;
             if pass > 0 && largest_change < CONVERGED || pass + 1 == MAX_PASSES {

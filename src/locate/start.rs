@@ -23,9 +23,9 @@ const START_SPEED_M_S: f64 = 0.5;
 /// there, in fractions of the anchors' extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
 const APART: f64 = 0.05;
-/// Added cost, m², of positions outside the room: more than that of any fit inside.
+/// Added cost, m², of positions outside the room, larger than the cost of any fit inside.
 const OUTSIDE_M2: f64 = 1e9;
-/// Least decrease of the cost, m², by which another start is better.
+/// Least decrease of the cost, m², that makes another start better.
 const LEAST_DECREASE_M2: f64 = 1e-9;
 /// Eigenvalue of the information, relative to the largest, below which a direction is unobservable.
 const UNOBSERVABLE: f64 = 1e-4;
@@ -52,8 +52,8 @@ pub(super) fn start(
     if means.len() < n {
         return Err(Error::infeasible(
             format!(
-                "{} links in the first second for {n} coordinates of {n_drones} drones: ranges alone \
-                 leave the places open",
+                "{} links in the first second for {n} coordinates of {n_drones} drones: ranges \
+                 do not determine the positions",
                 means.len()
             ),
             "three anchors a drone, or more drones that range to each other, are needed; a \

@@ -15,14 +15,14 @@ use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 
-/// Steps of a dimmed light: finer ones are not visible, and each one is a command.
+/// Steps of a dimmed light. Finer steps are not visible, and each step is a command.
 const LEVEL_STEPS: f64 = 50.0;
 /// Least level, so that a slow corner does not go dark.
 const LEAST_LEVEL: f64 = 0.04;
 /// Height above its home up to which one of several drones climbs first.
 const OVER_HOME_M: f64 = 0.3;
-/// Take-off acceleration as a fraction of that of other transits. A climb that saturates the motors
-/// winds up the integrators of a PID controller, and the first letter is written too high.
+/// Take-off acceleration as a fraction of other transits' acceleration. A climb that saturates the
+/// motors winds up the integrators of a PID controller, and the first letter is written too high.
 const TAKE_OFF_FRACTION: f64 = 0.5;
 /// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
 const RUN_IN_S: f64 = 0.3;
@@ -96,7 +96,7 @@ pub(super) fn plan(
         end_s: 0.0,
         state: State::default(),
     };
-    // Each part begins in the state that the one before has left.
+    // Each part begins in the final state of the part before.
     course.begin(drawn)?;
     for stroke in drawn {
         course.draw(stroke)?;
@@ -231,7 +231,7 @@ impl Course<'_> {
         Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
     }
 
-    /// The plan with setpoints on the grid, and where a segment begins or ends.
+    /// The plan with setpoints on the grid and at the ends of segments.
     fn sampled(&self) -> Plan {
         let interval_s = self.options.setpoint_interval_s;
         let starts_s = self.segments.iter().map(|segment| segment.start_s);

@@ -42,8 +42,8 @@ pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
     })
 }
 
-/// The plan with the inverse of a flight's `design − flown` added to the positions that are sent:
-/// one step of iterative learning control (Arimoto 1984).
+/// Adds the inverse of a flight's `design − flown` to the sent positions of a plan, which is one
+/// step of iterative learning control (Arimoto 1984).
 pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = for_axes(|axis| {
         inverse[axis].inputs(|time_s| {

@@ -74,7 +74,7 @@ fn check_flown(
     if ordered_m >= LEAST_FLOWN * strokes_m {
         return Ok(());
     }
-    // Another word, or this one in another order.
+    // Another word, or this word in another order.
     let near_m = near_m(moves, flight);
     let (actual, wanted) = match near_m < LEAST_FLOWN * strokes_m {
         true => (

@@ -26,7 +26,7 @@ impl LampTiming {
         (tick * self.tick_s, tick)
     }
 
-    /// The time to send a command whose light changes at a tick: it arrives half a tick before.
+    /// The time to send a command whose light changes at a tick. It arrives half a tick before.
     pub(super) fn sent_s(&self, light_s: f64) -> f64 {
         (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
     }

@@ -30,7 +30,7 @@ pub(super) fn drawn_rows(
     let mut rows = vec![None; commanded.len()];
     let (commanded, mut strokes) = (stretches(commanded), stretches(lit));
     if strokes.len() != commanded.len() {
-        // Plans of different strokes: the drawn row is that of the same time.
+        // Plans of different strokes: the drawn row at the same time.
         strokes = vec![0..design.setpoints.len(); commanded.len()];
     }
     // Stretches correspond in their order. Within one a row is drawn as late as in the design.

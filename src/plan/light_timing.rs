@@ -51,7 +51,7 @@ pub fn time_lights(
         }
         let [was_on, is_on] = [before > 0.0, lit[row] > 0.0];
         let edge = Edge::new(plan, row, is_on);
-        // The drone is at a dot all along: its light ends as late as it begins.
+        // The drone stays at a dot, so its light ends as late as it begins.
         if was_on != is_on && (is_on || edge.moves()) {
             lag_s = flown.lag_at_s(&edge, lag_s);
         }
@@ -88,7 +88,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
     let mut level = 0.0;
     let mut levels: Vec<f64> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
-        // Commands that are due go with the setpoint. The last one is dark.
+        // Commands that are due go with the setpoint. The last setpoint is dark.
         let due_s = setpoint.time_s + SAME_S;
         while let Some(due) = commands.next_if(|command| command.0 <= due_s) {
             level = due.1;
@@ -102,7 +102,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             levels.push(level);
             out.sent_m.extend(has_sent.then_some(sent_m));
             out.jerk_m_s3.extend(plan.jerk_m_s3.get(row));
-            // Commands before the next setpoint get rows of their own.
+            // Commands before the next setpoint get separate rows.
             let is_before =
                 |command: &(f64, f64)| next.is_some_and(|s| command.0 < s.time_s - SAME_S);
             let Some(due) = commands.next_if(is_before) else { break };

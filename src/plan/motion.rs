@@ -19,7 +19,8 @@ pub(super) struct State {
     pub(super) acceleration_m_s2: Vector2<f64>,
 }
 
-/// The pen from one instant on, with constant acceleration, and its two integrals up to there.
+/// The pen from an instant on, with constant acceleration, and its two integrals up to that
+/// instant.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     start_s: f64,
@@ -149,7 +150,7 @@ impl Pen {
     /// Adds a piece of constant acceleration from a position and a velocity on.
     fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, duration_s: f64) {
         let still = Vector2::zeros();
-        // Its integrals go on from those of the piece before.
+        // Its integrals continue from the integrals of the piece before.
         let before = self.pieces.last().map(|last| last.integrals_at(self.end_s));
         let [_, integral_m_s, second_integral_m_s2] = before.unwrap_or([p, still, still]);
         self.pieces.push(Piece {
@@ -165,7 +166,7 @@ impl Pen {
 }
 
 impl Piece {
-    /// The position of the pen at a time, and its first and second integral up to there.
+    /// The position of the pen at a time, and its first and second integrals up to that time.
     fn integrals_at(&self, time_s: f64) -> [Vector2<f64>; 3] {
         let t = time_s - self.start_s;
         let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);

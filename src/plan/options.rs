@@ -80,7 +80,7 @@ settings! {
         acceleration_m_s2: f64 = 2.0, in 0.01..=100.0;
         /// Greatest jerk of the design. More takes corners faster and asks for quicker tilts.
         ///
-        /// 30 m/s³ is a tilt of 11.5° in 0.07 s, a third of what the attitude loop does.
+        /// 30 m/s³ is a tilt of 11.5° in 0.07 s, a third of the attitude loop's rate.
         jerk_m_s3: f64 = 30.0, in 0.1..=10_000.0;
         /// Greatest distance of a rounded corner from the drawn one.
         corner_error_m: f64 = 0.01, in 0.0001..=1.0;
@@ -120,8 +120,7 @@ settings! {
         /// The design. A controller that holds positions lags behind it.
         "design" => Design,
         /// The design through the inverse of the closed loop, less the tracking error of a
-        /// simulated rehearsal. For controllers with feedforward of their own, the design less
-        /// that error.
+        /// simulated rehearsal. For controllers with feedforward, the design less that error.
         "inverse" => Inverse,
     }
 

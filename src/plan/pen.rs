@@ -6,7 +6,7 @@ use noctograph_core::strokes::Strokes;
 
 /// Greatest number of starting corners of a closed stroke.
 const MAX_STARTS: usize = 8;
-/// Points nearer to each other than this are one.
+/// Points nearer to each other than this are merged.
 const SAME_M: f64 = 1e-6;
 /// A run of light shorter than this is a dot: half as long as a stroke is wide in the photograph.
 pub(super) const DOT_M: f64 = 0.005;
@@ -14,7 +14,7 @@ pub(super) const DOT_M: f64 = 0.005;
 /// Cosine of the largest turn at its ends for a closed stroke to count as smooth.
 const SMOOTH_COS: f64 = 0.5;
 /// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle
-/// of a spot of width σ, one that passes at `v` leaves `I / (√(2π) σ v)`: both are alike after
+/// of a spot of width σ. A lamp that passes at `v` leaves `I / (√(2π) σ v)`. Both are equal after
 /// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm. Four times that
 /// compensate for the motion of the hovering drone, and for serifs that dots do not have.
 const DOT_LIGHT_M: f64 = 0.04;
@@ -28,7 +28,7 @@ pub(super) fn dot_s(speed_m_s: f64) -> f64 {
 pub(super) struct PenStroke {
     /// Index of its letter.
     pub(super) letter: usize,
-    /// Its corners in the plane of the word, neighbors apart. A single one is a dot.
+    /// Its corners in the plane of the word, neighbors apart. A single point is a dot.
     pub(super) points_m: Vec<Vector2<f64>>,
     /// Speeds between them, as fractions of the stroke speed.
     pub(super) paces: Vec<f64>,
@@ -57,7 +57,8 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
                 is_down &= step.lit || is_short;
                 continue;
             }
-            // A lit move goes on with the run that ends here. After a jump it begins another one.
+            // A lit move goes on with the run that ends here. After a jump it begins another
+            // stroke.
             let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
             if !is_down || !runs.last().is_some_and(ends_here) {
                 runs.push(PenStroke { letter, points_m: vec![from], paces: Vec::new() });

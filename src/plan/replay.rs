@@ -27,8 +27,8 @@ pub struct Replay {
 /// change, at rest and held until the next, and a last one at the end of the flight.
 ///
 /// A log loses packets that the drone received: between two setpoints more than one and a half
-/// median steps apart, reached at the median speed, the missing ones are restored evenly. In the
-/// reference flight that is one setpoint in fifteen.
+/// median steps apart, reached at the median speed, the missing setpoints are restored evenly. In
+/// the reference flight that is one setpoint in fifteen.
 ///
 /// # Errors
 ///

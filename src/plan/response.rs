@@ -12,7 +12,8 @@ pub struct StepResponse {
 
 /// Fraction of the step below which the rest of a response is neglected.
 const SETTLED: f64 = 1e-3;
-/// Comparisons of output and target per input: one between two inputs prevents oscillation there.
+/// Comparisons of output and target per input. A comparison between two inputs prevents oscillation
+/// there.
 const OUTPUTS_PER_INPUT: usize = 2;
 
 impl StepResponse {
@@ -47,7 +48,7 @@ impl StepResponse {
 
     /// The inverse of the loop for inputs at rising times, each held until the next.
     ///
-    /// `ridge` weighs the square of `input − wanted` against that of the error of the output
+    /// `ridge` weighs the square of `input − wanted` against the square of the output's error
     /// (Tikhonov regularization). 0.01 asks for corners sharply, 1 hardly at all.
     ///
     /// Method: normal equations, banded since the response settles, by a Cholesky decomposition.
@@ -71,7 +72,8 @@ impl StepResponse {
     }
 }
 
-/// The zero-phase inverse of a loop for inputs at some times: it begins to act before it is due.
+/// The zero-phase inverse of a loop for inputs at given times. It begins to act before the target
+/// changes.
 #[derive(Debug)]
 pub struct Inverse<'a> {
     response: &'a StepResponse,
@@ -151,7 +153,8 @@ impl Inverse<'_> {
                 row.iter_mut().zip(&weights[i..]).for_each(|(sum, other)| *sum += weight * other);
             }
         }
-        // Cholesky, row by row: each finished row is subtracted from those below it in the band.
+        // Cholesky factorization, row by row. Each finished row is subtracted from the rows below
+        // it in the band.
         for i in 0..self.times_s.len() {
             let (rows, below) = normal[i * width..].split_at_mut(width);
             let pivot = rows[0].max(f64::MIN_POSITIVE).sqrt();

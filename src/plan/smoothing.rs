@@ -2,8 +2,8 @@
 //!
 //! The velocity of a pen at constant speed jumps at every corner. Two moving averages over time,
 //! one after the other, make it flyable: over the longer one, `T1`, a change of velocity Δv becomes
-//! an acceleration of Δv/T1. The shorter one, `T2`, limits the jerk to Δv/(T1 T2). A corner is cut
-//! by at most `Δv (T1/8 + T2²/(24 T1))`.
+//! an acceleration of Δv/T1. The shorter average, `T2`, limits the jerk to Δv/(T1 T2). A corner is
+//! cut by at most `Δv (T1/8 + T2²/(24 T1))`.
 
 use super::EvenStyle;
 

@@ -128,8 +128,7 @@ impl Corners {
     }
 }
 
-/// Lowers the speeds of nodes so that neither forward nor backward along the path the speed rises
-/// faster than the acceleration allows.
+/// Lowers the speeds of nodes to the acceleration limit, forward and backward along the path.
 fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], distances_m: &[f64]) {
     let n = nodes.len();
     let onward = (1..n).map(|i| (i - 1, i));

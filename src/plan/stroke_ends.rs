@@ -62,7 +62,7 @@ impl Edge {
         Self { time_s, at_m: drawing.design_m(time_s), velocity_m_s: drawing.velocity_m_s }
     }
 
-    /// True for the end of a stroke, false for that of a dot.
+    /// True for the end of a stroke, false for the end of a dot.
     pub(super) fn moves(&self) -> bool {
         self.velocity_m_s != Vector3::zeros()
     }
@@ -72,7 +72,7 @@ impl Edge {
 pub(super) struct Aligned<'a> {
     samples: &'a [FlightSample],
     pub(super) lag_s: f64,
-    /// Mean of `flown − design` after the lag: it moves the whole picture.
+    /// Mean of `flown − design` after the lag, which shifts the whole picture.
     offset_m: Vector3<f64>,
 }
 
@@ -136,8 +136,8 @@ impl<'a> Aligned<'a> {
         a.position_m.lerp(&b.position_m, fraction) - self.offset_m
     }
 
-    /// The lag with which the drone passes an edge of the design, given the lag at the edge before:
-    /// it minimizes the distance from the edge, plus a cost of lags other than the flight's.
+    /// The lag with which the drone passes an edge of the design, given the lag at the edge before.
+    /// It minimizes the distance from the edge plus a cost of lags other than the flight's.
     pub(super) fn lag_at_s(&self, edge: &Edge, previous_lag_s: f64) -> f64 {
         let cost = |lag_s: f64| {
             let error_m2 = (self.position_m(edge.time_s + lag_s) - edge.at_m).xz().norm_squared();

@@ -54,7 +54,7 @@ pub struct Avionics {
     lands_from: Option<usize>,
     mode: Mode,
     short_steps: u32,
-    /// Ticks with a motor at its limit, and those of them during which a letter was written.
+    /// Ticks with a motor at its limit, and the number of them during which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
     /// True if the filter logs its covariance, as a fleet's always does.
@@ -68,7 +68,7 @@ struct Kinds {
     estimator: Option<EstimatorKind>,
 }
 
-/// Kinds of setpoints that the firmware tells apart.
+/// Kinds of setpoints that the firmware distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     /// Those of the host.
@@ -95,8 +95,8 @@ impl Avionics {
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
-        // Sensors are the true ones. Estimator and controller are designed for the believed drone.
-        // The estimate starts with the sensors' steady error, as after a wait on the floor.
+        // The sensors are true. Estimator and controller are designed for the believed drone. The
+        // estimate starts with the sensors' steady error, as after a wait on the floor.
         let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
         Ok(Self {
@@ -138,7 +138,8 @@ impl Avionics {
         self.logs_covariance = true;
     }
 
-    /// Replaces the estimator with an external one, which `make` creates from the state at rest.
+    /// Replaces the estimator with an external estimator, which `make` creates from the state at
+    /// rest.
     pub fn estimate_by(&mut self, make: impl FnOnce([f64; 12]) -> Update) {
         let state = self.estimator.state();
         self.estimator = Box::new(Outside { update: make(state.into()), state });
@@ -256,8 +257,8 @@ impl Avionics {
         if !holds {
             return now_s;
         }
-        // The firmware's geometric controller holds the last state: that of the script, which sends
-        // a long setpoint again as it moves on, or that of the commander on board.
+        // The firmware's geometric controller holds the last state: of the script, which repeats a
+        // long setpoint as it moves, or of the commander on board.
         let step_s = if self.streamed { RESEND_S } else { COMMANDER_S };
         from_s + ((now_s - from_s + TIME_TOLERANCE_S) / step_s).floor() * step_s
     }

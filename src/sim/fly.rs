@@ -92,7 +92,7 @@ pub fn fly_watched(
                 false => error,
             })?;
         }
-        // Messages hold the measurements up to this tick, and arrive in a later one.
+        // Messages hold the measurements up to this tick, and arrive in a later tick.
         if is_fleet && air.is_due(time_s) {
             let messages = rigs.iter_mut().filter_map(|rig| rig.avionics.message());
             messages.for_each(|message| air.send(&message));
@@ -219,8 +219,8 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     });
     let first = in_air.clone().next().unwrap_or(0);
     let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
-    // Before and after, a ramp may begin and end within a step if it rises above the step: the
-    // drone then rests on it with its motors off.
+    // Before and after that, setpoints of a ramp may be within a step if the ramp rises above it.
+    // The drone then rests on the step with its motors off.
     let mut numbered = heights_m.iter().enumerate();
     let refused = numbered.find(|(row, [z, floor])| {
         let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);
@@ -231,7 +231,7 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
         format!("plan, setpoint {i}"),
         "a height of {height_m} m",
         "more than the floor's {floor_m} m there",
-        "write higher (letters.baseline_m), or lower or move floor.steps"
+        "raise the word (letters.baseline_m), or lower or move floor.steps"
     ))
 }
 

@@ -3,8 +3,8 @@
 //! In: [`SimOptions`] and a motor lag. Out: [`Design`]. Method: the model at hover is linearized,
 //! both gains come from their Riccati equations, and poles and margins of the closed loop are
 //! computed for immediate and for lagging motors. A cascade of PID loops and the geometric
-//! controller have no such gain: their own code is linearized at hover, and poles and margins are
-//! those of its loops.
+//! controller have no such gain. Their code is linearized at hover, and gives poles and margins of
+//! its loops.
 //!
 //! Sources: the reference flight's design (AE483, 2022), and Bryson, Ho, "Applied Optimal Control"
 //! (1975), for the weights. The gain is designed without the drone's drag. The printed model, its
@@ -58,7 +58,7 @@ pub struct Design {
     /// four columns more if it is designed for lagging rotors. `None` for other controllers.
     #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
-    /// Its columns: the first of [`STATES`], and those of the rotors.
+    /// Its columns: the first of [`STATES`], and the states of the rotors.
     pub states: Vec<&'static str>,
     /// States of the controller, beside the twelve of the drone: integrals, last measurements,
     /// filters, modeled rotors.
@@ -238,8 +238,8 @@ fn regulator_loop(
     let Some(modeled_lag_s) = modeled_lag_s else {
         return (Loop { a, b, k: gain.k }, states.collect());
     };
-    // The modeled rotors run on the regulator's own commands: they are part of it, not of the
-    // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
+    // The modeled rotors run on the regulator's commands, so they are part of the regulator and not
+    // of the loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
     let from_state = -&gain.k / modeled_lag_s;
     let decay = -(gain.k_rotor + Matrix4::identity()) / modeled_lag_s;
     let a = with_states(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));
@@ -294,14 +294,14 @@ fn warnings(
     } else if !is_stable {
         let message = format!(
             "the loop is unstable: a pole at {without:+.2} 1/s without motor lag, {with:+.2} 1/s \
-             with {lag_s} s. Is the gain that of u = u_hover - K (x - x_des), with its signs and \
-             units (rad, m)?"
+             with {lag_s} s. Is the gain meant for u = u_hover - K (x - x_des), with its signs \
+             and units (rad, m)?"
         );
         warnings.push(Diagnostic::warning("loop-unstable", message));
     }
     if options.controller.kind == ControllerKind::Altitude {
-        let message = "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of \
-                       the altitude";
+        let message = "the loop at f_z is the loop of lqr-feedforward: `noctograph hold` shows \
+                       the loop of the altitude";
         warnings.push(Diagnostic::warning("altitude-loop", message));
     }
     warnings

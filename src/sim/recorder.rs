@@ -48,7 +48,7 @@ impl Recorder {
         }
     }
 
-    /// The flight with its warnings, and a further one if the drone never took off.
+    /// The flight with its warnings, and a further warning if the drone never took off.
     pub(super) fn finish(self, mut warnings: Vec<Diagnostic>) -> Flight {
         warnings.extend(grounded(&self.flight.samples));
         let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);

@@ -1,11 +1,11 @@
-//! Acuity: the highest speed at which a contender's words still read. An eye chart likewise asks
-//! for the smallest letters.
+//! Acuity: the highest speed at which a contender's words are still legible. An eye chart likewise
+//! asks for the smallest letters.
 //!
 //! In: a study. Every contender flies its words on a ladder of stroke speeds, from four times the
-//! slowest of the scenes up. Each rung has seeds of its own, the same for all contenders. Out:
+//! slowest of the scenes up. Each rung has separate seeds, the same for all contenders. Out:
 //! [`Acuity`].
 //!
-//! If words read below a speed and not above it, the mean of P(read) over the ladder is the
+//! If words are legible below a speed and not above it, the mean of P(read) over the ladder is the
 //! fraction of rungs below that speed (method of Spearman 1908 and Kärber 1931). So the mean and
 //! its interval give a speed and its interval, without a model of how P(read) falls. The ladder is
 //! a study whose words are its rungs, and [`rank`] compares two contenders flight by flight.
@@ -48,7 +48,7 @@ pub struct SpeedLimit {
     pub place: Option<usize>,
     /// Flights on the whole ladder.
     pub n_flights: usize,
-    /// Stroke speed at which half of its words read.
+    /// Stroke speed at which half of its words are legible.
     pub stroke_speed_m_s: Estimate,
     /// Mean P(read) on each rung.
     pub rungs: Vec<Rung>,
@@ -109,7 +109,7 @@ pub fn fly_ladder(
 
 /// Returns the speed limits of contenders, from the records of each rung of a [`Study::ladder`].
 pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
-    // One study whose words are those of all rungs: its records come contender by contender.
+    // One study with the words of all rungs. Its records come contender by contender.
     let contenders = &ladder[0].contenders;
     let mut by_contender = records.concat();
     by_contender.sort_by_key(|record| contenders.iter().position(|c| c.name == record.contender));
@@ -157,7 +157,7 @@ mod tests {
         Study { contenders: contenders.into(), words, conditions: Conditions::still(), seed: 1 }
     }
 
-    /// Records of contenders that read up to a speed, each with a soft edge.
+    /// Records of contenders that are legible up to a speed, each with a soft edge.
     fn records(study: &Study, limits_m_s: [f64; 2]) -> Vec<Record> {
         let records = study.trials().map(|trial| {
             let speed_m_s = study.contenders[trial.contender].scene.plan.stroke_speed_m_s;

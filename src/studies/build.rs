@@ -26,7 +26,7 @@ fn main() {
         walk(Path::new(folder), &mut files);
     }
     files.sort();
-    // 64-bit FNV-1a: it detects mistakes, not attacks.
+    // 64-bit FNV-1a, which detects mistakes, not attacks.
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     for path in files {
         let name = path.to_string_lossy().replace('\\', "/");

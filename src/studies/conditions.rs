@@ -55,7 +55,7 @@ settings! {
         /// half of the published values (0.02 to 0.14 s), since gains that were flown tolerate it.
         motor_lag_s: f64 = 0.05, in 0.0..=5.0;
         /// Position error that changes smoothly over the room, σ on top of the scene's, m:
-        /// distortion where `sensors.positioning` is `position`, misplaced stations where it is
+        /// distortion if `sensors.positioning` is `position`, misplaced stations if it is
         /// Lighthouse. Half of the 13 mm rms in Bitcraze's `positioning_dataset`.
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
         /// Rotation of the Lighthouse's frame about each axis, rad, and error of its scale: σ. For
@@ -92,7 +92,7 @@ settings! {
         /// blade's lift grows with r². Small faults begin at 5 % of a blade's length (Baldini et
         /// al. 2026, doi 10.1007/s10846-026-02369-x).
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
-        /// Age of the battery, uniform from 0 to this. At 1 it has 80 % of its capacity, where
+        /// Age of the battery, uniform from 0 to this. At 1 it has 80 % of its capacity, at which
         /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996). It
         /// then fails the firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`,
         /// firmware pull request 1192) under motors at 61 %
@@ -104,8 +104,8 @@ settings! {
 
 impl Conditions {
     /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. Its
-    /// mass differs by a gram of 35, and its motors by 3 %, half of what the reference flight's
-    /// trim shows.
+    /// mass differs by a gram of 35, and its motors by 3 %, half of the difference that the
+    /// reference flight's trim shows.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
@@ -140,7 +140,7 @@ impl Conditions {
         }
         // A name in the table has precedence over a file with that name.
         if Path::new(named).exists() {
-            let hint = "leave out what is no condition";
+            let hint = "leave out keys that are not conditions";
             let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
             return Self::parse(&limit.read_text(named.as_ref())?, named);
         }
@@ -237,7 +237,7 @@ impl Conditions {
         let lost_frac = self.motor_loss_frac * propeller.uniform();
         #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let motor = (4.0 * propeller.uniform()) as usize;
-        // The remaining fractions of the scene's loss and of this one multiply.
+        // The remaining fractions of the scene's loss and of this loss multiply.
         let loss_frac = &mut body.motor_loss_frac[motor];
         *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
     }
@@ -269,7 +269,7 @@ impl Conditions {
         gusts.sigma_m_s = gusts.sigma_m_s.map(|sigma_m_s| sigma_m_s.max(self.gust_m_s));
         sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         if sim.vehicle.body_drag_n_s_m == [0.0; 3] {
-            // In proportion to the gusts, so that weaker ones change the scene continuously less.
+            // In proportion to the gusts, so that the change vanishes continuously with them.
             let fraction = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
             sim.vehicle.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * fraction);
         }

@@ -4,7 +4,7 @@
 //! In: a folder of logs, and the scene's drone, since logs do not contain the mass. Out: a row for
 //! each log, with its figures and flaws, and the widths of conditions. Each log is identified
 //! separately ([`identify`]). Its thrust per command is relative to the weight, so that a heavy
-//! drone and a weak one look the same.
+//! drone and a weak drone look the same.
 //!
 //! Not identified: distortion and rotation of the Lighthouse's frame, which need a second source of
 //! position, inertia, delay of the lamps, charge and age of the battery.
@@ -51,7 +51,7 @@ const LOGS_LIMIT: Limit = Limit {
     what: "the logs of an evening",
     hint: "import a part of the folder at a time, or log fewer variables",
 };
-/// Number of logs that are read at the same time: each may use 240 MiB
+/// Number of logs that are read at the same time. Each may use 240 MiB
 /// ([`Budget`](noctograph_core::files::Budget)).
 const AT_ONCE: usize = 3;
 
@@ -182,7 +182,7 @@ impl Evening {
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
         let (logs, count) = (logs_in(folder)?.0, counter(done));
         LOGS_LIMIT.check_all(logs.iter().map(|log| &log.path))?;
-        // Several links may lead to one file: it is read once, under its first name.
+        // Several links may lead to a file, which is read once, under its first name.
         let mut first_names = HashMap::new();
         for log in logs.iter().rev() {
             first_names.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
@@ -222,7 +222,7 @@ impl Evening {
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
-            // Standard error of the mean. Flights too short for a sigma are taken as average ones.
+            // Standard error of the mean. Flights too short for a sigma count as average flights.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
@@ -241,14 +241,14 @@ impl Evening {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
         let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
-        // Uneven air changes the mean command of a short flight: its variance is subtracted.
+        // Uneven air changes the mean command of a short flight, so its variance is subtracted.
         let trims_m = [0, 1].map(|axis: usize| {
             let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
             spread(&figures.iter().map(|f| f.trim_m[axis]).zip(sigmas_m).collect::<Vec<_>>())
         });
         let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
-        // The width of a uniform distribution is √12 standard deviations. The mean is not used: it
-        // contains the errors that all logs of an evening have in common.
+        // The width of a uniform distribution is √12 standard deviations. The mean is not used,
+        // because it contains errors that all logs of a session have in common.
         let lags_s: Vec<(f64, f64)> =
             figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
         let lag_s = 12_f64.sqrt() * spread(&lags_s);
@@ -330,8 +330,8 @@ impl EveningLog {
         ];
         // The lag appears only in commands that rotate the drone along a path.
         if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
-            let message = "its setpoints stay at one place, or are not logged: it does not show \
-                           the rotors' lag";
+            let message = "its setpoints are constant or not logged, so it does not show the \
+                           rotors' lag";
             warnings.push(Diagnostic::warning("lag-unseen", message));
         }
         let (drone, log) = (log.drone.clone(), log.name.clone());

@@ -130,8 +130,8 @@ impl Study {
 /// Flies trials on rayon's threads and returns their records in the order of `trials`, which depend
 /// only on the study. `prepared` is the result of [`Study::prepare`].
 ///
-/// Trials in the store are not flown again, and new ones are stored at once. `done` is called with
-/// the number of finished trials, from any thread. `stop` ends the study between two flights.
+/// Trials in the store are not flown again, and new trials are stored at once. `done` is called
+/// with the number of finished trials, from any thread. `stop` ends the study between two flights.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Knobs: the parameters of a search, each one or several settings of a scene.
+//! Knobs: the parameters of a search. Each is a setting of a scene, or several.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -263,7 +263,7 @@ mod tests {
         });
         assert!(!default.iter().any(|key| key.starts_with("observer.luenberger")));
         assert!(team.iter().any(|key| key.starts_with("observer.luenberger")));
-        // A choice lends effect to what it may turn to: here the integral of lqr-integral.
+        // A choice gives effect to the settings of its values: here the integral of lqr-integral.
         assert!(team.iter().any(|key| key == "controller.lqr.q_integral[0]"));
         for &preset in Preset::ALL {
             for &kind in ControllerKind::ALL {

@@ -27,7 +27,7 @@ pub struct Outcome {
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
     /// [`Verdict::read_probability`].
     pub probability: f64,
-    /// Its log-odds, −10 to 10: they still change where the probability hardly does.
+    /// Its log-odds, −10 to 10, which still change near 0 and 1.
     pub log_odds: f64,
     /// Mean probability of the intended letters, 0 to 1. It changes even while the word is
     /// illegible.
@@ -138,7 +138,7 @@ impl Outcome {
         }
     }
 
-    /// Returns the outcome of a lost drone, which has no photo. `how` says how it was lost.
+    /// Returns the outcome of a lost drone, which has no photo. `how` is the cause of the loss.
     pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
@@ -195,7 +195,7 @@ impl Flown {
 /// Returns the fraction of the letters' time in which a motor is saturated. 0 if it is not logged.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(total_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
-    // The column has the saturated time since the start: its differences over letters are added.
+    // The column has the saturated time since the start, so its differences over letters are added.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, total_s) in flight.samples.windows(2).zip(total_s.windows(2)) {
         if pair[0].letter.is_some() {

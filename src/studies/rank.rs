@@ -15,7 +15,7 @@ pub struct Ranking {
     pub measures: Vec<Measures>,
     /// All pairs of contenders.
     pub pairs: Vec<Pair>,
-    /// Least number of flights per contender with which any two can be told apart.
+    /// Least number of flights per contender with which any two can be distinguished.
     pub least_flights: u32,
     /// Contenders that are not ranked.
     pub unranked: Vec<Unranked>,
@@ -38,8 +38,8 @@ pub struct Unranked {
 pub struct Measures {
     /// Its name.
     pub contender: String,
-    /// 1 for the best. Contenders that cannot be told from the first of a place have its place too.
-    /// `None` if no flight was read, for example because every drone was lost.
+    /// 1 for the best. Contenders that cannot be distinguished from the first of a place have the
+    /// same place. `None` if no flight was read, for example because every drone was lost.
     pub place: Option<usize>,
     /// Number of flights.
     pub n_flights: usize,
@@ -78,7 +78,7 @@ pub struct Pair {
     pub distinguishable: bool,
 }
 
-/// Least P(read) with a place. Smaller ones are printed as 0.000.
+/// Least P(read) with a place. Smaller values are printed as 0.000.
 const LEAST_READ: f64 = 0.0005;
 
 /// Ranks the contenders of a study. `records` has one for each of its trials, in their order.
@@ -121,7 +121,7 @@ fn flew_alike(a: &[Record], b: &[Record]) -> bool {
     a.iter().map(|record| &record.outcome).eq(b.iter().map(|record| &record.outcome))
 }
 
-/// Returns the least number of flights per contender with which any two can be told apart.
+/// Returns the least number of flights per contender with which any two can be distinguished.
 pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
@@ -148,8 +148,8 @@ fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
             differences_by_pair.push(differences);
         }
     }
-    // Holm's procedure: the pairs that are told apart lower the level for the rest, round by round
-    // until no more are. The first round is Bonferroni's. Its intervals are kept.
+    // Holm's procedure: the pairs that are distinguished lower the level for the rest, round by
+    // round, until no further pair is. The first round is Bonferroni's. Its intervals are kept.
     let (n_pairs, mut n_before) = (pairs.len(), 0);
     loop {
         let n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
@@ -318,7 +318,7 @@ mod tests {
         (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
     }
 
-    /// Fraction of studies in which contenders that do not differ are told apart.
+    /// Fraction of studies in which equal contenders are distinguished.
     fn family_wise_error(n_contenders: u32, n_flights: u32, n_studies: u32) -> f64 {
         let wrong = (0..n_studies).into_par_iter().filter(|study| {
             let rng = &mut ChaCha8Rng::seed_from_u64(u64::from(*study));

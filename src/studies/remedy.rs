@@ -1,7 +1,7 @@
 //! Remedies: settings that make the word of a scene easier to read.
 //!
 //! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
-//! candidate is planned, flown, exposed on the scene's film and read with the scene's seed. Those
+//! candidate is planned, flown, exposed on the scene's film and read with the scene's seed. Changes
 //! that gain are flown with two more seeds, and dropped if they lose with one of these. Settings
 //! that nobody can choose, such as gusts or the radio's delay, are not changed.
 

@@ -280,7 +280,13 @@ fn check_header(folder: &Path) -> Result<()> {
     }
     let Header { noctograph, format } = serde_json::from_str(text).map_err(|_broken| {
         let start: String = text.chars().take(60).collect();
-        Error::input(path.display(), start, wanted, "name another folder: this one holds no study")
+        Error::input(
+            path.display(),
+            start,
+            wanted,
+            "name another folder: this folder holds no \
+                                                     study",
+        )
     })?;
     // Another build may have other outcomes, even if it has the same version.
     if (&noctograph, format) == (&ours.noctograph, FORMAT) {
@@ -298,7 +304,7 @@ fn check_header(folder: &Path) -> Result<()> {
 /// Returns the error for more flights than the largest study has.
 fn too_many(place: impl Into<Place>) -> Error {
     let number = format!("more than {MAX_TRIALS} flights");
-    Error::input(place, number, "at most those of the largest study", ANOTHER)
+    Error::input(place, number, "at most the flights of the largest study", ANOTHER)
 }
 
 /// Calls `f` with the record of each complete line, and returns the lines' length in bytes. Half a

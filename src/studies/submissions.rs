@@ -27,9 +27,9 @@ struct Submitted {
 }
 
 /// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
-/// learning platforms export them. A row has the name of its file, after that of the student's
-/// folder. If two rows would have one name, theirs are the ends of the paths that differ. Every
-/// other entry of a folder has a row with the reason, except hidden files, which are only listed.
+/// learning platforms export them. A row has the names of the student's folder and of the file. If
+/// two rows would have one name, theirs are the ends of the paths that differ. Every other entry of
+/// a folder has a row with the reason, except hidden files, which are only listed.
 ///
 /// # Errors
 ///

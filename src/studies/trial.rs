@@ -38,7 +38,7 @@ pub struct Prepared {
 
 impl Prepared {
     /// Prepares a scene for a word. If it cannot be planned, for example because its gain loses the
-    /// drone, every outcome is a lost drone, so that one bad candidate does not end a study.
+    /// drone, every outcome is a lost drone, so that a bad candidate does not end a study.
     ///
     /// # Errors
     ///
@@ -164,8 +164,8 @@ pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, Stri
     }
 }
 
-/// Reduces the camera's resolution until capitals are at most `cap_height_px` high. A pixel then is
-/// the mean of many, which have hardly any noise together: it is switched off.
+/// Reduces the camera's resolution until capitals are at most `cap_height_px` high. A pixel is then
+/// the mean of many pixels, which has hardly any noise, so the noise is switched off.
 pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
@@ -201,7 +201,7 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
         return Ok(reader.clone());
     }
     let reader = Arc::new(Reader::new(strokes, options)?);
-    // The oldest one makes room.
+    // The oldest entry makes room.
     if cache.len() >= MAX_READERS {
         cache.remove(0);
     }
@@ -264,7 +264,7 @@ mod tests {
         assert_eq!((outcome.probability, outcome.flown), (0.0, None));
         assert!(outcome.lost.is_some() && !outcome.all_read, "{outcome:?}");
 
-        // Lost where the plan is rehearsed: there is no plan.
+        // Lost in the rehearsal of the plan: there is no plan.
         let ready = prepared("I", |scene| {
             scene.plan = PlanOptions::even();
             scene.controller.lqr.q = [1e9; 12];

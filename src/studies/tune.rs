@@ -58,9 +58,9 @@ pub struct TuneOptions {
     pub words: Vec<(String, u32)>,
     /// Number of flights in search and finals. The test is not included.
     pub budget: usize,
-    /// Seeds of each word in the test: at least six, which can tell two apart.
+    /// Seeds of each word in the test: at least six, the fewest that can distinguish two scenes.
     pub test_seeds: u32,
-    /// Longest flight of a candidate. `None`: as long as that of the original scene.
+    /// Longest flight of a candidate. `None`: as long as the original scene's flight.
     pub longest_s: Option<f64>,
     /// How flights differ from their scene.
     pub conditions: Conditions,
@@ -207,11 +207,11 @@ pub fn tune(
     options.check()?;
     if let Some((key, why)) = without_effect(base, &options.knobs).into_iter().next() {
         let (unused, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
-        return Err(Error::input("knob", unused, "a key that has one in this scene", hint));
+        return Err(Error::input("knob", unused, "a key that has an effect in this scene", hint));
     }
     let longest_s = options.longest_s;
     let mut tuning = Tuning { base, options, store, longest_s, stop, n_flights: 0 };
-    // The original scene comes first: its duration is the limit for the others.
+    // The original scene comes first, because its duration is the limit for the others.
     let original = tuning.candidate(0, &[], (options.seed, 1), Some(f64::INFINITY))?;
     tuning.longest_s = longest_s.or(original.duration_s);
     let candidates = tuning.search(original, watch)?;
@@ -361,7 +361,7 @@ impl Tuning<'_> {
 }
 
 /// Returns the fraction of a Crazyflie's motor lag that a regulator does not tolerate: 0 if it
-/// tolerates all of it, or if the controller is another one.
+/// tolerates all of it, or if the controller is not a regulator.
 fn margin_broken(scene: &Scene) -> f64 {
     if !matches!(scene.controller.kind.law(), Law::StateFeedback { .. }) {
         return 0.0;
@@ -383,7 +383,7 @@ fn front(candidates: &[Candidate]) -> Vec<usize> {
     allowed.sort_by(|(a_s, a), (b_s, b)| {
         a_s.total_cmp(b_s).then(b.legibility.total_cmp(&a.legibility))
     });
-    // From the fastest to the slowest: a candidate must be more legible than all faster ones.
+    // From the fastest to the slowest: a candidate must be more legible than all faster candidates.
     let (mut front, mut best) = (Vec::new(), f64::NEG_INFINITY);
     for (_, candidate) in allowed {
         if candidate.legibility > best {
@@ -436,7 +436,7 @@ mod tests {
 
     #[test]
     fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
-        // Speeds that differ by 2 % read alike: whichever wins the finals is no better.
+        // Speeds that differ by 2 % are equally legible: the winner of the finals is not better.
         let base = Scene::preset(Preset::Ae4832022);
         let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
         let mut tested = (0..6).map(|seed| {

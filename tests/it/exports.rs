@@ -149,7 +149,7 @@ fn a_typed_height_is_kept_or_it_is_said() {
     assert!(height_m > 1.45, "as high as typed: {height_m}");
     assert_eq!((code, &finding(&report, "volume")["severity"]), (1, &json!("stop")));
     let (_, _, said) = run(at, &high);
-    assert!(said.contains("do not fit letters.canvas_m") && said.contains("1.30 m"), "{said}");
+    assert!(said.contains("do not fit into letters.canvas_m") && said.contains("1.30 m"), "{said}");
     let (_, _, said) = run(at, &["check", "HI", "--set", "letters.cap_height_m=0.4"]);
     assert!(!said.contains("do not fit"), "{said}");
 }

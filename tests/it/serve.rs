@@ -685,7 +685,7 @@ fn a_hall_whose_room_is_not_known_is_told() {
         let said: Vec<String> = lines.take_while(|line| !line.contains("Ctrl-C")).collect();
         child.kill().unwrap();
         child.wait().unwrap();
-        assert_eq!(said.iter().any(|line| line.contains("fenced by a guess")), is_told, "{said:?}");
+        assert_eq!(said.iter().any(|line| line.contains("fence is a guess")), is_told, "{said:?}");
     }
 }
 

@@ -14,7 +14,7 @@ settings! {
     /// µm² of pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
     /// assumptions of the right size, not measurements of one camera.
     ///
-    /// Telephones have a lens of their own, the main camera's ([`FixedLens`]).
+    /// Telephones have a fixed lens, the main camera's ([`FixedLens`]).
     pub enum BodyModel tagged {
         /// Any body, by its sensor.
         "custom" => Custom(CustomBody),
@@ -26,7 +26,7 @@ settings! {
         "canon-eos-2000d" => CanonEos2000D,
         /// A compact camera with a sensor of the 1-inch type.
         "one-inch" => OneInch,
-        /// Main camera of a telephone, with its lens: that of most, as the Galaxy S24's.
+        /// Main camera of a typical telephone, such as the Galaxy S24, with its lens.
         "phone" => Phone,
         /// Main camera of the iPhone 15 Pro, with its lens.
         "iphone-15-pro" => IPhone15Pro,
@@ -179,15 +179,15 @@ impl LensModel {
     /// Fraction of light that the edges of the lens keep from a point of the sensor, on top of the
     /// natural falloff by cos⁴. It grows with the square of the distance from the axis.
     ///
-    /// The stops at the corner of full frame wide open are those that tests measured, less the
-    /// natural ones: 2.7 in all for Canon's EF 50/1.8 II
-    /// (`dpreview.com/lensreviews/canon_50_1p8_ii_c16/4`), 2.2 for their EF 35/2
-    /// (`photozone.de/canon_eos_ff/428-canon_35_2_5d`). 1 at the corner of APS-C for their EF
-    /// 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom such as `kit-16mm` loses no
-    /// more than cos⁴ (1.9 stops for Tokina's 16-50 at f/2.8, `lenstip.com/248.8`). Stopped down,
-    /// the stops beyond those at f/5.6 fall with the power 2.4 of the aperture number, within 0.45
-    /// stops for Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's Otus 28 from their widest aperture
-    /// on (`lenstip.com/216.8`, `lenstip.com/504.8`, `optyczne.pl/398.8`).
+    /// The stops at the corner of full frame wide open are from tests, less the natural falloff:
+    /// 2.7 in all for Canon's EF 50/1.8 II (`dpreview.com/lensreviews/canon_50_1p8_ii_c16/4`), 2.2
+    /// for their EF 35/2 (`photozone.de/canon_eos_ff/428-canon_35_2_5d`). 1 at the corner of APS-C
+    /// for their EF 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom such as
+    /// `kit-16mm` loses no more than cos⁴ (1.9 stops for Tokina's 16-50 at f/2.8,
+    /// `lenstip.com/248.8`). Stopped down, the stops beyond those at f/5.6 fall with the power 2.4
+    /// of the aperture number, within 0.45 stops for Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's
+    /// Otus 28 from their widest aperture on (`lenstip.com/216.8`, `lenstip.com/504.8`,
+    /// `optyczne.pl/398.8`).
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
         let lens = self.figures();
         let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);

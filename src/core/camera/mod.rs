@@ -183,8 +183,8 @@ impl Camera {
     }
 
     /// Luminous exposure in lx s at which the sensor saturates: `78 / ISO` (ISO 12232, saturation
-    /// based) from the base sensitivity on, where the converter clips, and that of the full well,
-    /// `78 / base ISO`, below it.
+    /// based) from the base sensitivity on, at which the converter clips, and that of the full
+    /// well, `78 / base ISO`, below it.
     pub fn saturation_lx_s(&self) -> f64 {
         78.0 / self.iso.max(self.base_iso)
     }

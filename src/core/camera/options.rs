@@ -45,15 +45,15 @@ settings! {
         shutter_open_s: f64 = 0.0, in 0.0..=1e6;
         /// Time of flight at which the shutter closes, or the end of the flight if left out.
         shutter_close_s: Option<f64> = None, in 0.0..=1e6;
-        /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and
-        /// with a custom one everything is sharp.
+        /// Distance in focus. If left out, a named lens is focused at the middle of the word, and
+        /// with a custom lens everything is sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
         /// Standard deviation of the blur of the lens on the sensor, without diffraction. A
         /// telephone's lens scales it from full frame to its sensor.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
-        /// Share of light that the lens transmits.
+        /// Fraction of light that the lens transmits.
         transmission: f64 = 0.9, in 0.001..=1.0;
-        /// Share of light lost by vignetting at the corner of the picture, beside the natural
+        /// Fraction of light lost by vignetting at the corner of the picture, beside the natural
         /// falloff by cos⁴, or that of the lens at its aperture if left out.
         vignetting: Option<f64> = None, in 0.0..=1.0;
         /// White balance: gains of red, green and blue, or the color temperature in kelvin.
@@ -135,7 +135,7 @@ impl CameraOptions {
         Described::check(self, "camera", None)?;
         let least = self.lens.figures().min_f_number;
         if self.body.fixed_lens().is_none() && self.f_number < least {
-            let hint = "stop the lens down, or choose a faster one";
+            let hint = "stop the lens down, or choose a faster lens";
             let wanted = format!("at least {least} with this lens");
             return Err(Error::input("camera.f_number", self.f_number, wanted, hint));
         }
@@ -209,7 +209,7 @@ impl CameraOptions {
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = self.pose(bounds_m, middle)?;
-        // The lens of a telephone is fixed, with its own aperture and without distortion.
+        // The lens of a telephone is fixed, with one aperture and without distortion.
         let fixed = body.fixed_lens;
         let depth_m = (camera_from_world * (middle - position_m)).z;
         let is_focused = !matches!(self.lens, LensModel::Custom(_)) && depth_m > LEAST_FOCUS_M;
@@ -396,7 +396,7 @@ mod tests {
             (BodyModel::GalaxyS24, 85.0, 1.8),
         ] {
             let camera = camera_with(body);
-            // The picture is 4:3: its diagonal is 5/4 of its width.
+            // The picture is 4:3, so its diagonal is 5/4 of its width.
             let actual = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
             assert!((actual.to_degrees() - degrees).abs() < 0.7, "{:.1}°", actual.to_degrees());
             assert_eq!((camera.f_number, camera.base_iso), (f_number, 50.0));

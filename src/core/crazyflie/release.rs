@@ -8,7 +8,7 @@ use crate::settings::settings;
 
 settings! {
     /// Releases of the Crazyflie's firmware, from the oldest that exported scripts fly with. Each
-    /// stands for its patches, too.
+    /// includes its patches.
     pub enum Release {
         /// Neither the Brushless nor Lee's controller.
         "2023.11" => R2023_11,
@@ -24,15 +24,15 @@ settings! {
         "2026.04" => R2026_04,
         /// All loops of `pid` begin anew when the kind of setpoint changes: when the drone levels
         /// out after an outage of the radio, and back, and when it lands after full states. The
-        /// heading of a compressed trajectory is right. The clock, as that of all before, is slow
-        /// by 1 in 85.
+        /// heading of a compressed trajectory is right. The clock is slow by 1 in 85, as in all
+        /// earlier releases.
         "2026.08" => R2026_08,
         /// As 2026.08, with a clock that is right.
         "after-2026.08" => After2026_08,
     }
 }
 
-/// A feature of a release that earlier ones lack.
+/// A feature that earlier releases lack.
 #[derive(Debug)]
 pub struct Feature {
     /// Its name.
@@ -48,7 +48,7 @@ pub struct Feature {
 }
 
 impl Feature {
-    /// Reset of the PID loops at a change of the kind of setpoint.
+    /// A new kind of setpoint resets the PID loops.
     pub const RESET: Self = Self {
         what: "all loops of PID begin anew when the kind of setpoint changes",
         since: Release::R2026_08,
@@ -133,7 +133,8 @@ impl Feature {
 }
 
 impl Release {
-    /// The oldest that exported scripts fly with: it has all that they read (`supervisor.info`).
+    /// The oldest release that exported scripts fly with. It has every variable that they read
+    /// (`supervisor.info`).
     pub const OLDEST: Self = Self::R2023_11;
     /// That of [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;

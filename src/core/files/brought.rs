@@ -1,4 +1,4 @@
-//! Files that a page brought, where there is no file system: they stand in memory, by their names.
+//! Files that a page sent, by name. They stay in memory, because a browser has no file system.
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;

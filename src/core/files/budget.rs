@@ -5,7 +5,8 @@ use std::cell::Cell;
 
 use crate::error::{Error, Result};
 
-/// Most work of an input in steps of a nanosecond of a core of 2020, as measured by each reader.
+/// Largest work for an input, in steps. A step takes a core of 2020 about a nanosecond, as measured
+/// for each reader.
 const MAX_STEPS: u64 = 1_000_000_000;
 
 /// Most memory of an input in bytes, copies during reading included.

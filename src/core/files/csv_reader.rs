@@ -78,9 +78,9 @@ pub struct SheetColumn {
     pub number: usize,
     /// Its numbers.
     pub values: Vec<f64>,
-    /// How many of its cells are texts.
+    /// Number of its cells that are texts.
     pub n_texts: usize,
-    /// The first different ones of them.
+    /// The first different texts.
     pub texts: Vec<String>,
     /// Line of the first.
     text_line: usize,
@@ -112,7 +112,7 @@ impl Separator {
         cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
     }
 
-    /// Number of cells of a line, without empty ones at its end.
+    /// Number of cells of a line, without empty cells at its end.
     fn count(self, line: &[u8]) -> usize {
         let filled = self.cells(line).enumerate().filter(|(_, cell)| !cell.is_empty());
         filled.last().map_or(0, |(place, _)| place + 1)
@@ -133,7 +133,7 @@ impl Separator {
         let are_numbers: Vec<bool> = filled.map(|cell| is_number(cell) || is_date(cell)).collect();
         let n_numbers = are_numbers.iter().filter(|is_number| **is_number).count();
         cells.len() >= least
-            // A date has a blank in it, which is no separator.
+            // The blank within a date is not a separator.
             && (self != Self::Blanks || n_numbers == cells.len())
             && are_numbers.first() == Some(&true)
             // `; 2026-03-03` is a remark.
@@ -446,7 +446,7 @@ impl NumberForm {
             cells.any(|cell| cell.contains(&sign) && is_number(cell))
         };
         let has_commas = any_number_has(b',');
-        // A cell with commas and a point is no number until its commas are left out.
+        // A cell with commas and a point becomes a number only without its commas.
         let may_have_commas = separates_by_commas
             || has_commas
             || lines(text).skip(head.row).any(|line| line.contains(&b','));
@@ -488,7 +488,8 @@ impl NumberForm {
 
 /// The sign if it separates thousands, else `None`: three digits follow each, and no number begins
 /// with zero. It is certain if a column also has whole numbers below a thousand, or if a number has
-/// two signs, or a comma and a point. Else a point is a decimal one, and a comma is an error.
+/// two signs, or a comma and a point. Otherwise a point is the decimal point, and a comma is an
+/// error.
 fn thousands_separator<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     head: &Head,

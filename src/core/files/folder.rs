@@ -38,7 +38,7 @@ impl OutputFolder {
     /// [`Error::Io`]. [`Error::Input`] for standard output, which is one file.
     pub fn create(path: &Path) -> Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
-            let hint = "name a folder (./- where it is called so)";
+            let hint = "name a folder (./- if that is its name)";
             let wanted = "a folder for several files";
             return Err(Error::input("output", STANDARD_OUTPUT, wanted, hint));
         }

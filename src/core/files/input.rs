@@ -50,7 +50,7 @@ impl Limit {
         Ok(bytes)
     }
 
-    /// Reads the first `n_bytes` of a file, or all of a shorter one.
+    /// Reads the first `n_bytes` of a file, or a shorter file whole.
     ///
     /// # Errors
     ///
@@ -106,7 +106,7 @@ impl Limit {
     }
 }
 
-/// Bytes of a file, or of all files in a folder. 0 if they are unknown, as those of a pipe.
+/// Bytes of a file, or of all files in a folder. 0 if the size is unknown, as for a pipe.
 fn n_bytes(path: &Path) -> u64 {
     fn n_file_bytes(path: &Path) -> u64 {
         let metadata = std::fs::metadata(path).ok();

@@ -1,7 +1,7 @@
 //! The frame of a JPEG file, read before decoding: memory and passes of the decoder (ITU-T T.81).
 //!
-//! The size of a progressive picture says too little: all its coefficients, two bytes each, are
-//! held until the last scan, and a scan may take a dozen bytes of the file.
+//! The size of a progressive picture does not bound the work: all coefficients, two bytes each, are
+//! held until the last scan, and a scan may take only a dozen bytes of the file.
 
 /// Costs of decoding a JPEG picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,14 +47,14 @@ impl JpegFrame {
         let most = factors.clone().fold([1, 1], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
         let units = |side: usize| size_px[side].div_ceil(8 * most[side]);
         let samples = factors.map(|[h, v]| 64 * h * v * units(0) * units(1)).sum();
-        // Data of a scan have no marker of another one in them.
+        // The data of a scan contain no marker of another scan.
         let scans = bytes.windows(2).filter(|pair| *pair == [0xff, 0xda]).count() as u64;
         let has_end = header.windows(2).any(|pair| pair == [0xff, 0xd9]);
         Some(Self { size_px, samples, scans, progressive, has_end })
     }
 
-    /// Bytes that a decoder holds: the picture, three channels a pixel, and, of a progressive one,
-    /// the coefficients.
+    /// Bytes that a decoder holds: the picture with three channels a pixel and, if it is
+    /// progressive, the coefficients.
     pub fn decoded_bytes(&self) -> u64 {
         let coefficients = if self.progressive { 2 * self.samples } else { 0 };
         3 * self.size_px[0] * self.size_px[1] + coefficients

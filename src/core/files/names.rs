@@ -1,4 +1,4 @@
-//! Names of files: their endings, and the names by which one file refers to another.
+//! Names of files: their endings, and the names with which a file refers to another file.
 
 use std::path::{Path, PathBuf};
 

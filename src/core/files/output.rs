@@ -14,7 +14,7 @@ use crate::input_error;
 /// Name of standard output as a file.
 pub const STANDARD_OUTPUT: &str = "-";
 
-/// Names of standard output. Opened anew, a redirected one would be overwritten.
+/// Names of standard output. If a redirected stream were opened anew, it would be overwritten.
 const STANDARD_OUTPUTS: [&str; 4] =
     [STANDARD_OUTPUT, "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
@@ -102,7 +102,7 @@ impl Output {
             Sink::StandardOutput => {
                 path = STANDARD_OUTPUT.into();
                 match write_buffered(&mut std::io::stdout().lock(), write, is_durable) {
-                    // A reader that went away, such as `head`, is no error.
+                    // A reader that has closed the pipe, such as `head`, is not an error.
                     Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                         Ok(String::new())
                     }
@@ -225,7 +225,7 @@ fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
             path.display(),
             "no folder {folder}",
             "a folder that exists",
-            "make the folder {folder} first, or choose another one",
+            "make the folder {folder} first, or choose another folder",
         )
     })
 }
@@ -242,8 +242,8 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
-/// Writes a file by `write`. Returns its digest, or an empty text if it is not wanted: for a
-/// photograph it is a twelfth of all work.
+/// Writes a file by `write`. Returns its digest, or an empty text if no digest is wanted. The
+/// digest of a photograph is a twelfth of all work.
 fn write_buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,

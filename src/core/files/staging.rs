@@ -1,7 +1,7 @@
 //! Staged files have a temporary name until they are whole, and go if their program was killed.
 //!
-//! A temporary file is locked while its program lives, so that the next program can tell one that
-//! was left behind. Where a file system has no locks, files that are left behind stay.
+//! A temporary file is locked while its program runs, so that the next program recognizes a file
+//! that was left behind. Where a file system has no locks, files that are left behind stay.
 
 use std::fs::{File, FileType, OpenOptions, Permissions};
 use std::io::{ErrorKind, Result};
@@ -70,11 +70,11 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
 }
 
-/// Windows opens no folder as a file. A file in it is the lock: one program has it at a time, and
-/// the system removes it when that program closes it or is killed.
+/// Windows opens no folder as a file. A file in it is the lock. One program holds it at a time, and
+/// the system releases it when that program closes the file or is killed.
 #[cfg(windows)]
 pub(super) fn locked(folder: &Path) -> Option<File> {
-    // Renames take milliseconds. A folder that cannot be written is no reason to wait for ever.
+    // Renames take milliseconds. Do not wait forever for a folder that cannot be written.
     for _ in 0..LOCK_TRIES {
         match only_here(&folder.join(LOCK), true) {
             Err(error) if error.kind() == ErrorKind::NotFound => return None,
@@ -113,8 +113,8 @@ fn only_here(path: &Path, create: bool) -> Result<File> {
     options.open(path)
 }
 
-/// Removes a temporary file or folder of a program that has ended. It is locked until it is gone:
-/// its program may just have made it and be about to lock it.
+/// Removes a temporary file or folder of a program that has ended. The lock is held until the
+/// removal, because a program may have just made the file and be about to lock it.
 fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
     #[cfg(windows)]
     if is_folder {
@@ -213,7 +213,7 @@ impl Former {
         Ok(replaced)
     }
 
-    /// Removes the former files, once all new ones have their names.
+    /// Removes the former files, once all new files have their names.
     pub(super) fn forget(mut self) {
         self.0.clear();
     }

@@ -1,6 +1,6 @@
 //! Bytes to text: UTF-8 without a byte order mark, whose lines end in LF.
 //!
-//! Read, too: UTF-16, also without its mark, and Windows-1252, which is said.
+//! UTF-16, with or without a byte order mark, and Windows-1252 are also accepted, with a note.
 
 use std::borrow::Cow;
 
@@ -23,7 +23,7 @@ impl<'a> Text<'a> {
         if !is_windows_1252(&bytes) {
             return Self { bytes, notes: Vec::new() };
         }
-        let notes = vec!["it is no UTF-8: read as Windows-1252".to_owned()];
+        let notes = vec!["it is not UTF-8 and is read as Windows-1252".to_owned()];
         Self { bytes: Cow::Owned(from_windows_1252(&bytes).into_bytes()), notes }
     }
 

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::{Flight, FlightSample, Quantity};
 
-/// In flight, every motor command of a Crazyflie is above this, of 65535: it hovers at about 43,000
-/// (reference flight) and idles below 10,000. A lower limit counts the spin-up on the floor, a
-/// higher one cuts fast descents.
+/// Threshold of motor commands, of 65535. A Crazyflie in flight is always above it: it hovers at
+/// about 43,000 (reference flight) and idles below 10,000. A lower limit counts the spin-up on the
+/// floor, a higher one cuts fast descents.
 const FLYING_MOTOR_COMMAND: f64 = 20_000.0;
 
 /// Without motor commands, a setpoint or a position higher than this above the floor means flight.

@@ -2,9 +2,9 @@
 //!
 //! Position, estimate and design are in the world frame, velocity and rate in the body frame. The
 //! columns of a quantity that a real log lacks are left out together. One column `light.<channel>`
-//! a light channel. `light` by itself is that of the headlights. `gap_before` is 1 in the first row
-//! after a gap, and is there only in files with gaps. Columns of other names are kept as
-//! [`FlightData::extra`]. The simulator's are `saturated_s` and, for a drone with a battery,
+//! a light channel. `light` without a suffix is the channel of the headlights. `gap_before` is 1 in
+//! the first row after a gap, and is there only in files with gaps. Columns of other names are kept
+//! as [`FlightData::extra`]. The simulator's are `saturated_s` and, for a drone with a battery,
 //! `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,7 +41,7 @@ impl Quantity {
     }
 }
 
-/// True if a column has a meaning of its own, so that no extra column may take its name.
+/// True if a column has a defined meaning, so that no extra column may take its name.
 pub fn is_standard_column(name: &str) -> bool {
     [TIME, LETTER, GAP].contains(&name)
         || Quantity::TABLE.iter().any(|(.., columns)| columns.contains(&name))
@@ -118,7 +118,7 @@ impl Flight {
         Self::from_table(&Table::read(path)?)
     }
 
-    /// Reads a flight from the text of such a file. `file` is its name in messages.
+    /// Reads a flight from the text of its file. `file` is its name in messages.
     ///
     /// # Errors
     ///
@@ -127,7 +127,7 @@ impl Flight {
         Self::from_table(&Table::parse(csv, file)?)
     }
 
-    /// Makes a flight of the table of such a file.
+    /// Makes a flight of the table of its file.
     ///
     /// # Errors
     ///
@@ -178,7 +178,8 @@ fn gaps(flags: &[f64], samples: &[FlightSample]) -> Vec<[f64; 2]> {
     pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
 }
 
-/// Notes on columns with nearly the name of a standard one. Two columns of one name are an error.
+/// Notes on columns with nearly the name of a standard column. Two columns of one name are an
+/// error.
 fn title_notes(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
@@ -257,7 +258,8 @@ impl FlightSample {
 ///
 /// [`Error::Input`] with the channel of a level outside, or for headlights in two columns.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
-    // The column `light` is that of the headlights: a file with both has one channel twice.
+    // The column `light` is the channel of the headlights, so a file with both has one channel
+    // twice.
     let mut lights = BTreeMap::new();
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
     for (channel, levels) in table.columns_after("light.").chain(bare) {

@@ -15,7 +15,7 @@ use crate::product::MAX_QUANTITY;
 /// Longest flight: an hour, twelve times a Crazyflie's battery.
 pub const MAX_DURATION_S: f64 = 3600.0;
 
-/// Code of the error of a longer one.
+/// Code of the error for a longer file.
 pub const FLIGHT_LONG: &str = "flight-long";
 
 /// Largest number of a table: below it squares and sums stay finite.
@@ -33,7 +33,7 @@ const MAX_SCALED: f64 = 4.5e15;
 
 /// Rounds to the grid of the files, 1e-6. Negative zero becomes zero.
 ///
-/// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
+/// Numbers beyond 2^52 · 1e-6 are returned unchanged, because they have no finer digits.
 #[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
     // Adding and subtracting 2^52 rounds to the nearest whole number.
@@ -48,7 +48,7 @@ pub fn on_grid(value: f64) -> f64 {
     if size < MAX_SCALED { rounded } else { value }
 }
 
-/// A table read from a file: named columns of equal length, of finite numbers where needed.
+/// A table read from a file: named columns of equal length, of finite numbers if required.
 #[derive(Debug)]
 pub struct Table {
     file: String,
@@ -66,7 +66,7 @@ impl Table {
         Self::parse(&LIMIT.read(path)?, &path.display().to_string())
     }
 
-    /// Reads the bytes of such a file. `file` is its name in messages.
+    /// Reads a table from the bytes of its file. `file` is its name in messages.
     ///
     /// # Errors
     ///
@@ -237,7 +237,8 @@ pub fn write_table(
     rows: impl Iterator<Item = impl IntoIterator<Item = f64>>,
 ) -> std::io::Result<()> {
     writeln!(out, "{}", header.join(","))?;
-    // One buffer for all lines: each number ends with a comma, of which the last becomes the end.
+    // One buffer holds all lines. Each number ends with a comma, and the last comma becomes the
+    // line end.
     let mut line = Vec::new();
     for row in rows {
         line.clear();

@@ -5,7 +5,7 @@ use crate::statistics::median;
 /// The firmware's slowest log block: its period has one byte, in units of 10 ms.
 pub const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// The shortest step of any log, and the usual ones: the firmware logs every 10 ms at most.
+/// The shortest step of any log, and the usual steps. The firmware logs every 10 ms at most.
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
@@ -28,9 +28,10 @@ pub struct FoundUnit {
 
 /// Guesses the unit of timestamps from the step between them. A Crazyflie logs every
 /// 0.1 ms to 2.55 s. A larger step is in ms, from a thousand on in µs, from a million on in ns. A
-/// smaller one is in the first of minutes, hours and days that gives a usual step, or in days if
-/// the timestamps are today's dates. Steps of 1 in whole numbers are ms, except with several rows a
-/// timestamp, or if the log would be shorter than a flight. Any other step stays in seconds.
+///   smaller number is in the first of minutes, hours and days that gives a usual step, or in days
+///   if the timestamps are today's dates. Steps of 1 in whole numbers are ms, except with several
+///   rows a timestamp, or if the log would be shorter than a flight. Any other step stays in
+///   seconds.
 pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
     // The median step decides, together with the limits of logs and flights.
     let steps = timestamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);

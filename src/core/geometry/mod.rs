@@ -80,7 +80,7 @@ pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
 /// If the quaternion is zero.
 pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     let quaternion = nalgebra::Quaternion::new(w, x, y, z);
-    assert!(quaternion.norm() > 0.0, "a quaternion of zeros is no attitude");
+    assert!(quaternion.norm() > 0.0, "a quaternion of zeros is not an attitude");
     let world_from_viewer = nalgebra::UnitQuaternion::from_quaternion(quaternion);
     let camera_from_viewer = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()

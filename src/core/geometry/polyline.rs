@@ -81,7 +81,7 @@ impl<const N: usize> Chords<N> {
         }
     }
 
-    /// True if the chord to a sample at `offset` after `elapsed_s` is one of them.
+    /// True if they include the chord to a sample at `offset` after `elapsed_s`.
     pub fn contain(&self, offset: [f64; N], elapsed_s: f64) -> bool {
         (0..N).all(|i| (self.least[i]..=self.greatest[i]).contains(&(offset[i] / elapsed_s)))
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-/// A convex solid: its distance has one minimum along a straight path.
+/// A convex solid. Its distance has one minimum along a straight path.
 #[derive(Clone, Debug)]
 pub enum Solid {
     /// All places within a radius of a box, whose ends may be equal or infinite.
@@ -45,8 +45,8 @@ impl Solid {
         if distance_at(0.0) - (to_m - from_m).norm() >= most_m {
             return None;
         }
-        // The distance from a convex solid is convex along the path: it has one minimum. 36 steps
-        // narrow the search to 5e-7 of the path.
+        // The distance from a convex solid is convex along the path, so it has one minimum. 36
+        // steps narrow the search to 5e-7 of the path.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..36 {
             let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];

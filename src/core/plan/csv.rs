@@ -70,7 +70,7 @@ impl Plan {
         Self::from_table(&Table::read(path)?)
     }
 
-    /// Reads a plan from the text of such a file. `file` is its name in messages.
+    /// Reads a plan from the text of its file. `file` is its name in messages.
     ///
     /// # Errors
     ///
@@ -79,7 +79,7 @@ impl Plan {
         Self::from_table(&Table::parse(csv, file)?)
     }
 
-    /// Makes a plan of the table of such a file. A table with notes is refused: the program writes
+    /// Makes a plan of the table of its file. A table with notes is refused: the program writes
     /// plans without doubt.
     fn from_table(table: &Table) -> Result<Self> {
         if let Some(note) = table.notes().first() {
@@ -118,7 +118,7 @@ impl Plan {
     }
 }
 
-/// The heading, 0 without its column. One that changes from row to row is an error.
+/// The heading, 0 without its column. A value that changes from row to row is an error.
 fn heading_rad(table: &Table) -> Result<f64> {
     let yaws_rad = optional_column(table, YAW_COLUMN)?;
     let yaw_rad = yaws_rad.first().copied().unwrap_or_default();
@@ -131,7 +131,7 @@ fn heading_rad(table: &Table) -> Result<f64> {
     }
 }
 
-/// A column of a quantity, or an empty one if the table lacks it.
+/// A column of a quantity. Empty if the table lacks it.
 fn optional_column(table: &Table, name: &str) -> Result<Vec<f64>> {
     if table.has(name) { table.quantity(name).map(<[f64]>::to_vec) } else { Ok(Vec::new()) }
 }

@@ -19,8 +19,8 @@ const WAVES: usize = 8;
 /// Seeds below this are public: anybody tries them one by one. Their streams have one key.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
-/// The random stream of a name under a seed. Each stream of a seed that is not public has a key of
-/// its own of 256 bits: what is seen of one tells nothing about another, or about the seed.
+/// The random stream of a name under a seed. Each stream of a secret seed has a separate key of 256
+/// bits, so that a stream reveals nothing about another stream or about the seed.
 pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     if seed >= PUBLIC_SEEDS {
         return ChaCha8Rng::from_seed(hmac_sha256(&seed.to_le_bytes(), name));
@@ -45,13 +45,13 @@ impl Noise {
         Self { rng, spare: None }
     }
 
-    /// Draws a normal number with mean 0 and variance 1, by Box and Muller (1958): with `libm` its
-    /// bits are the same on every machine, which the tails of a ziggurat are not.
+    /// Draws a normal number with mean 0 and variance 1, by the method of Box and Muller (1958).
+    /// With `libm` its bits are the same on every machine, unlike the tails of a ziggurat.
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
-        // A pair of uniform numbers gives two normals. The second one is kept.
+        // A pair of uniform numbers gives two normals. The second number is kept.
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         let (sin, cos) = libm::sincos(TAU * self.uniform());
         self.spare = Some(radius * sin);

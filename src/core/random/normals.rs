@@ -12,7 +12,8 @@ use rand::rngs::ChaCha8Rng;
 use super::Noise;
 use super::elementary::{is_hard, ln, sincos};
 
-/// Pairs per block. More fill wider registers. Fewer waste less of a short flight.
+/// Pairs per block. Larger blocks fill wider registers. Smaller blocks waste less in a short
+/// flight.
 const PAIRS: usize = 32;
 
 /// A stream of normals with mean 0 and variance 1.

@@ -26,7 +26,7 @@ pub(super) struct Axis {
 pub(super) type Path = Vec<usize>;
 
 impl Axis {
-    /// The axis of the ink within an outline, or an empty one without ink.
+    /// Returns the axis of the ink within an outline. Empty without ink.
     pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would have samples a rounding error apart.
         let samples = ink_edges
@@ -43,7 +43,8 @@ impl Axis {
             let (middle, radius_squared) = face.circumcircle();
             let middle = [middle.x, middle.y];
             let centroid = face.center();
-            // Samples on a straight side are not quite in line: their slivers have discs far away.
+            // Samples on a straight side are not exactly collinear, so the discs of their slivers
+            // are far away.
             if ink.holds([centroid.x, centroid.y]) && ink.holds(middle) {
                 node_of[face.fix().index()] = Some(axis.middles.len());
                 axis.middles.push(middle);
@@ -106,7 +107,8 @@ impl Axis {
         direction(self.middles[from], end)
     }
 
-    /// All paths between nodes for which `is_end` is true, and all loops without such a node.
+    /// Returns all paths between nodes for which `is_end` is true, and all loops without such a
+    /// node.
     pub(super) fn paths(&self, is_end: &dyn Fn(usize) -> bool) -> Vec<Path> {
         let mut seen = vec![false; self.middles.len()];
         let mut paths = Vec::new();

@@ -5,7 +5,8 @@ use noctograph_core::statistics::median;
 
 use super::super::vector::{ahead, direction, minus};
 
-/// A branch is used from where its radius has fallen to this multiple of its median radius.
+/// A branch is used from the point at which its radius has fallen to this multiple of its median
+/// radius.
 const SETTLED: f64 = 1.06;
 
 /// Least and greatest distance from the junction at which a branch is used, in radii of the
@@ -73,7 +74,8 @@ impl Branch {
     /// that begins at the first point kept.
     pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
-        // The disc of a junction bulges: the branch is used from where its radius has settled.
+        // The disc of a junction bulges, so the branch is used only from the point at which its
+        // radius has settled.
         let along = arc_lengths(&self.points);
         let n = self.points.len();
         let length = along[n - 1];

@@ -8,7 +8,7 @@ use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
 
 /// Two junctions nearer than this by the larger radius are one: a crossing appears as two. The
-/// second value is for two bends, which are one where a tip is cut off flat (v, M).
+/// second value is for two bends, which are one bend if a tip is cut off flat (v, M).
 const ONE_JUNCTION: f64 = 1.0;
 const ONE_BEND: f64 = 2.5;
 
@@ -119,9 +119,9 @@ impl Joint<'_> {
         distance(point, self.middle) <= reach * self.radius
     }
 
-    /// The point where arms meet: the mean of how far each can be extended toward the crossing of
-    /// their lines with a pen of its width in the ink. Only vertical and horizontal arms count if
-    /// there are any, so that they keep their lines.
+    /// The point where arms meet. Each arm is extended toward the crossing of their lines as far as
+    /// a pen of its width stays in the ink. The point is the mean of the ends. Only vertical and
+    /// horizontal arms count if there are any, so that they keep their lines.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);

@@ -39,11 +39,11 @@ const BLOB: f64 = 0.8;
 /// Least radius of a dot, by the median half width of the strokes.
 const LEAST_DOT: f64 = 0.1;
 
-/// A stroke is lost where this many half widths of the axis are untouched. The axis into the corner
-/// of a stroke's end has 0.9, into that of a serif less than 2.
+/// A stroke is lost if this many half widths of the axis are untouched. The axis into the corner of
+/// a stroke's end has 0.9, into that of a serif less than 2.
 const LOST: f64 = 3.0;
 
-/// Length of the line that stands for a dot, in cap heights: that of the stroke fonts' dots.
+/// Length of the line that represents a dot, in cap heights, as in the stroke fonts.
 const DOT: f64 = 0.01 / 21.0;
 
 /// Center lines, and the median half width of the strokes.
@@ -51,7 +51,7 @@ const DOT: f64 = 0.01 / 21.0;
 pub(super) struct CenterLines {
     pub(super) lines: Vec<Vec<[f64; 2]>>,
     pub(super) half_width: f64,
-    /// Half width where the ink is thickest.
+    /// Half width of the thickest ink.
     pub(super) thickest: f64,
     /// Longest part of the axis that no line touches: a stroke that was lost. In cap heights.
     pub(super) lost_length: f64,
@@ -78,7 +78,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     if !budget.spend_steps(STEPS_PER_SAMPLE * ink_edges.iter().map(Vec::len).sum::<usize>()) {
         return CenterLines::default();
     }
-    // The medial axis, of which spurs are cut before junctions are looked at.
+    // The medial axis. Spurs are cut off before junctions are examined.
     let mut axis = Axis::new(&ink_edges, &ink);
     let parts = parts(&axis.neighbors);
     let unpruned = axis.neighbors.clone();
@@ -90,7 +90,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     for part in parts {
         replace_blob(&part, &axis, half_width, &mut lines, budget);
     }
-    // Last, the axis as it was before pruning tells which strokes no line draws.
+    // Last, the axis before pruning shows which strokes no line draws.
     let n_segments = lines.iter().map(Vec::len).sum::<usize>();
     let lost_length = match budget.spend_steps(STEPS_PER_DISTANCE * n_segments * unpruned.len()) {
         true => lost_length(&axis, &unpruned, &lines, half_width),
@@ -133,7 +133,7 @@ pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2
     ink_edges.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
-/// A vertical line too short to be seen, which stands for a dot.
+/// A vertical line too short to be seen, which represents a dot.
 pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }

@@ -21,16 +21,16 @@ const SHARP: f64 = 0.45;
 /// blunter than a stroke that tapers.
 const LONGEST: f64 = 3.6;
 
-/// A longer spur is into a corner only if it ends in a point, by the radius at its root. The arm of
-/// a cross by a fine pen is blunter.
+/// A longer spur belongs to a corner only if it ends in a point, relative to the radius at its
+/// root. The arm of a cross by a fine pen is blunter.
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
 /// Least protrusion of a spur into a corner at which the line bends there. 0.1 is a corner of 130°.
 const BENDS: f64 = 0.1;
 
-/// A path's end is a tip where its radius falls below the first value, by the path's median
-/// radius. It is cut off up to where the radius has risen to the second.
+/// A path's end is a tip if its radius falls below the first value, relative to the path's median
+/// radius. It is cut off up to the point at which the radius has risen to the second value.
 const TIP: [f64; 2] = [0.6, 0.92];
 
 /// Length of a stub between a crotch and the tip above it (A, M, N, V, W), in radii at its root: a
@@ -41,13 +41,14 @@ const STUB: [f64; 2] = [1.3, 1.4];
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 /// Length over which the direction of an arm is taken, in radii at its root.
 const HEADING: f64 = 2.5;
-/// Cosine of the widest angle between the arms of such a crotch, 75°, and the largest difference of
-/// the cosines between the stub and its arms. At wider ones an arch leaves a stem (n, u). A stub
+/// Cosine of the widest angle between the arms of a crotch, 75°, and the largest difference of the
+/// cosines between the stub and its arms. At a wider angle an arch leaves a stem (n, u). A stub
 /// that goes on with one arm is the stem's end.
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs. Returns true for each node at which a line bends: its spur is a corner's.
+/// Cuts off all spurs. Returns true for each node at which a line bends, because its spur belongs
+/// to a corner.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
     // Ripples first, since they split branches. Each kind is cut until none is left.
@@ -99,7 +100,8 @@ fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path
     !spurs.is_empty()
 }
 
-/// Length by which the disc at a spur's end protrudes from that at its root, by the root's radius.
+/// Length by which the disc at a spur's end protrudes from the disc at its root, relative to the
+/// root's radius.
 fn protrusion(axis: &Axis, spur: &Path) -> f64 {
     let [root, end] = [spur[0], spur[spur.len() - 1]].map(|node| axis.radii[node]);
     (axis.length(spur) + end - root) / root

@@ -82,7 +82,7 @@ impl Backdrop {
         let mut relative = self.surface_luminances(y, rows[0].len());
         let dy = y as f32 + 0.5 - self.center_px[1];
         noctograph_core::dispatch!(|| {
-            // Natural vignetting, cos⁴ = (f² / (f² + r²))², and that of the lens.
+            // Natural vignetting, cos⁴ = (f² / (f² + r²))², times the lens's vignetting.
             for (x, relative) in (0_u16..).zip(&mut relative) {
                 let dx = f32::from(x) + 0.5 - self.center_px[0];
                 let radius_sq = dy * dy + dx * dx;

@@ -21,7 +21,7 @@ use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{JpegFrame, Limit};
 
-/// Largest file of a photograph: a raw one of a technical camera.
+/// Largest file of a photograph: a raw file of a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
 
 /// The value of a tag for infinity, in `SubjectDistance`.
@@ -61,7 +61,7 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
     refuse_raw(&bytes, &place)?;
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
-    // The tags may be in an intact directory while another one is broken.
+    // The tags may be in an intact directory while another directory is broken.
     let reader = reader.continue_on_error(true);
     // The container's reader would copy a TIFF file, and so a raw photograph.
     let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
@@ -108,7 +108,7 @@ impl Photograph {
             Some(body) => Some(body.figures().sensor_width_m),
             None => self.sensor_width_m(focal_length_m),
         };
-        // APEX values replace missing ones: N = 2^(Av/2), t = 2^-Tv.
+        // APEX values replace missing values: N = 2^(Av/2), t = 2^-Tv.
         let f_number = self
             .number(Tag::FNumber)
             .or_else(|| Some(libm::exp2(0.5 * self.signed(Tag::ApertureValue)?)));
@@ -189,10 +189,7 @@ impl Photograph {
     fn set_aspect(&mut self, camera: &mut CameraOptions) {
         let Some([mut width, mut height]) = self.tagged_size_px().or(self.size_px) else {
             let missing = "EXIF without PixelXDimension and PixelYDimension";
-            self.warn(
-                "no-size",
-                format!("{missing}: the picture's aspect stays that of the scene"),
-            );
+            self.warn("no-size", format!("{missing}: the picture keeps the scene's aspect ratio"));
             return;
         };
         // Orientations 5 to 8 exchange x and y, unless a program has already turned the pixels and
@@ -206,9 +203,9 @@ impl Photograph {
                 turned = false;
             } else {
                 let message = format!(
-                    "EXIF is of a picture of {width} x {height} pixels, and this one has \
-                     {real_width} x {real_height}: it was cropped, and its camera saw more than it \
-                     shows"
+                    "EXIF is of a picture of {width} x {height} pixels, and this picture has \
+                     {real_width} x {real_height}: it was cropped, and its camera saw more than \
+                     it shows"
                 );
                 self.warn("cropped", message);
             }
@@ -302,7 +299,7 @@ impl Photograph {
     fn equivalent_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_mm = self.number(Tag::FocalLengthIn35mmFilm)?;
         if !FILM_MM.contains(&film_mm) {
-            let message = format!("FocalLengthIn35mmFilm {film_mm} mm is not that of a lens");
+            let message = format!("FocalLengthIn35mmFilm {film_mm} mm is not possible for a lens");
             self.warn("film-equivalent", message);
             return None;
         }
@@ -463,12 +460,12 @@ pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
 /// Diagonal of a frame of 35 mm film, 36 by 24 mm.
 const FILM_DIAGONAL_M: f64 = 0.043_267;
 
-/// Returns the width of a picture's longer side on 35 mm film. `aspect` is that of the picture, and
-/// film is `film_by_sensor` times as large as the sensor.
+/// Returns the width of a picture's longer side on 35 mm film. `aspect` is the picture's aspect
+/// ratio, and film is `film_by_sensor` times as large as the sensor.
 ///
 /// The aspect of the sensor follows from its size. Full frame, APS-C and one inch (2.7) have 3:2.
 /// Larger sensors, Micro Four Thirds (2.0) and smaller ones have 4:3. A picture that is longer than
-/// the sensor is cut from its height, and a squarer one from its width.
+/// the sensor is cropped in height, and a squarer picture in width.
 pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
     let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
     let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };

@@ -98,7 +98,7 @@ pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
     let [a, b] = [Perceived::new(a), Perceived::new(b)];
-    // Differences are compressed by the largest, that of green and blue.
+    // Differences are compressed by the largest difference, between green and blue.
     let [green, blue] = [Vec3::Y, Vec3::Z].map(|rgb| hunt_lab(XYZ_FROM_RGB * rgb));
     let largest = libm::powf(hyab(green, blue), COLOR_EXPONENT);
     let values = (0..a.lab.len()).map(|i| {
@@ -239,7 +239,7 @@ fn unit<T: Copy + Sum + Div<Output = T>>(kernel: Vec<T>) -> Vec<T> {
     kernel.into_iter().map(|value| value / sum).collect()
 }
 
-/// Scales the positive values of a kernel to a sum of 1, and the negative ones to -1.
+/// Scales the positive values of a kernel to a sum of 1, and the negative values to -1.
 fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
     let [positive, negative] =
         [1.0, -1.0].map(|sign| kernel.iter().map(|v| (sign * v).max(0.0)).sum::<f32>());

@@ -145,7 +145,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Down: each octave uses a part of the light that remains after the finer ones.
+    // Down: each octave uses a part of the light that remains after the finer octaves.
     let mut remaining_fraction: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut remaining = cells;
     let mut parts = Vec::with_capacity(octaves.len());

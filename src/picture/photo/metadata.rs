@@ -1,7 +1,8 @@
 //! Metadata of a picture: EXIF 2.32 and XMP.
 //!
-//! There is no time, for the same bytes every time, and no maker, since there is no real camera.
-//! The digital source type of the IPTC marks a picture that was computed from a model.
+//! A timestamp would change the bytes of every run, and a maker would name a camera that does not
+//! exist: both are left out. The digital source type of the IPTC marks a picture that was computed
+//! from a model.
 
 use exif::experimental::Writer;
 use exif::{Field, In, Rational, Tag, Value};
@@ -103,7 +104,7 @@ impl Metadata {
     }
 }
 
-/// Bytes that one checksum of [`unique_id`] covers.
+/// Bytes that a checksum of [`unique_id`] covers.
 const BLOCK: usize = 4096;
 
 /// Returns 128 bits of the SHA-256 of the CRC-32 of every block. The SHA-256 of the picture itself

@@ -8,9 +8,9 @@
 //! light of its room and the noise of its sensor. A tone curve makes levels. An effect that is off
 //! leaves the light unchanged.
 //!
-//! Counts stay integers through the lens. What follows is f32 in `+ - × ÷ √` only, pixel by pixel,
-//! with noise that depends on seed, pixel, channel and source: the same bytes on every machine and
-//! with any number of threads.
+//! Counts stay integers through the lens. The later steps use f32 in `+ - × ÷ √` only, pixel by
+//! pixel, with noise that depends on seed, pixel, channel and source: the same bytes on every
+//! machine and with any number of threads.
 //!
 //! Not modeled: ghosts, glare of the background (a photo already contains it), the color filter
 //! mosaic, JPEG.

@@ -16,7 +16,7 @@ pub(super) const POISSON_BELOW: f32 = 25.0;
 /// Use of a random number.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    /// All noise of a bright pixel, or the photons of a dark one.
+    /// All noise of a bright pixel, or the photons of a dark pixel.
     Shot,
     /// The other noise of a dark pixel: reading, PRNU.
     Read,
@@ -241,7 +241,7 @@ fn table(mean: f64) -> [u32; NUMBERS] {
     let (mut rare, mut frequent): (Vec<usize>, Vec<usize>) =
         (0..NUMBERS).partition(|&number| scaled[number] < 1.0);
     let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
-    // A number that is too rare to fill its column divides it with a frequent one, its alias.
+    // A number that is too rare to fill its column divides it with a frequent number, its alias.
     while let (Some(&alias), Some(column)) = (frequent.last(), rare.pop()) {
         #[expect(clippy::cast_possible_truncation, reason = "below 1")]
         let within = (scaled[column] * f64::from(1 << WITHIN_BITS)) as u32;

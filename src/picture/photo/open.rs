@@ -13,8 +13,7 @@ use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::JpegFrame;
 
-/// Most memory while a JPEG file is decoded, which is that of the largest PNG with four channels of
-/// 16 bits.
+/// Memory limit for decoding a JPEG file, equal to the largest PNG with four channels of 16 bits.
 const MAX_BYTES: u64 = 8 * MAX_PIXELS;
 
 /// Reads a photo from a PNG or JPEG file. The header is checked before anything is decoded.

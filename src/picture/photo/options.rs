@@ -19,7 +19,7 @@ settings! {
         /// its edge on a full-frame sensor: 1.3 to 1.5 with 3.4 to 5.9 % scattered fits within 4 %
         /// of the level, 1.1 with any fraction within 14 %, 2 within 22 %.
         glare_exponent: f64 = 1.4, in 1.01..=4.0, for "photo.glare_frac";
-        /// Luminance of the room. 0 for a dark one.
+        /// Luminance of the room. 0: dark.
         ambient_cd_m2: f64 = 0.02, in 0.0..=1e6;
         /// Where half of the room's light falls in, such as the gap of a door: what is near it and
         /// faces it is brighter, in a room with walls. Even light if left out.
@@ -79,9 +79,8 @@ settings! {
 }
 
 impl SensorNoise {
-    /// The noise of a picture whose pixels each have the area of `n` of this sensor's: the sums of
-    /// photosites that are independent of each other. Enlarged pixels (n below 1) have the noise of
-    /// a finer sensor.
+    /// The noise of a picture whose pixels each cover `n` pixels of this sensor, as sums of
+    /// independent photosites. Enlarged pixels (n below 1) have the noise of a finer sensor.
     #[must_use]
     pub fn resampled(&self, n: f64) -> Self {
         Self {

@@ -21,7 +21,7 @@ pub const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
 /// Keyword of the digest of strokes.
 pub const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
 
-/// Largest text that is unpacked: that of the largest scene file.
+/// Largest text that is decompressed: the largest scene file.
 const MAX_TEXT_BYTES: usize = 1 << 20;
 
 /// Largest memory for everything except the picture.

@@ -193,10 +193,10 @@ impl Noisy {
         }
     }
 
-    /// Replaces the mean electrons of a row, some of it dark, by random ones.
+    /// Replaces the mean electrons of a row, some of it dark, by random numbers.
     #[inline(always)]
     fn add_noise(&self, row: &mut [f32], bits: &[u32], read_bits: &[u32]) {
-        // Whole groups of pixels, then the remaining ones.
+        // Whole groups of pixels, then the remaining pixels.
         let (groups, rest) = row.as_chunks_mut();
         let (bits, rest_bits) = bits.as_chunks();
         let (read_bits, rest_read_bits) = read_bits.as_chunks();
@@ -209,8 +209,8 @@ impl Noisy {
         }
     }
 
-    /// Replaces mean electrons by random ones: Poisson-distributed photons, and normal other noise.
-    /// Pixels above [`POISSON_BELOW`] are computed as bright ones.
+    /// Replaces mean electrons by random numbers: Poisson-distributed photons, and normally
+    /// distributed other noise. Pixels above [`POISSON_BELOW`] are computed as bright pixels.
     #[inline(always)]
     fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], read_bits: [u32; N]) {
         let photons = self.poisson.numbers(*means, bits);

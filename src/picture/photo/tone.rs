@@ -12,8 +12,8 @@ settings! {
         /// As a camera renders its JPEG: an S-curve of the logarithm of light, per channel.
         ///
         /// Middle gray, 10/78 of saturation (ISO 12232), becomes level 118. Contrast there is 0.2
-        /// per stop, 1.4 times that of sRGB. Saturation becomes white over a soft shoulder, and 11
-        /// stops below it is black.
+        /// per stop, 1.4 times sRGB's. Saturation becomes white over a soft shoulder, and 11 stops
+        /// below it is black.
         "camera" => Camera,
         /// Khronos PBR Neutral, which keeps hues, with the sRGB curve: for verification.
         "neutral" => Neutral,
@@ -134,7 +134,7 @@ pub(super) struct Levels8 {
     start: Vec<u8>,
 }
 
-/// Low bits of a float that one entry of [`Levels8`] spans.
+/// Number of low bits of a float that an entry of [`Levels8`] spans.
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
@@ -175,8 +175,8 @@ impl Levels8 {
         Self { start: start.collect(), least }
     }
 
-    /// Writes the nearest levels of a row of pixels. Clips the light in `channels` to what levels
-    /// can show.
+    /// Writes the nearest levels of a row of pixels. Clips the light in `channels` to the range of
+    /// the levels.
     pub(super) fn write_row(&self, channels: &mut [Vec<f32>; 3], out: &mut [u8]) {
         noctograph_core::dispatch!(|| {
             channels.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));

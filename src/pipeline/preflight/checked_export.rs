@@ -50,8 +50,8 @@ pub struct ExportedFiles {
 }
 
 /// Changes a scene to the one that an export flies: no faster than the profile `slow`, paced by a
-/// clock that the script can set, and with setpoints of the kind that the script sends. Returns
-/// the mode of the script, by default that of the scene's setpoints.
+/// clock that the script can set, and with setpoints of the kind that the script sends. Returns the
+/// mode of the script, by default the mode of the scene's setpoints.
 ///
 /// # Errors
 ///
@@ -113,7 +113,7 @@ impl CheckedExport {
         let trajectory = trajectory
             .map(|(form, length)| shoot.as_exported(form, options.tolerance_m, length))
             .transpose()?;
-        // The checks are of what the file makes a drone fly: the decoded trajectory, or the plans.
+        // The checks judge the flight that the file commands: the decoded trajectory, or the plans.
         let exported = trajectory.as_ref().unwrap_or(&shoot);
         let flights = if options.format.flies() { fly_plans(exported)? } else { Vec::new() };
         let checks = checks(exported, &flights, &options.profile);

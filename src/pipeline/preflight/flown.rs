@@ -113,7 +113,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
             // The likeliest cause first: what disturbs the light of the stations.
             match positioning {
                 _ if is_optical && !lighthouse.people_m.is_empty() => {
-                    "let people stand out of the light ({sensors.lighthouse.people_m})"
+                    "move people out of the light ({sensors.lighthouse.people_m})"
                 }
                 _ if is_optical && reflects => {
                     "cover what reflects ({sensors.lighthouse.mirrors_m})"
@@ -126,7 +126,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                  ({sensors.uwb.anchors_m})"
                 }
                 Positioning::Gnss => "fly in calmer air, or with a better receiver",
-                // A plan can compensate a mean error, but not a varying one.
+                // A plan can compensate a mean error, but not a varying error.
                 _ if mean_m.abs() > 0.5 * error_m.abs() => {
                     "take the mean error off ({plan.mean_error_m})"
                 }

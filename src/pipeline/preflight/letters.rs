@@ -26,7 +26,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
         "every line drawn once",
         match strokes.font {
             Some(_) => "write with {letters.font=ae483-fixed} or simplex",
-            None => "leave one of the lines that lie on each other out of the drawing",
+            None => "leave out one of the overlapping lines of the drawing",
         },
     )];
     if strokes.font.is_some() {

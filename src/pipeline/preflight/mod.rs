@@ -227,7 +227,7 @@ fn stop_if(is_exceeded: bool) -> Severity {
     if is_exceeded { Severity::Stop } else { Severity::Fine }
 }
 
-/// A drone that is planned into the downwash of another one.
+/// A drone that is planned into the downwash of another drone.
 struct LowerDrone {
     index: usize,
     /// Its closest approach to the nearest drone above.
@@ -285,7 +285,7 @@ fn nearest_above_each_lower(shoot: &Shoot) -> Vec<(usize, Approach)> {
 }
 
 /// Returns the largest distance between a drone's flight below others and its flight without them,
-/// and its time. `None` if one of the flights fails, which has its own finding.
+/// and its time. `None` if a flight fails, which is a separate finding.
 fn downwash_error(shoot: &Shoot, drone: usize, flown: &Result<Flight>) -> Option<(f64, f64)> {
     let undisturbed = shoot.fly_drone(drone, &mut |_| {}).ok()?;
     let pairs = undisturbed.samples.iter().zip(&flown.as_ref().ok()?.samples);

@@ -26,8 +26,8 @@ use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
 
-/// Radius of a tripod with its camera at the height of a flight, an assumption. A smaller one
-/// ignores a long lens. A larger one leaves no room for a camera in the smallest room.
+/// Radius of a tripod with its camera at the height of a flight, an assumption. A smaller radius
+/// ignores a long lens. A larger radius leaves no room for a camera in the smallest room.
 const TRIPOD_M: f64 = 0.15;
 
 /// Radius of a base station or an anchor with its stand, an assumption: a station is 75 mm wide.
@@ -96,7 +96,7 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     Some(row.timed(time_s).say(
         format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
         format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
-        "let people stand farther off ({sensors.lighthouse.people_m}), or fly slower \
+        "move people farther away ({sensors.lighthouse.people_m}), or fly slower \
          ({plan.style.dark_speed_m_s})",
     ))
 }
@@ -168,7 +168,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let mut things = Vec::new();
     if let Ok(camera) = scene.camera.camera(bounds_m(shoot), 0.0) {
         let shape = Solid::pillar([camera.position_m.x, camera.position_m.y], TRIPOD_M);
-        let advice = "stand the camera farther off ({camera.framing})";
+        let advice = "move the camera farther away ({camera.framing})";
         let name = "the camera on its tripod".to_owned();
         things.push(Thing { name, shape, is_stand: false, advice });
     }
@@ -202,7 +202,8 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     beacons.collect()
 }
 
-/// Returns mirrors and panes as things, without level ones, since a drone flies above a floor.
+/// Returns mirrors and panes as obstacles. Level ones are left out, because a drone flies above a
+/// floor.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;

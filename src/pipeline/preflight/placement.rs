@@ -23,7 +23,7 @@ use noctograph_picture::light::LightTrace;
 use noctograph_picture::photo::PhotoOptions;
 
 /// Least distance from a lens to the wall behind it, an assumption: half a tripod, and a hand at
-/// the release. A smaller one would allow larger words in a small room.
+/// the release. A smaller distance would allow larger words in a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
 
 /// Least distance from a camera to the word, if the room is deep enough. A nearer camera would be
@@ -259,7 +259,7 @@ pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Opti
     let (severity, verdict) = match other {
         _ if least_m <= most_m => (Severity::Fine, "fits in the room".to_owned()),
         Some(other) => (Severity::Warning, format!("does not fit in the room; {other} does")),
-        None => (Severity::Stop, "does not fit in the room, and no usual one does".to_owned()),
+        None => (Severity::Stop, "does not fit in the room, and no usual lens does".to_owned()),
     };
     Ok(Some(Diagnostic::check(CAMERA_PLACE, severity, least_m).within(most_m).say(
         format!("{verdict}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
@@ -314,8 +314,8 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-/// Shrinks a scene's canvas to what its camera shows from inside a room, if the camera frames the
-/// word.
+/// Shrinks a scene's canvas to the area that its camera shows from inside a room, if the camera
+/// frames the word.
 pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     let (Framing::Word(_), Some([width_m, height_m])) =
         (&scene.camera.framing, scene.letters.canvas_m)

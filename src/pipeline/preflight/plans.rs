@@ -73,7 +73,8 @@ fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
     plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
 }
 
-/// Returns the step from the design, which a setpoint defines until the next one, to that one.
+/// Returns the step from the design, which a setpoint defines until the next setpoint, to that
+/// setpoint.
 fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
     to.position_m - from.design_m(to.time_s)
 }
@@ -94,8 +95,8 @@ struct Segment {
 /// no effect.
 const SEGMENT_S: f64 = 0.1;
 
-/// Returns the path in the air as segments of [`SEGMENT_S`] or more. A single jump, which has its
-/// own check, interrupts the path. Several jumps in a row are motion.
+/// Returns the path in the air as segments of [`SEGMENT_S`] or more. A single jump, which has a
+/// separate check, interrupts the path. Several jumps in a row are motion.
 fn segments(plan: &Plan) -> Vec<Segment> {
     let pairs: Vec<(&Setpoint, &Setpoint)> = pairs(plan).collect();
     let jumps: Vec<bool> = pairs.iter().map(|(a, b)| jump(a, b).norm() > JUMP_M).collect();
@@ -163,7 +164,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     let (by_position, mismatch_frac) = (fastest(&segments), mismatch_frac(&segments));
     let (speed_m_s, time_s) = largest([by_velocity, by_position]);
     let (velocity_m_s, moved_m_s, most_m_s) = (by_velocity.0, by_position.0, profile.speed_m_s);
-    // The velocities of another flight tell nothing about the speed of this one. 10 % and 0.05 m/s
+    // The velocities of another flight do not show the speed of this flight. 10 % and 0.05 m/s
     // allow for rounded positions.
     let is_faster = moved_m_s > 1.1 * velocity_m_s + 0.05;
     if velocity_m_s > 0.0 && (mismatch_frac > MAX_MISMATCH_FRAC || is_faster) {
@@ -323,7 +324,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
     }
-    // `closest` ignores drones above each other, whose downwash has its own check.
+    // `closest` ignores drones above each other, because their downwash has a separate check.
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);

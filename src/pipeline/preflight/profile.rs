@@ -61,8 +61,8 @@ impl Profile {
         self
     }
 
-    /// Lowers the default speed and acceleration of a scene to what the profile allows. Values that
-    /// a user chose stay, and the check stops them.
+    /// Lowers the default speed and acceleration of a scene to the profile's limits. Values that a
+    /// user chose stay, and the check stops them.
     pub fn slow(&self, scene: &mut Scene) {
         let Style::Even(style) = &mut scene.plan.style else { return };
         let usual = EvenStyle::default();

@@ -50,10 +50,10 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen_percent:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
-        // Advice to remove a cause precedes that of a smaller word.
+        // Advice to remove a cause precedes advice to write a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
             (false, _) => "let every station send ({sensors.lighthouse.silent})",
-            (true, false) => "let people stand out of the light ({sensors.lighthouse.people_m})",
+            (true, false) => "move people out of the light ({sensors.lighthouse.people_m})",
             (true, true) => {
                 "write smaller or lower ({letters.canvas_m}, {letters.baseline_m}), or move the \
                  stations (see `coverage`)"
@@ -62,7 +62,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     ))
 }
 
-/// Returns the fraction of a box that two base stations see, without the silent ones.
+/// Returns the fraction of a box that two base stations see. Silent stations do not count.
 fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
     let mut sensors = scene.sensors.clone();
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();

@@ -89,13 +89,12 @@ impl CarriedScene {
         let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
         let wanted = match digests.get(name(path)).or(digests.values().next()) {
             Some(digest) if digests.len() == 1 || digests.contains_key(name(path)) => {
-                format!("the one that {scene} was written with, of digest {digest}")
+                format!("the file that {scene} was written with, of digest {digest}")
             }
             _ => format!("one of those that {scene} was written with, {names}"),
         };
         let hint = format!(
-            "write both again, or name the scene: {scene} is the right one only if you edited {} \
-             yourself",
+            "write both again, or name the scene: {scene} is right only if you edited {} yourself",
             name(path)
         );
         Err(Error::input(path.display(), format!("a file of digest {actual}"), wanted, hint))
@@ -188,7 +187,7 @@ impl CarriedScene {
         files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
         files.push(file);
         // The plan comes last: if the program is killed before, the new scene refuses the old plan.
-        // A plan is never beside the scene of another one.
+        // A plan is never beside the scene of another plan.
         let mut files = WholeFile::keep_all(files)?;
         files.reverse();
         Ok(files)

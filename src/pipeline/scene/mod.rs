@@ -136,7 +136,7 @@ impl Scene {
         Self::parse_in(toml, file, Path::new(""), settings)
     }
 
-    /// Reads the text of a scene in a folder, as [`Self::parse_with`]. Names of files in the text
+    /// Reads the text of a scene in a folder, like [`Self::parse_with`]. Names of files in the text
     /// are relative to that folder, names in settings to the current one.
     pub fn parse_in(
         toml: &str,
@@ -261,7 +261,7 @@ impl Scene {
             let wanted = &mut self.letters.drawing_sha256;
             if !wanted.is_empty() && *wanted != actual {
                 let hint =
-                    "restore the drawing, or clear letters.drawing_sha256 to draw the new one";
+                    "restore the drawing, or clear letters.drawing_sha256 to draw the new drawing";
                 let place = "letters.drawing_sha256";
                 let actual = format!("{} with digest {actual}", self.letters.drawing);
                 return Err(Error::input(place, actual, format!("digest {wanted}"), hint));

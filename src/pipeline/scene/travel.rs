@@ -99,8 +99,8 @@ pub fn folder_of(path: &Path) -> PathBuf {
     path.parent().filter(|_| !is_stream).map(Path::to_owned).unwrap_or_default()
 }
 
-/// True if the name of a font, a drawing or a background is that of a file. The names of built-in
-/// fonts have no extension.
+/// True if the name of a font, a drawing or a background names a file. The names of built-in fonts
+/// have no extension.
 pub(super) fn is_file(name: &str) -> bool {
     name.contains('.')
 }

@@ -90,7 +90,7 @@ const RULES: &[Rule] = &[
     (
         &["photo.ambient_cd_m2", "photo.ambient_from_m", "expose.unevenness"],
         |s| !s.photo.background.is_empty(),
-        "light and texture of the room are those of photo.background",
+        "photo.background gives light and texture of the room",
     ),
 ];
 
@@ -105,7 +105,7 @@ const ALWAYS_USED: [&str; 4] = [
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 
-/// True if the letters are those of a typeface file.
+/// True if the letters are from a typeface file.
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()
         && std::iter::once(&scene.letters.font)

@@ -1,9 +1,9 @@
 //! Order and direction of strokes with the least time in the dark.
 //!
-//! In a small word the duration of a transit is that of its plan. Otherwise it is estimated as the
-//! slower axis of a double integrator, from the velocity at one stroke's end to that at the next
-//! one's start. The estimate is the same backward, so that a reversed run of strokes costs the same
-//! inside.
+//! In a small word the duration of a transit is taken from its plan. Otherwise it is estimated as
+//! the slower axis of a double integrator, from the velocity at one stroke's end to that at the
+//! next one's start. The estimate is the same backward, so that a reversed run of strokes costs the
+//! same inside.
 //!
 //! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held and Karp 1962, Bellman
 //! 1962). Beyond: the nearest stroke next, then local search ([`search`]), then the best directions
@@ -27,7 +27,7 @@ mod search;
 const EXACT_STROKES: usize = 10;
 /// Greatest number of ways of all strokes for which exact transits are planned.
 const MAX_PLANNED_WAYS: usize = 24;
-/// Most strokes of a drawing: its order is sought among all pairs.
+/// Largest number of strokes in a drawing. Its order is sought among all pairs.
 const MAX_STROKES: usize = 10_000;
 
 /// Cost of a step to another letter in reading order, s: more than any transit within a word, so
@@ -63,8 +63,8 @@ pub(super) fn in_order(
     Ok(flown)
 }
 
-/// Fails for many strokes that take far too long, estimated from a sample of their transits:
-/// planning all of them is most of the work of a plan.
+/// Fails early for many strokes that take far too long, estimated from a sample of their transits,
+/// because planning all transits is most of the work.
 fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Result<()> {
     let n_strokes = flown.len();
     if n_strokes < 2 * SAMPLED_TRANSITS {
@@ -82,7 +82,7 @@ fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Res
         return Ok(());
     }
     let problem = format!(
-        "{n_strokes} strokes take some {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s"
+        "{n_strokes} strokes take about {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s"
     );
     Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
 }
@@ -270,7 +270,7 @@ impl Tour<'_> {
         for (last, visit) in visits.iter().enumerate() {
             best[(1 << visit.0) * n + last] = (self.between_s(None, Some(*visit)), usize::MAX);
         }
-        // Sets in rising order: each one comes after its subsets.
+        // Sets in rising order: each set comes after its subsets.
         for set in 1..=full {
             for last in 0..n {
                 let (so_far_s, _) = best[set * n + last];

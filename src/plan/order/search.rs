@@ -18,9 +18,9 @@ const MAX_RUN: usize = 3;
 
 impl Tour<'_> {
     /// The tour that begins on the floor and always continues with the stroke that is nearest in
-    /// time. Of equally near ones it takes the first of the remaining list.
+    /// time. Of equally near strokes, the first in the remaining list is taken.
     pub(super) fn nearest(&self) -> Vec<Visit> {
-        // A stroke is entered and remaining no faster than the drone flies, lit or dark.
+        // A stroke is entered and left no faster than the drone flies, lit or dark.
         let speeds_m_s = self.ways.iter().flatten().map(|way| way.start_m_s.norm());
         let speed_m_s = speeds_m_s.fold(self.style.dark_speed_m_s, f64::max);
         let mut remaining: Vec<usize> = (0..self.ways.len()).collect();
@@ -106,7 +106,7 @@ impl Tour<'_> {
             if first > last {
                 return None;
             }
-            // Inside a reversed run nothing changes: only its two ends count.
+            // Nothing changes inside a reversed run, so only its two ends count.
             let (before, after) = neighbors_of(visits, first..last + 1);
             let (head, tail) = (visits[first], visits[last]);
             let old_s = self.between_s(before, Some(head)) + self.between_s(Some(tail), after);

@@ -53,7 +53,7 @@ pub fn minimize(
     mut coarse: impl FnMut(f64) -> f64,
     mut fine: impl FnMut(f64) -> f64,
 ) -> f64 {
-    // The best point of the grid, of equally good ones that nearest to zero.
+    // The best point of the grid. Of equally good points, the nearest to zero.
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
     let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));

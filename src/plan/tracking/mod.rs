@@ -3,7 +3,7 @@
 //! Product in: [`Flight`]. Product out: [`Tracking`], figures over a stated [`Part`] of it.
 //!
 //! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of
-//! the design in time that brings it closest to the flight in the word's plane (x-z), but for a
+//! the design in time that brings it closest to the flight in the word's plane (x-z), except for a
 //! constant offset. The error after that shift, and the distance to the path (the contour error),
 //! are visible in a photograph.
 //!
@@ -37,12 +37,12 @@ pub use path::{DesignPath, Walk};
 pub const MAX_LAG_S: f64 = 1.5;
 
 /// The contour error is measured to the design from this long before to this long after the
-/// lag-shifted time. A shorter window counts lag at a corner as distance, a longer one finds a
+/// lag-shifted time. A shorter window counts lag at a corner as distance, a longer window finds a
 /// neighboring stroke: at 0.2 m/s it is 0.1 m of path to either side, the gap between two letters.
 const CONTOUR_WINDOW_S: f64 = 0.5;
 
-/// Largest error of the height, root mean square, of letters that read, in their cap heights: at 3
-/// cm, letters of 0.5 m read with probability 0.90, at 5 cm with 0.5 to 0.85.
+/// Largest root-mean-square error of the height at which letters are legible, in their cap heights:
+/// at 3 cm, letters of 0.5 m read with probability 0.90, at 5 cm with 0.5 to 0.85.
 const HEIGHT_ERROR_FRAC: f64 = 0.05;
 
 /// The safety corridor for visitors: y within plus or minus this.
@@ -181,7 +181,7 @@ fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64
 pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
     let samples = part.samples(flight)?;
     let design = DesignPath::new(flight).ok_or_else(|| {
-        let hint = "import a log with setpoints, or compare the flight with another one";
+        let hint = "import a log with setpoints, or compare the flight with another flight";
         Error::input("flight", "no design position", "columns x_design_m … z_design_m", hint)
     })?;
     Ok((samples, design))

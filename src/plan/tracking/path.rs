@@ -15,7 +15,7 @@ const TOLERANCE_M: f64 = 2e-6;
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,
-    /// From the end of the segment before each corner to that of the segment after it.
+    /// From the end of the segment before each corner to the end of the segment after it.
     segments: Segments,
 }
 
@@ -31,7 +31,7 @@ impl Segments {
         self.0.iter_mut().zip(segment).for_each(|(column, value)| column.push(value));
     }
 
-    /// The squared distance of a point from the nearest of a range of segments, [`LANES`] at once.
+    /// Squared distance of a point from the nearest of several segments, [`LANES`] at once.
     #[inline(always)]
     fn squared_distance_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
         let columns = self.0.each_ref().map(|column| column[range.clone()].as_chunks::<LANES>());
@@ -181,8 +181,8 @@ fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
             kept.push(corner);
             continue;
         };
-        // No velocity passes all samples: the segment ends at the one before, where the next
-        // begins.
+        // No velocity passes all samples: the segment ends at the sample before, and the next
+        // segment begins there.
         let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
         let (step_m, lasts_s) = since(&kept[kept.len() - 1]);
         if corner.time_s <= before.time_s || !chords.contain(step_m.into(), lasts_s) {

@@ -7,7 +7,7 @@ use super::Matrix;
 /// Step of the central differences, relative to `max(1, |x|)`. The error falls with its square
 /// (1.7e-9 of the derivative of a sine). A hundredth of it would lose as much to rounding.
 const STEP: f64 = 1e-4;
-/// The smaller of the two steps that are extrapolated: their error falls with its fourth power.
+/// The smaller of the two extrapolated steps. The error falls with its fourth power.
 const FINE_STEP: f64 = 1e-3;
 /// Pivot below which a direction counts as unseen, relative to the largest.
 const RANK_TOLERANCE: f64 = 1e-9;
@@ -123,8 +123,8 @@ pub fn is_hurwitz(a: &Matrix) -> bool {
     false
 }
 
-/// Indices of the unobservable states of `ẋ = A x`, `y = C x`: those that are not a combination of
-/// the rows of `[C; CA; CA²; …]`.
+/// Indices of the unobservable states of `ẋ = A x`, `y = C x`, which are not a combination of the
+/// rows of `[C; CA; CA²; …]`.
 pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let observable = rank(columns.clone());

@@ -35,7 +35,7 @@ pub struct Margins {
 pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
     let margins = (0..b.ncols()).map(|i| {
-        // The loop is opened at this input only: its feedback is removed from the closed loop.
+        // The loop is opened only at this input, by removing its feedback from the closed loop.
         let (b, k) = (b.column(i).into_owned(), k.row(i).transpose());
         let open = &closed + &b * k.transpose();
         let square = &open * &open;
@@ -76,7 +76,7 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     for pair in samples.windows(2) {
         let [Some((low, at_low)), Some((high, at_high))] = *pair else { continue };
         let (range, values) = ([low, high], [at_low, at_high]);
-        // Gain crossover, |L| = 1: its phase margin is π − |arg L|, and the smallest one counts.
+        // At a gain crossover, |L| = 1, the phase margin is π − |arg L|. The smallest counts.
         let excess = |l: Complex<f64>| l.norm_sqr() - 1.0;
         if let Some((crossover, value)) = crossing(&response, range, values, excess) {
             let phase = PI - libm::atan2(value.im, value.re).abs();

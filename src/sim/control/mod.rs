@@ -4,9 +4,10 @@
 //! regulator, the gain of an observer by duality, and answers about a model (is it stable, how
 //! many of its states are observable, its poles, its margins of gain and phase).
 //!
-//! Method: algebraic Riccati equations by structure-preserving doubling. A Cayley transform makes
-//! the continuous one a discrete one. No gain is made from eigenvalues: nalgebra's QR iteration
-//! does not converge on some Hamiltonian matrices. Those of a closed loop are reported.
+//! Method: algebraic Riccati equations by structure-preserving doubling. A Cayley transform
+//! converts the continuous equation to a discrete equation. No gain is made from eigenvalues:
+//! nalgebra's QR iteration does not converge on some Hamiltonian matrices. Those of a closed loop
+//! are reported.
 //!
 //! Sources: Chu, Fan, Lin, "A structure-preserving doubling algorithm for continuous-time algebraic
 //! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80. Chu, Fan, Lin, Wang, "Structure-

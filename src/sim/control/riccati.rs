@@ -22,11 +22,11 @@ const REFINED_FROM: f64 = 1e-13;
 /// Steps of the refinement. Each squares the error. After two only rounding remains.
 const MAX_REFINEMENTS: usize = 2;
 /// Shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the one before. A
-/// second one is needed only if the first hits an eigenvalue of `A`.
+/// second shift is needed only if the first hits an eigenvalue of `A`.
 const MAX_SHIFTS: usize = 8;
 const SHIFT_GROWTH: f64 = 1.3;
-/// Shift of the Lyapunov equation's Cayley transform, relative to the norm of `A`. Any positive one
-/// is exact. One near the poles takes the fewest doublings.
+/// Shift of the Lyapunov equation's Cayley transform, relative to the norm of `A`. Any positive
+/// shift is exact. One near the poles takes the fewest doublings.
 const LYAPUNOV_SHIFT: f64 = 0.25;
 
 /// Stabilizing solution `X` of the continuous equation `AᵀX + XA − XGX + Q = 0`, `G = B R⁻¹ Bᵀ`.
@@ -71,8 +71,8 @@ fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     None
 }
 
-/// Solves the continuous equation as a discrete one: `s = shift (z − 1) / (z + 1)` maps the left
-/// half plane onto the unit disc and keeps the solution. `None` if the shift does not work.
+/// Solves the continuous equation as a discrete equation: `s = shift (z − 1) / (z + 1)` maps the
+/// left half plane onto the unit disc and keeps the solution. `None` if the shift does not work.
 fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matrix> {
     let shifted = a - one_like(a) * shift;
     let w = shifted.transpose();

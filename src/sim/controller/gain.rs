@@ -22,8 +22,8 @@ pub(crate) struct Gain {
 }
 
 impl Gain {
-    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`]: the given one, or that of the
-    /// weights. Weights without a stabilizing gain are an error.
+    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`]: the given gain, or the gain of
+    /// the weights. Weights without a stabilizing gain are an error.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();
@@ -84,7 +84,10 @@ pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
 
 /// Adds the keys of the weights to the error of the gain.
 fn without_gain(error: Error) -> Error {
-    Error::infeasible(format!("controller.lqr.q and .r have no gain: {error}"), error.hint())
+    Error::infeasible(
+        format!("controller.lqr.q and .r give no stabilizing gain: {error}"),
+        error.hint(),
+    )
 }
 
 #[cfg(test)]

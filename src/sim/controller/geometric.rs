@@ -86,7 +86,7 @@ impl Controller for Geometric {
         let error = attitude_error(&wanted, &world_from_body);
         self.attitude_sum += error * self.tick_s;
 
-        // Body rate: that of the wanted attitude, in the body's frame. Without thrust it has none.
+        // Body rate of the wanted attitude, in the body's frame. Without thrust it has none.
         let w = rate(estimate);
         let wanted_rate = match thrust_n {
             0.0 => Vector3::zeros(),
@@ -110,7 +110,7 @@ impl Controller for Geometric {
     }
 
     /// Sets the estimated heading to zero. The firmware's supervisor also resets the modes of x and
-    /// y, which this controller does not read: it follows the last setpoint.
+    /// y. This controller does not use them and follows the last setpoint.
     fn level_out(&self, estimate: &mut State, _: &mut Reference) {
         estimate[3] = 0.0;
     }
@@ -181,8 +181,8 @@ mod tests {
         assert!(motors.iter().all(|m| (m - want).abs() < 0.2), "{motors} against {want}");
     }
 
-    /// Worst difference of a motor's thrust from that of the firmware's code, N, and the fraction
-    /// of compared states in which the firmware cuts a motor.
+    /// Worst difference of a motor's thrust from the firmware's code, N, and the fraction of
+    /// compared states in which the firmware cuts a motor.
     fn compared(options: &SimOptions, recorded: &str) -> (f64, f64) {
         let mut options = options.clone();
         options.battery.resistance_ohm = 0.0;

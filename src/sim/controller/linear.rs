@@ -1,9 +1,10 @@
-//! A controller with a memory as a linear system about hover, by differences of its own code.
+//! A controller with memory as a linear system about hover, by finite differences of the
+//! controller's code.
 //!
 //! One call of [`Controller::command`] maps the estimate's deviation from hover and the memory
 //! (integrals, last measurements, filters) to motor commands and to the next memory. Central
-//! differences of that map give a discrete system. The inverse of Tustin's transform makes it a
-//! continuous one with the same integrals. Its derivatives are right far below the rate of the
+//! differences of that map give a discrete system. The inverse of Tustin's transform converts it to
+//! a continuous system with the same integrals. Its derivatives are right far below the rate of the
 //! commands.
 //!
 //! Not modeled: saturation, and the time for which a command is held. The position loop of the
@@ -48,7 +49,8 @@ impl LinearController {
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
-    /// The continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` transforms into this one.
+    /// The continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` transforms into this
+    /// system.
     fn continuous(self, tick_s: f64) -> Self {
         // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());

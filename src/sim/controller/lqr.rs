@@ -177,7 +177,7 @@ mod tests {
         assert!(without.starts_with("controller.lqr.q"), "{without}");
         let without =
             refused(ControllerKind::LqrIntegral, |o| o.controller.lqr.q_integral = [0.0; 3]);
-        assert!(without.contains("no gain"), "{without}");
+        assert!(without.contains("no stabilizing gain"), "{without}");
     }
 
     #[test]

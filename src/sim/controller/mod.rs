@@ -54,7 +54,7 @@ pub(super) trait Controller: std::fmt::Debug + Send {
         Vec::new()
     }
 
-    /// Replaces the vehicle's thrust map by an estimated one, in a controller that uses it.
+    /// Replaces the vehicle's thrust map with an estimate, in a controller that uses it.
     fn set_thrust_map(&mut self, _: ThrustMap) {}
 }
 

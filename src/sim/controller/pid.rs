@@ -7,9 +7,9 @@
 //!
 //! Source: bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
 //! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`. A test
-//! compares with its compiled C. Derivatives are unfiltered, as on a Crazyflie 2.x by default:
-//! those of the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and
-//! velocity because their gain is 0.
+//! compares with its compiled C. Derivatives are unfiltered, as on a Crazyflie 2.x by default: of
+//! the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, of position and velocity because
+//! their gain is 0.
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -32,7 +32,7 @@ const TILT_MAX: f64 = 20.0;
 const SPEED_MAX: f64 = 1.0;
 /// Largest output of a loop relative to these two (`velMaxOverhead`, `rpLimitOverhead`).
 const OVERHEAD: f64 = 1.1;
-/// Bound of an integral without one of its own (`DEFAULT_PID_INTEGRATION_LIMIT`).
+/// Default bound of an integral (`DEFAULT_PID_INTEGRATION_LIMIT`).
 const INTEGRAL_MAX: f64 = 5000.0;
 /// Bounds of the integrals about roll, pitch and yaw (`PID_ROLL_INTEGRATION_LIMIT` and
 /// `PID_ROLL_RATE_INTEGRATION_LIMIT` …).
@@ -97,7 +97,7 @@ impl Pid {
 
     /// The output for an error of the setpoint, and the measurement from which it was taken.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
-        // The derivative is that of the measurement, so that a step of the setpoint gives no kick.
+        // The derivative is taken of the measurement, so that a step of the setpoint gives no kick.
         let [kp, ki, kd] = self.gains;
         let rate = (measured - self.measured) / self.dt_s;
         let rate = self.filter.as_mut().map_or(rate, |filter| filter.update(rate));

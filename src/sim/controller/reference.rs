@@ -7,7 +7,7 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::{Attitude, turned};
 use noctograph_core::plan::Setpoint;
 
-/// A setpoint at one instant: its position as sent, and the motion that it describes since.
+/// A setpoint at an instant: its position as sent, and the motion that it has described since.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reference {
     /// Position as sent, held until the next setpoint.

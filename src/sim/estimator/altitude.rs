@@ -24,7 +24,7 @@ pub(super) struct Altitude {
 impl Estimator for Altitude {
     /// Updates both filters.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        // The Kalman filter first: its tilt turns throttle and ranges upright.
+        // The Kalman filter comes first, because its tilt corrects throttle and ranges.
         self.horizontal.update(&Readings { heights: &[], ..*readings }, tick_s);
         let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
         let filter = &mut self.vertical;

@@ -181,8 +181,9 @@ impl AltitudeFilter {
         self.readings.clear();
     }
 
-    /// Corrects the estimate by a reading. A range beyond the gate is not used. The second one in a
-    /// row moves the ranger's bias by the mean of their innovations, and widens its variance.
+    /// Corrects the estimate by a reading. A range beyond the gate is not used. The second rejected
+    /// range in a row moves the ranger's bias by the mean of their innovations, and widens its
+    /// variance.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
         let [altitude, ranger, barometer] =
             [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]

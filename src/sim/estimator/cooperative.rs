@@ -1,6 +1,6 @@
 //! Extended Kalman filter of one drone over all drones of its fleet.
 //!
-//! The nine errors of this drone are those of [`Ekf`](super::ekf::Ekf). Of every other drone the
+//! The nine errors of this drone are defined by [`Ekf`](super::ekf::Ekf). Of every other drone the
 //! filter keeps position, velocity and the tilt of its dead reckoning, at the time of its last
 //! message. A message moves them on by the motion in it, so that a lost one only costs time, and
 //! its ranges and heights correct them. A range between two drones waits until the messages have
@@ -45,7 +45,7 @@ const RANGES_KEPT: usize = 256;
 
 #[derive(Debug)]
 pub(crate) struct Cooperative {
-    /// Over all drones, this one first and the others in the order of `peers`.
+    /// Over all drones: first this drone, then the others in the order of `peers`.
     joint: Ekf,
     /// Attitude, velocity and position only by inertial sensors, which the others receive.
     inertial: Inertial,
@@ -252,7 +252,8 @@ impl Cooperative {
             let [Some(i), Some(j)] = [from, other].map(|place| self.index_of(place)) else {
                 continue;
             };
-            // Both drones report the range: it is used once. One that is too old is forgotten.
+            // Both drones report the range, but it is used once. A message that is too old is
+            // dropped.
             let (first, second) = (from.min(other), from.max(other));
             let key = (range.time_s, first, second);
             if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
@@ -290,7 +291,7 @@ impl Cooperative {
 
     /// Stops the estimate of a drone that is on the floor, where its accelerometer feels the
     /// weight. Call it only while the motors are off. The accelerometer misses the shock of the
-    /// landing: without this the fleet's estimates would fall with the landed drone.
+    /// landing, so otherwise the fleet's estimates would fall with the landed drone.
     pub(crate) fn rest(&mut self) {
         if !self.peers.is_empty() && self.force_m_s2.z > ON_FLOOR_M_S2 {
             // The other two estimates keep their differences from the joint one.
@@ -355,7 +356,7 @@ impl Estimator for Cooperative {
                 Source::To(target) => {
                     gate.correct(normal, (*place, target), measurement);
                 }
-                // Not a link to an anchor or a drone: it has no gate.
+                // Neither a link to an anchor nor to a drone, so it has no gate.
                 Source::Sweep { .. } | Source::Position => {
                     normal.correct(measurement, |_| true);
                 }

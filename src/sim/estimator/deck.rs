@@ -17,7 +17,7 @@ const LONGEST_PAIR_S: f64 = 0.0115;
 /// Time after which the dropped fraction is computed again.
 const EVALUATION_S: f64 = 0.1;
 
-/// Sweeps that are used together: those of one rotation, or one of them.
+/// Sweeps that are used together: all sweeps of a rotation, or one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Rotation {
     pub(super) station: usize,
@@ -79,7 +79,8 @@ impl Deck {
     }
 
     /// Both planes' angles at the second sweep of a rotation, or `None` at the first one and if the
-    /// first was missed. Of two first ones, a sweep and its reflection, the smaller angle counts.
+    /// first was missed. If there are two first sweeps, a sweep and its reflection, the smaller
+    /// angle counts.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
         let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);

@@ -69,10 +69,10 @@ pub(super) struct Model {
     pub(super) anchors_m: Vec<Vector3<f64>>,
     /// Height of the floor below the drone.
     floor_m: f64,
-    /// True if that is one of the states.
+    /// True if the angle is a state.
     floor_steps: bool,
     pub(super) density: Density,
-    /// Variance of an angle of a station of the first and of the second generation.
+    /// Variance of an angle of a station, for the first and the second generation.
     sweep: [f64; 2],
     /// Variance of a coordinate.
     pub(super) position: f64,

@@ -43,7 +43,7 @@ const LARGEST_VARIANCE: f64 = 100.0;
 const LEAST_TURN_RAD: f64 = 0.1e-3;
 /// Standard deviation of a yaw error (`lighthouse_position_est.c`).
 const YAW_SIGMA_RAD: f64 = 0.01;
-/// Least length of a diagonal of the deck, as seen, of which the yaw is taken.
+/// Least apparent length of a diagonal of the deck from which the yaw is computed.
 const LEAST_DIAGONAL_M: f64 = 1e-4;
 /// Least cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
 const LEAST_COS_TILT: f64 = 0.1;
@@ -177,8 +177,8 @@ impl Firmware {
         }
     }
 
-    /// The filter's yaw less that of the deck as one station sees it, or `None` if sweeps correct
-    /// the attitude, or the station does not see all sensors.
+    /// The filter's yaw less the deck's yaw as one station sees it, or `None` if sweeps correct the
+    /// attitude, or the station does not see all sensors.
     fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
         if self.options.sweep_attitude == SweepAttitude::Slope {
             return None;
@@ -193,7 +193,7 @@ impl Firmware {
             let toward = -normal.dot(&ray);
             (toward != 0.0).then(|| station.position_m + ray * (above_m / toward))
         });
-        // The mean turn of both diagonals of the sensors against the estimated ones.
+        // The mean turn of both diagonals of the sensors relative to the estimated diagonals.
         let diagonals_rad = [(0, 3), (1, 2)].map(|(from, to)| {
             let [a, b] = [from, to].map(|k| Vector3::from(DECK_SENSORS_M[k]));
             let estimated = self.world_from_body * (b - a);
@@ -344,7 +344,8 @@ impl Estimator for Firmware {
     }
 }
 
-/// Blocks of `Φ − 1` by which errors of velocity and turn change those of position and velocity.
+/// Blocks of `Φ − 1` by which errors of velocity and turn change the errors of position and
+/// velocity.
 struct Drift {
     position: [Matrix3<f64>; 2],
     velocity: [Matrix3<f64>; 2],

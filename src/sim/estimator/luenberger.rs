@@ -93,7 +93,7 @@ pub(crate) fn observer_gain(
     let gain = control::observer_gain(&a, &c, &dynamic(&model), &dynamic(&measurement));
     let gain = gain.map_err(|error| {
         Error::infeasible(
-            format!("observer.luenberger.q and .r have no gain: {error}"),
+            format!("observer.luenberger.q and .r give no stabilizing gain: {error}"),
             error.hint(),
         )
     })?;

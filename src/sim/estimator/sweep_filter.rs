@@ -1,10 +1,10 @@
 //! The firmware's outlier filter of Lighthouse sweeps.
 //!
-//! In: the error of a sweep at the deck, m: that of its angle times the distance from the rotor's
-//! axis. Out: true if the Kalman filter uses it. Each sweep closes the filter for a time that grows
-//! by 4 ms with every good one, up to 40 ms, and shrinks by 8 ms with every bad one. While it is
-//! closed, only good ones are used. A wrong estimate thus follows the sweeps again after some five
-//! bad ones, and follows a reflection likewise.
+//! In: the error of a sweep at the deck in m, which is the error of its angle times the distance
+//! from the rotor's axis. Out: true if the Kalman filter uses it. Each sweep closes the filter for
+//! a time that grows by 4 ms with every good one, up to 40 ms, and shrinks by 8 ms with every bad
+//! one. While it is closed, only good sweeps are used. A wrong estimate thus follows the sweeps
+//! again after about five bad sweeps, and also follows a reflection.
 //!
 //! Source: `outlierFilterLighthouse.c`, the same in every release of the firmware from 2023.11 to
 //! 2026.08, called by `mm_sweep_angles.c`.

@@ -1,8 +1,8 @@
 //! The firmware's outlier filter of differences of ultra-wideband ranges.
 //!
 //! In: the error of a difference, and its standard deviation. Out: true if the Kalman filter uses
-//! it. Good ones (within 2 σ) fill an integrator by the time that passed, and others drain it. When
-//! nearly full it closes, and refuses those beyond 2.5 σ, until it is nearly empty.
+//! it. Good differences (within 2 σ) fill an integrator by the elapsed time, and others drain it.
+//! When nearly full it closes, and refuses those beyond 2.5 σ, until it is nearly empty.
 //!
 //! Source: `outlierFilterTdoa.c`, firmware 2026.08.
 
@@ -10,7 +10,7 @@
 const SIZE_MS: f64 = 300.0;
 const OPENS_MS: f64 = 0.1 * SIZE_MS;
 const CLOSES_MS: f64 = 0.9 * SIZE_MS;
-/// Most that one difference adds, ms.
+/// Largest increase by one difference, ms.
 const LONGEST_MS: f64 = 0.1 * SIZE_MS;
 /// Bounds of a good difference, and of one that a closed filter accepts, in standard deviations.
 const GOOD_SIGMAS: f64 = 2.0;
@@ -38,7 +38,7 @@ impl TdoaFilter {
         let added_ms = if is_good { passed_ms } else { -passed_ms };
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
         let is_accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
-        // Hysteresis: it opens at a lower level than it closes.
+        // Hysteresis: the filter opens at a lower level than it closes.
         self.closed = match self.closed {
             true => self.integrator_ms >= OPENS_MS,
             false => self.integrator_ms > CLOSES_MS,

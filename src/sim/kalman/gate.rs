@@ -88,7 +88,7 @@ impl StepTest {
     ///
     /// # Panics
     ///
-    /// If the last part of the Jacobian is not that of one state.
+    /// If the last part of the Jacobian does not belong to one state.
     pub fn correct(
         &mut self,
         normal: &mut Normal,

@@ -112,7 +112,7 @@ impl Inertial {
         measured || self.span_s >= LONGEST_SPAN_S
     }
 
-    /// The span since the covariance was last propagated. The next one begins now.
+    /// The span since the covariance was last propagated. The next interval begins now.
     pub fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
         self.world_from_body = self.attitude.matrix();
         Span {

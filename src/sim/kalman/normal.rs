@@ -122,7 +122,7 @@ impl Normal {
         for &(row, column, value) in transition {
             (0..n).for_each(|i| p[row * n + i] += value * p[column * n + i]);
         }
-        // Rounding makes the triangles differ: both become their mean.
+        // Rounding makes the triangles differ, so both become their mean.
         for i in 0..n {
             for j in 0..i {
                 p[i * n + j] = 0.5 * (p[i * n + j] + p[j * n + i]);

@@ -11,7 +11,7 @@ const CF21: &str = include_str!("../../pipeline/scene/presets/cf21.toml");
 const CF_BRUSHLESS: &str = include_str!("../../pipeline/scene/presets/cf-brushless.toml");
 const BZZZ: &str = include_str!("../../pipeline/scene/presets/bzzz.toml");
 
-/// The drone of a scene file that begins with the keys of another one.
+/// The drone of a scene file that begins with the keys of another drone.
 fn preset(begin_toml: &str, scene_toml: &str) -> SimOptions {
     let [mut scene, keys] =
         [begin_toml, scene_toml].map(|toml| toml.parse::<toml::Table>().expect("TOML"));

@@ -50,7 +50,7 @@ settings! {
     /// (`stabilizer_types.h`, `ATTITUDE_RATE`, `POSITION_RATE`), the main loop at 500 Hz as the
     /// team's observer ran, and a log at half of it.
     pub struct RateOptions {
-        /// Ticks per second of the main loop: sensors and observer run at every one.
+        /// Ticks per second of the main loop. Sensors and observer run at every tick.
         ///
         /// The firmware's runs at 1000.
         control_hz: u32 = 500, in 50.0..=2000.0;
@@ -98,13 +98,13 @@ settings! {
         /// From the host, one after the other. Without them the firmware levels the drone out after
         /// 0.5 s and stops its motors after 2 s.
         "streamed" => Streamed,
-        /// From a trajectory on board: only light commands are late.
+        /// From a trajectory on board. Only light commands are late.
         "on-board" => OnBoard,
     }
 }
 
 impl SimOptions {
-    /// Checks every range, that slower rates divide faster ones, that the motors can lift the
+    /// Checks every range, that slower rates divide faster rates, that the motors can lift the
     /// drone, and that the sensors suit the estimator.
     ///
     /// # Errors
@@ -183,7 +183,7 @@ impl RateOptions {
         self.position_hz.min(self.attitude_hz())
     }
 
-    /// Checks that slower loops run at whole ticks of faster ones.
+    /// Checks that slower loops run at whole ticks of faster loops.
     fn check_ratios(&self) -> Result<()> {
         for (slow, slow_hz, fast, fast_hz) in [
             ("attitude_hz", self.attitude_hz, "control_hz", self.control_hz),
@@ -214,7 +214,8 @@ pub struct Drone<'a> {
     /// Seed of the lasting errors of the room, in the poses of its stations and anchors. It is the
     /// same for all drones in one room.
     pub room_seed: u64,
-    /// Index among the drones that fly together. Each index has its own noise, in sensors and air.
+    /// Index among the drones that fly together. Each index has different noise, in sensors and
+    /// air.
     pub index: u64,
 }
 

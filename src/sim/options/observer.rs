@@ -60,7 +60,7 @@ settings! {
         /// Their estimates. Information common to two drones is counted twice: worse, for
         /// comparison.
         "estimates" => Estimates,
-        /// Nothing: every drone only has its own anchors.
+        /// Nothing: every drone uses only its anchors.
         "nothing" => Nothing,
     }
 
@@ -89,7 +89,7 @@ settings! {
         ///
         /// More follows the positioning faster.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.02236, in 1e-6..=100.0;
-        /// The same along world z, where the propellers shake.
+        /// The same density along world z, in which the propellers shake.
         acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.04472, in 1e-6..=100.0;
         /// Noise density of the measured body rate, (rad/s)/√Hz.
         rate_noise_rad_s_sqrt_hz: f64 = 0.004472, in 1e-7..=10.0;
@@ -146,10 +146,10 @@ settings! {
             /// Innovation of the ranger beyond which a range is not used, in standard deviations.
             /// Two in a row are a step of the floor.
             step_gate_sigmas: f64 = 4.0;
-            /// Standard deviation of α⁰ before the flight: that of the lift at no throttle, and of
-            /// a steady draft.
+            /// Standard deviation of α⁰ before the flight, from the lift at zero throttle and a
+            /// steady draft.
             offset_sigma_m_s2: f64 = 0.1;
-            /// Standard deviation of α¹ before the flight: 5 % of that of `bzzz`.
+            /// Standard deviation of α¹ before the flight: 5 % of α¹ in `bzzz`.
             gain_sigma_m_s2: f64 = 1.9;
         }
     }
@@ -201,16 +201,16 @@ impl ObserverOptions {
         let gives_positions = sensors.positioning.gives_positions();
         let measures_altitude =
             sensors.positioning == Positioning::Gnss || !sensors.heights.is_empty();
-        // The Kalman filters use any measurement, and the others need a certain one.
+        // The Kalman filters use any measurement, and the others need a certain kind.
         let (kind, wanted) = match self.kind {
             EstimatorKind::Altitude if !measures_altitude => {
                 ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")
             }
             EstimatorKind::Luenberger if !gives_positions => {
-                ("luenberger, which takes positions, with a positioning that gives none", "ekf")
+                ("luenberger, which needs positions, with a positioning that gives none", "ekf")
             }
             EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
-                ("cooperative, which takes ranges to anchors and drones, without uwb-twr", "ekf")
+                ("cooperative, which needs ranges to anchors and drones, without uwb-twr", "ekf")
             }
             EstimatorKind::Altitude
             | EstimatorKind::Luenberger

@@ -4,8 +4,8 @@
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
 //! drone measures `hᵀ δp = δα`. The least error of the position is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and
 //! Rao). σ is the whole error of an angle: its white noise, its distortion, and the error of the
-//! station's pose. The common distortion of all stations is added. People and mirrors are those of
-//! the sensors. Not modeled: walls, the tilt of the drone, the error by a reflection.
+//! station's pose. The common distortion of all stations is added. People and mirrors are taken
+//! from the sensors' options. Not modeled: walls, the tilt of the drone, the error by a reflection.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -158,7 +158,8 @@ mod tests {
     use super::*;
     use crate::sensors::Station;
 
-    /// Two stations square to each other, 3 m from (0, 0, 0) and level with it but for their sight.
+    /// Two stations 3 m from (0, 0, 0), whose sights are at right angles, at the same height except
+    /// for the sight.
     fn square_stations() -> LighthouseOptions {
         let height = 0.6;
         let stations = [[-3.0, 0.0, height], [0.0, -3.0, height]]

@@ -1,8 +1,8 @@
 //! Sensors: measurements of the drone's motion. One file a sensor.
 //!
-//! In: the true state and the specific force at a tick. Out: readings. Every sensor has its own
-//! streams of noise and draws the same number of values at each measurement, so that none can shift
-//! another's.
+//! In: the true state and the specific force at a tick. Out: readings. Every sensor has separate
+//! streams of noise and draws the same number of values at each measurement, so that no sensor
+//! shifts another's noise.
 
 mod coverage;
 mod crossing_beams;
@@ -180,7 +180,7 @@ impl Sensors {
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
-        // In the order of the kinds, whatever that of the list is.
+        // In the order of the kinds, whatever the order of the list.
         let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
         let altimeters = carried.map(|sensor| match sensor {
             HeightSensor::TimeOfFlight => {

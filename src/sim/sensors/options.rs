@@ -95,13 +95,14 @@ settings! {
     /// would average out to a third of the crossing beams' jitter.
     ///
     /// Most of the error in flight, 13.5 mm mean, is distortion common to the stations. If each
-    /// station had its own, the filter would tremble at rest by more than the measured 0.59 mm. The
-    /// separate part is chosen so that both figures are as measured. Two stations in opposite
-    /// corners, some 4 m from the word.
+    /// station had separate errors, the filter would tremble at rest by more than the measured 0.59
+    /// mm. The separate part is chosen so that both figures are as measured. Two stations in
+    /// opposite corners, about 4 m from the word.
     pub struct LighthouseOptions {
         /// Smooth error that depends on the drone's position, per axis, σ.
         ///
-        /// The joint solution for the stations' poses leaves it: they agree on a bent room.
+        /// The joint solution for the stations' poses does not remove it, because they agree on a
+        /// bent room.
         distortion_m: f64 = 0.0075, in 0.0..=1.0;
         /// Distance l over which that error changes: the correlation falls as `exp(−d²/2l²)`.
         distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
@@ -356,8 +357,8 @@ impl UwbOptions {
         self.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
     }
 
-    /// Indices of the anchors that a drone hears. A drone without a list is an error, unless there
-    /// are no lists: then it hears all.
+    /// Indices of the anchors that a drone hears. A drone without a list is an error. If there are
+    /// no lists, every drone hears all anchors.
     pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
         match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
             Some(heard) => Ok(heard.clone()),
@@ -383,7 +384,7 @@ impl UwbOptions {
                     "",
                     "{anchor:?}, the place of another anchor",
                     "each anchor once",
-                    "list every anchor at its own place"
+                    "list every anchor at a different place"
                 )
                 .of_item("sensors.uwb.anchors_m", i));
             }

@@ -1,11 +1,11 @@
 //! A Lighthouse base station: its pose, its field of view, and the angle at which its planes of
 //! light cross a point.
 //!
-//! A station's frame is x forward (out of the front), y left, z up. Angles are those of the
-//! firmware after it applied the factory calibration, so that the calibrations of a configuration
-//! file have no effect. The remaining error is the `sweep_distortion` of the sensors. Model:
-//! `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware. Fields of view:
-//! Bitcraze's documentation of the Lighthouse deck.
+//! A station's frame is x forward (out of the front), y left, z up. Angles are as in the firmware
+//! after the factory calibration, so that the calibrations of a configuration file have no effect.
+//! The remaining error is the `sweep_distortion` of the sensors. Model: `lighthouse_position_est.c`
+//! and `lighthouse_geometry.c` of the firmware. Fields of view: Bitcraze's documentation of the
+//! Lighthouse deck.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -2,9 +2,9 @@
 //!
 //! White noise, a bias of each link that depends on the drone's position, and outliers. Anchors are
 //! asked in turn, and a difference is taken between an anchor and the next one that is heard. In a
-//! fleet all links take turns: those of each drone to its anchors, then the pairs of drones. Both
-//! drones of a pair read the same range. Walls, antenna patterns and collisions of packets are not
-//! modeled.
+//! fleet all links take turns: first the links of each drone to its anchors, then the pairs of
+//! drones. Both drones of a pair read the same range. Walls, antenna patterns and collisions of
+//! packets are not modeled.
 
 use nalgebra::Vector3;
 
@@ -40,7 +40,7 @@ pub(crate) struct PeerRange {
 /// A link in the round of all, with drones by their places in the fleet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Turn {
-    /// To an anchor, less the distance to another one for differences.
+    /// To an anchor, less the distance to another anchor for differences.
     Anchor {
         drone: usize,
         anchor: usize,
@@ -120,7 +120,8 @@ impl Uwb {
         let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
         let uwb = &options.uwb;
         let bias = |mut noise: Noise| Field::new(&mut noise, uwb.bias_m, BIAS_LENGTH_M);
-        // Both drones of a pair draw from the streams of the pair, and so read the same.
+        // Both drones of a pair draw from the streams of the pair, so that their readings are
+        // equal.
         let index = indices[fleet.place];
         let peers = indices.iter().map(|other| {
             let (first, second) = (index.min(*other), index.max(*other));
@@ -170,7 +171,7 @@ impl Uwb {
                 Turn::Drones(i, j) if i == self.place || j == self.place => {
                     let drone = if i == self.place { j } else { i };
                     let (bias, errors) = &mut self.peers[drone];
-                    // The bias midway, so that both ends read the same.
+                    // The bias midway, so that the readings of both ends are equal.
                     let middle_m = (position_m + fleet_m[drone]) * 0.5;
                     let true_m = (position_m - fleet_m[drone]).norm();
                     let biased_m = true_m + bias.component(0, &middle_m);

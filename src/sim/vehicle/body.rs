@@ -46,7 +46,7 @@ impl RigidBody {
 
     /// True if the pitch or the roll has come to a quarter turn, at which the thrust does not lift.
     pub(crate) fn is_on_its_back(&self) -> bool {
-        // The cosine of the tilt is that of the roll times that of the pitch.
+        // The cosine of the tilt is the product of the cosines of roll and pitch.
         let q = &self.world_from_body;
         let (cos_tilt, sin_pitch) =
             (1.0 - 2.0 * (q.i * q.i + q.j * q.j), 2.0 * (q.w * q.j - q.k * q.i));
@@ -208,7 +208,7 @@ impl Inertia {
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
             (w * o + x * q - y * p) * 0.5,
-            // The rotors' spin turns with the body: the gyroscopic torque.
+            // Gyroscopic torque, because the rotors' angular momentum turns with the body.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
             c[2] * p * q + torque.z * per_j[2],

@@ -1,9 +1,9 @@
 //! Downwash: the stream of air below a drone, and the thrust that another drone loses in it.
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
-//! A rotor within it lifts less, by the speed of the stream and by its own. Unequal losses turn the
-//! drone. Speeds go with the square root of a thrust, so that the loss is `√(T T')` times a
-//! function of the position in sizes of the drone.
+//! A rotor within it lifts less, depending on the speeds of the stream and of the rotor. Unequal
+//! losses turn the drone. Speeds go with the square root of a thrust, so that the loss is `√(T T')`
+//! times a function of the position in sizes of the drone.
 //!
 //! Two published models of a Crazyflie's loss on the axis:
 //!

@@ -76,7 +76,7 @@ impl Wind {
             }
             Gusts::Dryden | Gusts::None => {}
         }
-        // The two components draw from streams of their own.
+        // The two components draw from separate streams.
         let streams = [(filters, "gusts"), (torques, "gust torque")];
         let [gusts, torques] = streams.map(|(filters, stream)| {
             filters.map(|filters| Filtered::new(filters, Noise::new(seed, drone, stream)))

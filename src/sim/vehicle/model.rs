@@ -66,7 +66,7 @@ pub(crate) fn motion_derivative(
     ])
 }
 
-/// The twelve states of a body, with velocity and rate in its own frame.
+/// The twelve states of a body, with velocity and rate in the body frame.
 pub(crate) fn state(
     position_m: &Vector3<f64>,
     attitude: Attitude,

@@ -128,7 +128,7 @@ settings! {
         compensation: Compensation = Compensation::Firmware;
         /// Thrust below which the firmware's compensation stops a motor, N.
         least_thrust_n: f64 = 0.0, in 0.0..=1e3, for "battery.compensation" = "firmware";
-        /// Least duty cycle of an armed motor in the air, as a fraction of a full one.
+        /// Least duty cycle of an armed motor in the air, as a fraction of full duty.
         idle_frac: f64 = 0.0, in 0.0..=1.0, for "battery.compensation" = "firmware";
         /// Voltage under load below which, after 5 s, the motors stop for good. 0: never.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
@@ -154,7 +154,7 @@ settings! {
         wind_m_s: [f64; 3] = [0.0; 3], in -50.0..=50.0;
         /// Gusts on top of the wind. They push the drone through its drag.
         gusts: Gusts = Gusts::None;
-        /// Thrust loss of a drone below another one.
+        /// Thrust loss of a drone below another drone.
         downwash: Downwash = Downwash::Jet, unless "plan.drones" = "1";
     }
 

@@ -52,7 +52,7 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
-    /// Fraction of its thrust that each motor gives, less than 1 for a damaged one.
+    /// Fraction of its thrust that each motor gives. Less than 1 for a damaged motor.
     thrust_frac: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
@@ -120,7 +120,7 @@ impl Plant {
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
-        // The ground effect changes slowly: it is held through the step, at its middle height.
+        // The ground effect changes slowly, so it is held during the step, at the middle height.
         let floor_m = self.floor_m(self.row[0], self.row[1]);
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
         let ground = self.floor.thrust_ratio(middle_m - floor_m);

@@ -29,7 +29,7 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     DesignPath::new(flight).ok_or_else(|| {
         let hint = "state the offset of B's clock; 0 leaves it as it is";
-        Error::input(name, "no design position", "one to set the clocks by", hint)
+        Error::input(name, "no design position", "a design to set the clocks by", hint)
             .coded("clocks-apart")
     })
 }

@@ -8,7 +8,7 @@ use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 /// Time over which noise averages out but an error of the path does not: a stroke of 0.1 m.
 const SMOOTH_S: f64 = 0.5;
 
-/// Largest error of scale of a positioning system. With a larger one B flies another path.
+/// Largest error of scale of a positioning system. With a larger difference, B flies another path.
 const MAX_SCALE: f64 = 0.5;
 
 /// A cause of the difference between flight B and flight A, with its amount.
@@ -42,7 +42,8 @@ pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f6
     let (lag_s, moved) = lag(pairs);
     let scale =
         Some(fit(&centered, &from_middle)).filter(|by| by.abs() <= MAX_SCALE).unwrap_or(0.0);
-    // The residuals of offset, lag and scale: their slow part is the path, their fast part noise.
+    // The residuals of offset, lag and scale. Their slow part is the path, their fast part is
+    // noise.
     let mean_moved = mean(moved.iter().copied());
     let parts = centered.iter().zip(moved.iter().zip(&from_middle));
     let residuals: Vec<_> =
@@ -128,7 +129,7 @@ mod tests {
     use crate::comparison::{Alignment, ComparisonOptions, compare};
     use noctograph_plan::tracking::Part;
 
-    /// The first cause where B flies the square with a change.
+    /// The first cause if B flies the square with a change.
     fn first_cause(change: impl Fn(f64) -> Vector3<f64>) -> (Discrepancy, f64) {
         let a = flight(0.01, 16.0, square, square);
         let b = flight(0.01, 16.0, change, square);
@@ -166,7 +167,7 @@ mod tests {
         assert!(matches!(noise, Discrepancy::Noise(m) if (m - 0.0141).abs() < 1e-3), "{noise:?}");
         assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
         assert!(noise_part > 0.9 && path_part > 0.8, "{noise_part} {path_part}");
-        // No positioning system has such a scale: B is half as large and turned by half a turn.
+        // B is half as large and turned by half a turn, a scale that no positioning system has.
         let (path, part) = first_cause(|t| middle + (square(t) - middle) * -0.5);
         assert!(matches!(path, Discrepancy::Path(_)) && part > 0.8, "{path:?}, {part}");
     }

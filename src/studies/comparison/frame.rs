@@ -1,4 +1,4 @@
-//! Aligns the frames of two flights: one without setpoints may be in another frame.
+//! Aligns the frames of two flights, because a flight without setpoints may be in another frame.
 
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;

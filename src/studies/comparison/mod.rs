@@ -11,7 +11,7 @@
 //! centimeters remain after a rotation about the vertical and a shift, these are applied
 //! ([`FrameAlignment`]). If more remains, but much less than before, the comparison is refused.
 //!
-//! Not done: clocks of different rates, which are converted where a log is imported.
+//! Not done: clocks of different rates, which `import` converts.
 
 use nalgebra::Vector3;
 use serde::Serialize;

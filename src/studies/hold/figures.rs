@@ -16,7 +16,7 @@ const FROM_S: f64 = 5.0;
 const EVENT_S: f64 = 0.5;
 /// Most runs of a scenario.
 const MAX_RUNS: f64 = 1e4;
-/// Range of the mean squared error over variance of a consistent state: its σ is at most 20 %
+/// Range of the mean squared error over variance of a consistent state, whose σ is at most 20 %
 /// wrong.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 

@@ -120,8 +120,8 @@ impl HoldScenario {
 /// Name of the random stream that draws the true drone in both models.
 pub(super) const DRONE: &str = "hold drone";
 
-/// Replaces the battery by one whose lift in hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`]: its
-/// charge lasts that long, and its open-circuit voltage falls linearly.
+/// Replaces the battery. The lift in hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`], for which its
+/// charge lasts, and its open-circuit voltage falls linearly.
 fn drain(options: &mut SimOptions) {
     let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;

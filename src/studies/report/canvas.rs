@@ -237,7 +237,7 @@ impl Pixels {
         let (mut lines, mut right) = (Vec::new(), 0.0);
         for character in text.chars() {
             let Some(aspect) = self.font.aspect(character) else { continue };
-            // The cell's meters stand for pixels, with the baseline at y = 0.
+            // The cell's meters are pixels, with the baseline at y = 0.
             let (width_m, cap_height_m) = (aspect * cap_px, cap_px);
             let cell = Cell { left_m: right, baseline_m: 0.0, width_m, cap_height_m };
             let moves = self.font.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);

@@ -20,8 +20,9 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
     let drones = evening.drones();
     let lead = format!("{n} logs of {} drone(s); {sound} sound.", drones.len());
     let mut page = Page::new(title, &lead).section("Flights").printed(printed).text(
-        "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
-         hold against; gusts: those that turn a drone as its air did. -: the log does not show it.",
+        "Thrust per command and weight, relative to the scene; trim: the center of mass that the \
+         motors compensate; gusts: the gusts that turn a drone as its air did. -: not shown by \
+         the log.",
     );
     // A panel for each figure, with a curve for each drone over its sound flights.
     let most_logs = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
@@ -49,7 +50,7 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         };
         page = page.section("Drones over time").drawings(&[figure.svg()]);
         if drones.len() > MOST_DRONES {
-            page = page.text(&format!("The curves are those of the first {MOST_DRONES} drones."));
+            page = page.text(&format!("The curves show the first {MOST_DRONES} drones."));
         }
     }
     page.section("Conditions").printed(conditions)
@@ -62,7 +63,7 @@ fn curve(logs: &[EveningLog], figure: Select, color: Rgb) -> Curve {
         Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
     });
     let points: Vec<(f64, f64)> = points.collect();
-    // A short bar at each flight, so that a single one is visible.
+    // A short bar at each flight, so that a single flight is visible.
     let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
     let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
     Curve { pen: Pen::new(color, 2.0), pieces }

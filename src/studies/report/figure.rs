@@ -220,8 +220,8 @@ impl Panel {
     }
 
     /// Returns the rectangles of the marks' texts, in pixels from the panel's upper left corner.
-    /// Each mark has the nearest place that is inside the panel and free of earlier marks, and also
-    /// free of curves if there is such a place.
+    /// Each mark has the nearest place that is inside the panel and free of earlier marks, and, if
+    /// possible, free of curves.
     fn mark_places(&self) -> Vec<Rect> {
         let (drawn, panel) = (self.drawn_px(), Rect::new(0.0, 0.0, PANEL_WIDTH_PX, self.height_px));
         let mut taken: Vec<Rect> = Vec::new();

@@ -82,7 +82,7 @@ fn state(flight: &Hold, index: usize, pen: Pen) -> Vec<Curve> {
 }
 
 /// Returns the curve of a sensor's accepted innovations, in standard deviations, interrupted at
-/// rejected ones.
+/// rejected innovations.
 fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     let points = flight.samples.iter().map(|sample| {
         let reading = sample.readings.iter().find(|reading| reading.sensor == sensor)?;

@@ -7,7 +7,7 @@ use super::canvas::{Canvas, Pen, Pixels, Rgb, Surface};
 use noctograph_picture::photo::Photo;
 use noctograph_score::{LetterVerdict, Marks, Verdict};
 
-/// Colors that no lamp of a Crazyflie has: these are white, blue and red.
+/// Colors that no lamp of a Crazyflie has. Its lamps are white, blue and red.
 const INTENDED: Rgb = [0, 200, 120];
 const MISSING: Rgb = [255, 80, 200];
 const STRAY: Rgb = [240, 228, 66];

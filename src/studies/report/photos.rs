@@ -55,8 +55,8 @@ impl Similarity {
     }
 }
 
-/// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
-/// that it replaces. Smaller photos are returned unchanged.
+/// Shrinks a photo to a longer side of at most `longest_px`. Each pixel is the mean light of the
+/// pixels that it replaces. Smaller photos are returned unchanged.
 pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     let longest = photo.width_px.max(photo.height_px);
     if longest <= longest_px {

@@ -139,7 +139,7 @@ fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {
         grid_m *= 10.0;
     }
-    // Vertical lines with numbers below, then horizontal ones with numbers on the left.
+    // Vertical lines with numbers below, then horizontal lines with numbers on the left.
     let Rect { x0, y0, x1, y1 } = extent_m;
     for (is_vertical, [low_m, high_m]) in [(true, [x0, x1]), (false, [y0, y1])] {
         let mut line_m = (low_m / grid_m).ceil() * grid_m + 0.0; // never -0

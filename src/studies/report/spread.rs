@@ -48,7 +48,7 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
     let time_s = all.time_s[first]..all.time_s[last].max(all.time_s[first] + 0.1);
     let legend = vec![
-        ("each its own room and drone".to_owned(), ALL),
+        ("each with a different room and drone".to_owned(), ALL),
         ("one drone in one room".to_owned(), WITHIN),
     ];
     let title = if all.holds_frac() < BAND_FRAC {

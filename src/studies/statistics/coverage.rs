@@ -1,5 +1,5 @@
-//! How often the intervals of a study hold the truth: on laws like those of flights in a moment,
-//! and, ignored, on flights of the program itself. `docs/figures coverage` prints their table.
+//! How often the intervals of a study hold the truth. Distributions like those of flights take a
+//! moment. Simulated flights are in ignored tests. `docs/figures coverage` prints their table.
 
 use nalgebra::Vector3;
 use noctograph_core::random::split_mix;
@@ -13,8 +13,8 @@ use crate::{Conditions, Record, Study, Trial, evaluate};
 
 /// An interval of a study's values.
 type Interval = fn(&[Vec<f64>]) -> Estimate;
-/// Fractions of `n_studies` studies of `n` values of a law whose interval holds the truth, is below
-/// it, and above it.
+/// Fractions of `n_studies` studies, each with `n` values of a distribution, whose interval holds
+/// the truth, is below it, and is above it.
 fn held(
     law: &(dyn Fn(f64) -> f64 + Sync),
     truth: f64,
@@ -97,7 +97,7 @@ fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
     center(&strata.concat(), LEVEL).unwrap()
 }
 
-/// Mean of the lowest tenth of many values, of which 10 % is no whole number.
+/// Mean of the lowest tenth of many values whose number is not divisible by 10.
 fn tail(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

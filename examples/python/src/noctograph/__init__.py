@@ -1,4 +1,4 @@
-"""The photograph of a drone's light painting before the flight, and whether it reads.
+"""The photograph of a drone's light painting before the flight, and whether the word is legible.
 
 >>> import noctograph as nc
 >>> nc.preview("NOOR")

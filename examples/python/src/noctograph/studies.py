@@ -329,7 +329,7 @@ def rank(
     seed : int
         Seed that all seeds are drawn from.
     acuity : int, optional
-        Also finds the fastest strokes that read: this number of further seeds of each word at each of eight speeds.
+        Also finds the fastest legible strokes: this number of further seeds of each word at each of eight speeds.
         ``report["acuity"]["limits"]`` has them. Above a P(read) of 0.96 this ranks, and P(read) does not.
     folder : path, optional
         Keeps the flights, so that the next call flies only what is new. Those of a class of your own are kept word

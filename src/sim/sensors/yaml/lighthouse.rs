@@ -22,7 +22,7 @@ use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
-/// Largest file that is read. Sixteen stations take some 20 kB.
+/// Largest file that is read. Sixteen stations take about 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
 /// Greatest error of a rotation matrix: files carry single precision, and some are rounded.
 const ROTATION_TOLERANCE: f64 = 1e-3;
@@ -77,7 +77,7 @@ pub fn read_lighthouse_config(path: &Path) -> Result<Warned<Vec<Station>>> {
 
 /// Reads the text of a configuration. `file` is its name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
-    // All keys first, so that unknown ones are named whatever follows. Then the known ones.
+    // All keys first, so that unknown keys are always named. Then the known keys.
     let keys: Keys = from_yaml(yaml, file, HINT)?;
     let mut unknown = unknown_keys(&keys, &KEYS);
     let config: Config = from_yaml(yaml, file, HINT)?;
