@@ -300,7 +300,7 @@ class Killed(unittest.TestCase):
     def test_a_killed_script_leaves_its_log_up_to_the_last_second(self):
         n, wrong = int(os.environ.get("NOCTOGRAPH_KILLS", "3")), []
         for begin in range(0, n, 5):
-            judges = [threading.Thread(target=self.judge, args=(0.1 + 10.4 * k / n, wrong))
+            judges = [threading.Thread(target=self.judge, args=(0.3 + 10.2 * k / n, wrong))
                       for k in range(begin, min(begin + 5, n))]
             for judge in judges:
                 judge.start()

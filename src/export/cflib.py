@@ -108,6 +108,7 @@ class Diary:
     def _keep(self):
         try:
             with self._opened() as file:
+                self._write(file)  # the head, by which the log is known
                 is_over = False
                 while not is_over:
                     for _ in range(KEEPS_A_SYNC):
