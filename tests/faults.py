@@ -505,22 +505,94 @@ class Faults(unittest.TestCase):
                     raise OSError(28, "No space left on device")
             return dumped
 
-        for limit, said in ((1, "log: "), (2, "the log of this flight is lost")):
+        for limit in (1, 2):
             whole.clear()
-            script_json = unittest.mock.patch("json.dump", full(limit))
-            with script_json:
+            with unittest.mock.patch("json.dump", full(limit)):
                 flight = Flight()
             self.assertEqual(flight.outcome, LANDED)
-            self.assertIn(said, flight.printed)
             folder = os.path.dirname(flight.drone.log_file)
-            self.assertEqual(os.listdir(folder), [], "no cut file is left")
-            named = re.findall("log: (.*)", flight.printed)
-            self.assertEqual(len(named), 2 - limit)
-            for path in named:
-                with open(path, encoding="utf-8") as file:
-                    self.assertIn("stateEstimate.z", json.load(file))
+            self.assertEqual(os.listdir(folder), ["log.jsonl"], "no cut file is left")
+            [path] = re.findall("log: (.*)", flight.printed)
+            with open(path, encoding="utf-8") as file:
+                self.assertIn("stateEstimate.z", file.read())
+            if limit == 1:
                 os.remove(path)
+            else:
+                self.assertEqual(path, os.path.join(folder, "log.jsonl"), "samples as they came")
         self.assertIs(json.dump, dump)
+
+    def test_the_samples_are_kept_as_they_come_and_are_those_of_the_whole_log(self):
+        flight = Flight()
+        stem = flight.drone.log_file[:-len(".json")]
+        with open(stem + ".json", encoding="utf-8") as file:
+            whole = json.load(file)
+        with open(stem + ".jsonl", encoding="utf-8") as file:
+            head, *rows, end = map(json.loads, file)
+        self.assertEqual((head["noctograph"]["scene"], end), (whole["noctograph"]["scene"], {"end": True}))
+        columns = {}
+        for row in rows:
+            for name in row.keys() - {"time"}:
+                column = columns.setdefault(name, {"time": [], "data": []})
+                column["time"].append(row["time"])
+                column["data"].append(row[name])
+        self.assertEqual(columns, {name: column for name, column in whole.items() if name != "noctograph"})
+        again = Flight(log=stem + ".json")
+        self.assertIn(f"log: {stem}-2.json\n", again.printed)
+        os.remove(stem + ".json")
+        self.assertIn(f"log: {stem}-3.json\n", Flight(log=stem + ".json").printed, "the name of its samples")
+
+    def test_a_disk_that_hangs_or_is_full_changes_nothing_in_the_air(self):
+        class Disk:
+            def __init__(self, hangs_at, fails_at):
+                self.left, self.hangs_at, self.fails_at, self.go_on = 0, hangs_at, fails_at, threading.Event()
+
+            def __enter__(self):
+                return self
+
+            def __exit__(self, *_):
+                pass
+
+            def fileno(self):
+                raise OSError(5, "Input/output error")
+
+            def write(self, data):
+                self.left += 1
+                if self.left > self.hangs_at:
+                    self.go_on.wait()
+                if self.left > self.fails_at:
+                    raise OSError(28, "No space left on device")
+                return max(len(data) // 2, 1)
+
+        never = 10**9
+        sound = Flight()
+        for disk, why in ((Disk(0, never), "the disk hangs"), (Disk(2, never), "the disk hangs"),
+                          (Disk(never, 0), "No space left"), (Disk(never, 3), "No space left"),
+                          (Disk(never, never), "Input/output error")):
+            def on_ground(flight, disk=disk):
+                flight.script.END_S = 0.3
+                flight.script.Diary._opened = lambda diary: disk
+
+            flight = Flight(on_ground=on_ground)
+            self.assertEqual((flight.error, flight.outcome), (None, LANDED), why)
+            self.assertEqual(flight.radio.sent, sound.radio.sent, "the same packets at the same times")
+            self.assertRegex(flight.printed, f"could not be kept as they came: .*{why}")
+            [path] = re.findall("log: (.*)", flight.printed)
+            self.assertEqual(path.startswith(WORK), why != "the disk hangs", "elsewhere, if this one hangs")
+            with open(path, encoding="utf-8") as file:
+                self.assertIn("stateEstimate.z", json.load(file))
+            disk.go_on.set()
+            if not path.startswith(WORK):
+                os.remove(path)
+
+    def test_samples_that_wait_for_a_disk_are_bounded(self):
+        script = load("I.py")
+        script.WAITING_ROWS, script.END_S, go_on = 100, 0.1, threading.Event()
+        script.Diary._opened = lambda diary: go_on.wait()
+        diary = script.Diary(os.path.join(WORK, "bounded.json"), {})
+        for k in range(1000):
+            diary.add({"time": k})
+        self.assertEqual((len(diary.rows), diary.end()), (100, "the disk hangs"))
+        go_on.set()
 
     def test_a_link_that_is_lost_while_tables_are_read_is_an_error(self):
         # cflib's own SyncCrazyflie waits for its tables without end.

@@ -5,12 +5,14 @@ protocol, and the exported script's `main` runs as it is.
 """
 
 import contextlib
+import glob
 import importlib.util
 import io
 import json
 import os
 import queue
 import struct
+import subprocess
 import sys
 import tempfile
 import threading
@@ -183,7 +185,7 @@ class FakeLink(CRTPDriver):
 
 
 class WholeScript(unittest.TestCase):
-    def flown(self, name, rate=1.0, watch=lambda: None):
+    def flown(self, name, rate=1.0, watch=lambda: None, prepare=lambda script: None):
         """Runs a script's main; returns the radio, what it said, and what it asked."""
         spec = importlib.util.spec_from_file_location("I", os.path.join(WORK, name))
         script = importlib.util.module_from_spec(spec)
@@ -194,6 +196,7 @@ class WholeScript(unittest.TestCase):
         cflib.crtp.CLASSES[:] = [FakeLink]
         FakeLink.opened.clear()
         script.time = clock
+        prepare(script)
 
         def pressed(prompt):
             prompts.append(prompt)
@@ -245,5 +248,72 @@ class WholeScript(unittest.TestCase):
         self.assertTrue(radio.upload.startswith(bytes.fromhex(script.DATA["trajectory"]["hex"])[8:20], 8))
 
 
+def fly_and_tell():
+    """Flies a script, and prints the folder of its log and the time of each sample as it comes."""
+    def prepare(script):
+        row = script.Drone._row
+
+        def told(drone, stamp_ms, *rest):
+            row(drone, stamp_ms, *rest)
+            os.write(1, f"{stamp_ms}\n".encode())
+
+        script.Drone._row = told
+
+    tempfile.tempdir = WORK
+    os.write(1, f"{WORK}\n".encode())
+    WholeScript().flown("../I.py", prepare=prepare)
+
+
+class Killed(unittest.TestCase):
+    """`kill -9` at moments of the flight, NOCTOGRAPH_KILLS of them."""
+
+    def killed(self, after_s):
+        """The folder of the log, and the times of the samples that the script got until it was killed."""
+        folder = tempfile.mkdtemp(dir=WORK)
+        program = [sys.executable, "-W", "ignore", os.path.abspath(__file__), folder, "--fly"]
+        with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as run:
+            run.stdout.readline()
+            first = run.stdout.readline()
+            threading.Timer(after_s, run.kill).start()
+            told = [first, *run.stdout.read().splitlines(keepends=True)]
+        return folder, [int(line) for line in told if line.endswith("\n")]
+
+    def judge(self, after_s, wrong):
+        try:
+            folder, told_ms = self.killed(after_s)
+            [path] = glob.glob(os.path.join(folder, "*", "flight.jsonl"))
+            self.assertEqual(glob.glob(os.path.join(folder, "*", "flight.json")), [])
+            with open(path, encoding="utf-8") as file:
+                head, *rows = [json.loads(line) for line in file if line.endswith("\n")]
+            self.assertEqual(head["noctograph"]["word"], "I")
+            lost_ms = told_ms[-1] - (rows[-1]["time"] if rows else told_ms[0])
+            LOST_MS.append(lost_ms)
+            self.assertLessEqual(lost_ms, 1000)
+            if after_s > 2.0:
+                program = [os.environ["NOCTOGRAPH"], "import", path, "-o", os.path.join(folder, "flight.csv")]
+                run = subprocess.run(program, capture_output=True, text=True, check=False)
+                self.assertEqual(run.returncode, 0, run.stderr)
+                self.assertIn("ends early", run.stderr)
+        except Exception as error:
+            wrong.append(f"killed after {after_s:.2f} s: {error!r}")
+
+    def test_a_killed_script_leaves_its_log_up_to_the_last_second(self):
+        n, wrong = int(os.environ.get("NOCTOGRAPH_KILLS", "3")), []
+        for begin in range(0, n, 5):
+            judges = [threading.Thread(target=self.judge, args=(0.3 + 10.2 * k / n, wrong))
+                      for k in range(begin, min(begin + 5, n))]
+            for judge in judges:
+                judge.start()
+            for judge in judges:
+                judge.join()
+        self.assertEqual(wrong, [])
+        print(f"{n} scripts killed in flight: the last {min(LOST_MS)} to {max(LOST_MS)} ms of samples lost")
+
+
+LOST_MS = []
+
 if __name__ == "__main__":
-    unittest.main(argv=["link"])
+    if "--fly" in sys.argv:
+        fly_and_tell()
+    else:
+        unittest.main(argv=["link"])

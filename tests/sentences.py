@@ -133,7 +133,7 @@ Is that so, the shutter ready, everyone behind the net? Enter takes off, Ctrl-C 
 Is that so, and are … drones ready? Enter takes off, Ctrl-C ends. """
 
 # Words before others, names of what is attempted, and headings: true by what follows them.
-PARTS = """putting … back|waiting for what was put back|ending a log block|writing the log|writing it elsewhere|
+PARTS = """putting … back|waiting for what was put back|ending a log block|writing the log|writing it elsewhere|the disk hangs|
 stopping the motors|handing over|seeking a new link|asking the drone|a closed window|if …, |it has taken off|it has not heard the landing|
 error: …|another drone"""
 
@@ -146,6 +146,7 @@ TRUE = {
     "… failed: …": something_failed,
     "the log of this flight is lost": lambda d, before: d.log_named is None,
     "log: …": is_whole,
+    "the samples could not be kept as they came: …": lambda d, before: d.failed,
     "the firmware has stopped the motors, ……": has_fault,
     "the firmware stopped the motors, …": has_fault,
     ": it falls": falls,

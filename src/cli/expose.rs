@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use super::advice::mentioned;
 use super::device::tried;
-use super::flags::{SceneFlags, SeedFlag};
-use super::flight_flags::FlightFlags;
+use super::flags::{SceneFlags, SeedFlag, set_word, warn_of};
+use super::flight_flags::{FlightFlags, light_if_dark};
+use super::follow::{Letters, begun, follow};
 use super::names::named;
 use super::outcome::Report;
 use super::output::Output;
@@ -13,8 +14,11 @@ use super::picture::PictureFlags;
 use super::progress::watch;
 use super::show;
 use super::terminal::{message, warn};
-use crate::error::Result;
-use crate::shoot::{Format, Judging, Shoot};
+use crate::error::{Error, Result};
+use crate::expose::GrowingFilm;
+use crate::logs::GrowingLog;
+use crate::scene::Scene;
+use crate::shoot::{Format, Judging, Recording, Shoot, Shot};
 use clap::Args;
 
 #[derive(Debug, Args)]
@@ -23,6 +27,13 @@ pub(super) struct ExposeArgs {
     /// light logs also with colors of 0 to 255)
     #[arg(required = true, value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
+    /// Expose logs while they are written (NAME_flight.jsonl of exported scripts): the photo is
+    /// rewritten up to twice a second, until the flights or Ctrl-C end it
+    #[arg(long, conflicts_with = "backend")]
+    follow: bool,
+    /// Plan that is flown: with --follow, say after each letter how the photo reads so far
+    #[arg(long, value_name = "FILE", requires = "follow")]
+    plan: Option<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
     /// Word that the flights write: the camera frames it, the photo names it, and a log without
@@ -47,9 +58,10 @@ pub(super) struct ExposeArgs {
 }
 
 pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
-    let mut scene = args.scene.load(&args.flights, &args.seed.settings())?;
-    args.picture.apply(&mut scene)?;
-    let format = args.format.map_or_else(|| Format::from_path(&args.output), Ok)?;
+    if args.follow {
+        return follow_logs(args);
+    }
+    let (scene, format) = (args.scene()?, args.format()?);
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
     let backend = tried(args.picture.backend)?;
@@ -57,18 +69,95 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, backend, keeps_film: false, ..shoot };
     let shot = shoot.take(&watch())?;
-    warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
-    let bytes = shot.file.as_deref().expect("a format was asked for");
-    let path = output.keep(bytes)?;
-    // A light trace needs no word, because it contains its colors.
-    if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
-        let note = "the photo names no word: name one with --word, or after the photo in `score`";
-        message("note: ", note);
+    let path = output.keep(file_of(&shot))?;
+    Ok(args.report(shot, path))
+}
+
+/// Exposes logs while they grow. Only their new light is drawn.
+fn follow_logs(args: &ExposeArgs) -> Result<Report> {
+    if !Output::create(&args.output)?.is_staged() {
+        let hint = "name a file, which is rewritten while the logs grow";
+        return Err(Error::input("output", args.output.display(), "a file", hint));
     }
-    let mut report = show::camera(&shot);
-    report.add(show::backend(&shot));
-    report.value("flight_sha256", shot.flight_sha256());
-    report.value("word", &shot.shoot.scene.word);
-    report.photo = shot.file;
-    Ok(report.with_files(&[path]))
+    let logs = begun(&args.flights)?;
+    let mut scene = args.scene()?;
+    if let Some(word) = &args.word {
+        set_word(&mut scene, word);
+    }
+    let plan = args.plan.as_deref();
+    let mut letters = plan.map(|plan| Letters::new(plan, &scene, logs.len())).transpose()?;
+    let mut film = GrowingFilm::default();
+    // One thread, so that the time of the work is that of one core.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().ok();
+    let (shot, path) = follow(logs, |logs| {
+        let shoot = args.shoot_logs(scene.clone(), logs)?;
+        let shot = match &pool {
+            Some(pool) => pool.install(|| shoot.take_on(&mut film)),
+            None => shoot.take_on(&mut film),
+        }?;
+        let path = Output::create(&args.output)?.keep(file_of(&shot))?;
+        if let Some(letters) = &mut letters {
+            letters.tell(&shot)?;
+        }
+        Ok((shot, path))
+    })?;
+    for (flight, path) in shot.flights.iter().zip(&args.flights) {
+        warn_of(path, &flight.warnings);
+    }
+    let verdict = letters.map(|letters| letters.read(&shot)).transpose()?;
+    let mut report = args.report(shot, path);
+    if let Some(verdict) = verdict {
+        report.line("word", &show::verdict_sentence(&verdict));
+        report.value("read", &verdict.read);
+        report.value("readability", verdict.readability);
+    }
+    Ok(report)
+}
+
+/// The photo's file.
+fn file_of(shot: &Shot) -> &[u8] {
+    shot.file.as_deref().expect("a format was asked for")
+}
+
+impl ExposeArgs {
+    /// The scene with the settings of the picture.
+    fn scene(&self) -> Result<Scene> {
+        let mut scene = self.scene.load(&self.flights, &self.seed.settings())?;
+        self.picture.apply(&mut scene)?;
+        Ok(scene)
+    }
+
+    fn format(&self) -> Result<Format> {
+        self.format.map_or_else(|| Format::from_path(&self.output), Ok)
+    }
+
+    /// Imports logs as far as they have come.
+    fn shoot_logs(&self, mut scene: Scene, logs: &[GrowingLog]) -> Result<Shoot> {
+        let mut recordings = Vec::new();
+        for (log, path) in logs.iter().zip(&self.flights) {
+            let mut flight = log.flight(&self.flight.options(Some(&scene)))?.flight;
+            light_if_dark(&mut flight, &mut scene, path, self.lit)?;
+            recordings.push(Recording::Flight(flight));
+        }
+        let shoot = Shoot::with_recordings(scene, recordings)?;
+        let format = Some(self.format()?);
+        Ok(Shoot { format, judging: Judging::Skipped, keeps_film: false, ..shoot })
+    }
+
+    /// Warns of problems of a shot, and reports it. `path` is the photo's file.
+    fn report(&self, shot: Shot, path: PathBuf) -> Report {
+        warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
+        // A light trace needs no word, because it contains its colors.
+        if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !self.lit {
+            let note =
+                "the photo names no word: name one with --word, or after the photo in `score`";
+            message("note: ", note);
+        }
+        let mut report = show::camera(&shot);
+        report.add(show::backend(&shot));
+        report.value("flight_sha256", shot.flight_sha256());
+        report.value("word", &shot.shoot.scene.word);
+        report.photo = shot.file;
+        report.with_files(&[path])
+    }
 }

@@ -120,18 +120,29 @@ impl FlightFlags {
             let options = self.options(Some(&scene));
             let Warned { product: mut recording, warnings } = Recording::read(path, &options)?;
             warn_of(path, &warnings);
-            match &mut recording {
-                Recording::Flight(flight) if lit && flight.lights.is_empty() => {
-                    crate::shoot::light_while_airborne(flight, &scene);
-                }
-                Recording::Flight(flight) => infer_lights_if_dark(flight, &mut scene, path)?,
-                Recording::Light(_) => {}
+            if let Recording::Flight(flight) = &mut recording {
+                light_if_dark(flight, &mut scene, path, lit)?;
             }
             recordings.push(recording);
             Shoot::check_recordings(&recordings)?;
         }
         Shoot::with_recordings(scene, recordings)
     }
+}
+
+/// Gives a log without lights those of the scene's word, or lights it all along if it is to be
+/// `lit`.
+pub(super) fn light_if_dark(
+    flight: &mut Flight,
+    scene: &mut Scene,
+    path: &Path,
+    lit: bool,
+) -> Result<()> {
+    if lit && flight.lights.is_empty() {
+        crate::shoot::light_while_airborne(flight, scene);
+        return Ok(());
+    }
+    infer_lights_if_dark(flight, scene, path)
 }
 
 /// Infers the lights of a log without any from the scene's word. Prints a note if a preset's

@@ -31,6 +31,7 @@ mod findings;
 mod flags;
 mod flight_flags;
 mod fly;
+mod follow;
 mod gains;
 mod generate;
 mod hold;

@@ -15,6 +15,7 @@ Ctrl-C, half a second later or more, stops the motors. Whatever fails in the air
 """
 
 import argparse
+import collections
 import contextlib
 import datetime
 import json
@@ -44,6 +45,9 @@ LIFTED_M, DOWN_M = 0.1, 0.3  # above the one it has taken off, below the other i
 TAKE_OVER_S = 0.05  # in which the drone has begun to land, before it stops to wait for setpoints
 CONNECT_S = 60.0  # for all parameters, without a cache of their names
 LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
+KEEP_S, KEEPS_A_SYNC = 0.1, 10  # between two writes of the samples, and writes to each that reaches the disk
+WAITING_ROWS = 30000  # for a disk that hangs: about two minutes
+END_S = 3.0  # for the disk to take the last samples
 RING_TIMING = 17  # ring.effect that plays the LED timing memory from its beginning
 VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
 # Bits of supervisor.info.
@@ -74,6 +78,63 @@ class Flag(set):
 
     def is_set(self):
         return bool(self)
+
+
+class Diary:
+    """Keeps samples in a file as they come, a line each, from a thread of its own: a disk that hangs or
+    is full changes nothing in the air. A computer that crashes loses the last second."""
+
+    def __init__(self, log_file, about):
+        self.log_file, self.path, self.why = log_file, None, ""
+        self.rows, self.over = collections.deque([{"noctograph": dict(about)}]), threading.Event()
+        self.thread = threading.Thread(target=self._keep, daemon=True)
+        self.thread.start()
+
+    def add(self, row):
+        if len(self.rows) < WAITING_ROWS:
+            self.rows.append(row)
+        else:
+            self.why = self.why or "the disk hangs"
+
+    def end(self):
+        """Ends the file. Returns why it is not whole, or nothing."""
+        self.rows.append({"end": True})
+        self.over.set()
+        self.thread.join(END_S)
+        if self.thread.is_alive():
+            self.why = self.why or "the disk hangs"
+        return self.why
+
+    def _keep(self):
+        try:
+            with self._opened() as file:
+                self._write(file)  # the head, by which the log is known
+                is_over = False
+                while not is_over:
+                    for _ in range(KEEPS_A_SYNC):
+                        is_over = is_over or self.over.wait(KEEP_S)
+                        self._write(file)
+                    os.fsync(file.fileno())
+        except Exception as error:
+            self.why = self.why or str(error)
+
+    def _opened(self):
+        """A new file, whose name the log will have that is written at the end."""
+        stem, ending = os.path.splitext(self.log_file)
+        name, number = stem, 2
+        while True:
+            with contextlib.suppress(FileExistsError):
+                if not os.path.exists(name + ending):
+                    file = open(name + ".jsonl", "xb", buffering=0)
+                    self.log_file, self.path = name + ending, file.name
+                    return file
+            name, number = f"{stem}-{number}", number + 1
+
+    def _write(self, file):
+        lines = [json.dumps(self.rows.popleft()) + "\n" for _ in range(len(self.rows))]
+        left = "".join(lines).encode()
+        while left:
+            left = left[file.write(left):]
 
 
 class Paper:
@@ -118,7 +179,7 @@ class Drone:
 
     def __init__(self, cf, log_file, connect=None):
         self.cf, self.log_file, self.connect = cf, log_file, connect
-        self.columns, self.blocks, self.changed = {}, [], {}
+        self.columns, self.blocks, self.changed, self.diary = {}, [], {}, None
         self.about = {"word": DATA["word"], "uri": DATA["uri"], **DATA["origin"]}
         self.latest, self.heard_s, self.wrong_since_s = {}, {}, {}
         self.lifted_s = None  # when the first command that lifts it was sent
@@ -395,6 +456,7 @@ class Drone:
     # Log
 
     def log(self):
+        self.diary = Diary(self.log_file, self.about)
         optional = {name: vs for name, vs in OPTIONAL.items() if all(map(self.knows_log, vs))}
         for name, variables in {**LOG, **optional}.items():
             self.blocks.append(self._block(name, LOG_PERIOD_MS, variables, self._row))
@@ -431,31 +493,38 @@ class Drone:
                 self._note(channel, 0.0, stamp_ms)
         self.stamp_ms, self.stamped_s = stamp_ms, self.clock()
         self._heard(stamp_ms, values, block)
-        for variable, value in values.items():
-            self._add(variable, stamp_ms, value)
+        self._add(stamp_ms, values)
 
     def _note(self, channel, level, stamp_ms=None):
         """Keeps a light command in the log, on the drone's clock."""
         if stamp_ms is None and self.stamp_ms is not None:
             stamp_ms = round(self.stamp_ms + 1000 * (self.clock() - self.stamped_s))
         if stamp_ms is not None:
-            self._add(f"light.{channel}", stamp_ms, level)
+            self._add(stamp_ms, {f"light.{channel}": level})
 
-    def _add(self, name, stamp_ms, value):
-        column = self.columns.setdefault(name, {"time": [], "data": []})
-        column["time"].append(stamp_ms)
-        column["data"].append(value)
+    def _add(self, stamp_ms, values):
+        for name, value in values.items():
+            column = self.columns.setdefault(name, {"time": [], "data": []})
+            column["time"].append(stamp_ms)
+            column["data"].append(value)
+        if self.diary:
+            self.diary.add({"time": stamp_ms, **values})
 
     def finish(self):
         """Ends the log and writes its file, elsewhere if it cannot be written here."""
         for block in self.blocks:
             if not self.lost.is_set():
                 attempt("ending a log block", block.stop)
-        if not attempt("writing the log", self._write, self.log_file):
-            folder = tempfile.gettempdir()
-            if not attempt("writing it elsewhere", self._write,
-                           os.path.join(folder, os.path.basename(self.log_file))):
-                say("the log of this flight is lost")
+        diary, self.diary = self.diary, None
+        why = diary.end() if diary else ""
+        if why:
+            say(f"the samples could not be kept as they came: {why}")
+        log_file = diary.log_file if diary else self.log_file
+        hangs = diary and diary.thread.is_alive()
+        if hangs or not attempt("writing the log", self._write, log_file):
+            elsewhere = os.path.join(tempfile.gettempdir(), os.path.basename(log_file))
+            if not attempt("writing it elsewhere", self._write, elsewhere):
+                say(f"log: {diary.path}" if diary and not why else "the log of this flight is lost")
 
     def _write(self, log_file):
         """Writes the log under another name first: its own is that of a whole file."""

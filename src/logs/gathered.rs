@@ -58,7 +58,8 @@ pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
         for path in entries_in(&inside)? {
             // A folder that is one log is not searched.
             let is_hidden = file_name(&path).starts_with('.');
-            if is_hidden || (path.is_file() && OTHERS.contains(&&*ending(&path))) {
+            let is_other = path.is_file() && OTHERS.contains(&&*ending(&path));
+            if is_hidden || is_other || is_kept_whole(&path) {
                 others.push(path);
             } else if path.is_dir() && !is_one_log(&path)? {
                 let list = if depth < DEPTH { &mut folders } else { &mut too_deep };
@@ -81,6 +82,18 @@ pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let within = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).display().to_string();
     let others = others.iter().map(within).collect();
     Ok((logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect(), others))
+}
+
+/// True for the samples as they came (`NAME.jsonl`) of a flight whose script also wrote its whole
+/// log (`NAME.json`).
+fn is_kept_whole(path: &Path) -> bool {
+    let whole = path.with_extension("json");
+    ending(path) == "jsonl" && whole.is_file() && is_of_script(path) && is_of_script(&whole)
+}
+
+/// True for a log of an exported script.
+fn is_of_script(path: &Path) -> bool {
+    LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| script_entry(&head).is_some())
 }
 
 impl GatheredLog {
@@ -150,6 +163,8 @@ mod tests {
         let cfclient = "Timestamp,stateEstimate.x,stateEstimate.y,stateEstimate.z\n0,1,2,3\n";
         for (name, text) in [
             ("NOOR_flight.json", r#"{"noctograph": {"word": "NO", "serial": "1a2b"}, "stateEst"#),
+            ("NOOR_flight.jsonl", "{\"noctograph\": {\"word\": \"NO\", \"serial\": \"1a2b\"}}\n"),
+            ("NOOR_flight-2.jsonl", "{\"noctograph\": {\"word\": \"NO\", \"serial\": \"1a2b\"}}\n"),
             ("cf2-1.csv", "t,x,y,z\n"),
             ("cf10/log01", "\u{bc}"),
             ("cf10/20260101T19-00-00/Stabilizer.csv", cfclient),
@@ -165,13 +180,14 @@ mod tests {
         let (logs, others) = logs_in(folder.path()).unwrap();
         let named: Vec<[&str; 2]> = logs.iter().map(|log| [&*log.drone, &*log.name]).collect();
         let wanted = [
+            ["1a2b", "NOOR_flight-2.jsonl"],
             ["1a2b", "NOOR_flight.json"],
             ["cf10", "cf10/20260101T19-00-00"],
             ["cf10", "cf10/log01"],
             ["cf2", "cf2-1.csv"],
         ];
         assert_eq!(named, wanted);
-        assert_eq!(others, [".hidden.csv", "evening.html", "photo.PNG"]);
+        assert_eq!(others, [".hidden.csv", "NOOR_flight.jsonl", "evening.html", "photo.PNG"]);
         assert!(!is_one_log(folder.path()).unwrap());
         assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());
         fn about(uri: &str) -> String {

@@ -102,7 +102,8 @@ fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
         return Ok(());
     }
-    let hint = "take the file that the script named; it may be in the folder for temporary files";
+    let hint = "take the file that the script named, which may be in the folder for temporary \
+                files, or the samples as they came (.jsonl) beside it";
     let cut = format!("a script's log that is cut off at {place}");
     Err(Error::input(file, cut, "the whole log", hint))
 }
@@ -120,7 +121,7 @@ fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
 
 /// Converts all times to seconds. A clock has one unit, which its fastest block shows, since blocks
 /// of events have steps of any length.
-fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
+pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
         let mut blocks = Vec::from_iter(log.blocks.iter_mut().filter(|block| block.clock == clock));
         let steps = blocks.iter().filter_map(|block| {
@@ -179,7 +180,7 @@ fn listed(text: &[u8]) -> Option<Vec<u8>> {
 
 /// Replaces Python's NaN and infinities, which are not JSON, by `""` and spaces of the same length.
 /// Returns the depth of nested lists and objects.
-fn replace_nan(text: &mut [u8]) -> usize {
+pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     const ODD: [&[u8]; 4] = [b"NaN", b"Infinity", b"-Infinity", b"-NaN"];
     let (mut i, mut in_string, mut depth, mut deepest) = (0, false, 0_usize, 0);
     while i < text.len() {
@@ -337,18 +338,12 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds a variable to the block before it if their times are equal, else to a new block.
+    /// Adds a variable.
     fn variable(&mut self, name: &str, time: &'a RawValue, data: &'a RawValue) -> Result<()> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut values = self.numbers(&format!("{name}.data"), data)?;
         self.cut_to_shorter(name, &mut time_s, &mut values);
-        // Variables of one block of the radio become one block again.
-        let blocks = &mut self.log.blocks;
-        let same = blocks.pop_if(|block| block.clock == Clock::Drone && block.time_s == time_s);
-        let mut block =
-            same.unwrap_or_else(|| Block { name: name.to_owned(), time_s, ..Block::default() });
-        block.columns.push(Column::new(name.to_owned(), values));
-        self.add(block);
+        add_variable(&mut self.log.blocks, name, time_s, values);
         Ok(())
     }
 
@@ -622,6 +617,21 @@ impl<'a> Reader<'a> {
         let wanted = "a number below 1.8e308, or a text with whole escapes";
         Error::input("", value, wanted, HINT).in_file(&self.log.file, line as u64)
     }
+}
+
+/// Adds a variable to the last block if their times are equal, since variables of one block of the
+/// radio become one block again. Else it gets a new block.
+pub(super) fn add_variable(
+    blocks: &mut Vec<Block>,
+    name: &str,
+    time_s: Vec<f64>,
+    values: Vec<f64>,
+) {
+    let same = blocks.pop_if(|block| block.clock == Clock::Drone && block.time_s == time_s);
+    let mut block =
+        same.unwrap_or_else(|| Block { name: name.to_owned(), time_s, ..Block::default() });
+    block.columns.push(Column::new(name.to_owned(), values));
+    blocks.push(block);
 }
 
 /// Keeps a text if it is one of the first [`TEXTS`] different ones. Numbers are ignored.

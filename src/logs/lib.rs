@@ -1,9 +1,10 @@
 //! Logs: readers of real flights.
 //!
-//! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
-//! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive,
-//! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours. Or the
-//! folder of gym-pybullet-drones. Product out: [`Flight`].
+//! File in: logs of exported scripts, JSON of the AE483 course (three dialects), CSV of
+//! cfclient (a file, or the folder with one file a block), µSD binary (versions 1 and 2), plain
+//! tables (t, x, y, z …), range CSV, or a flight file of ours. The tables may be those of
+//! Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4. Or the folder of gym-pybullet-
+//! drones. Product out: [`Flight`].
 //!
 //! Method: the format is recognized from the content (`format`), and its reader makes a recording:
 //! blocks of named columns, each with its time axis. `flight` then turns the recording into a
@@ -56,6 +57,7 @@ mod mocap_csv;
 mod plain_csv;
 mod recording;
 mod rows;
+mod script_lines;
 mod sources;
 mod speed;
 mod subjects;
@@ -68,6 +70,7 @@ pub use arrays::doubts;
 use format::Format;
 pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in};
 use recording::Recording;
+pub use script_lines::GrowingLog;
 
 /// Largest log that is read: ten minutes of 200 columns at 100 Hz.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
@@ -253,6 +256,9 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     // A flight file needs no step of those for recordings.
     let recording = match format {
         Format::Card => usd::read(bytes, job)?,
+        Format::Json(text) if script_lines::is_lines(&text.bytes) => {
+            script_lines::read(&text.bytes, job)?
+        }
         Format::Json(text) => json_log::read(&text, job)?,
         Format::Cfclient(text, head) => cfclient_csv::read(&text, head, job)?,
         Format::Table(text, head, captured) => plain_csv::read(&text, head, captured, job)?,

@@ -26,7 +26,7 @@ pub(crate) fn grower(reader: &str) -> Option<(usize, Grower)> {
         "typeface" => (64 * MIB, |_, most, random| heavy::typeface(most, random)),
         "svg" | "handwriting" => (8 * MIB, grown),
         "log-usd" => (128 * MIB, |_, most, random| heavy::log_usd(most, random)),
-        "log-json" | "log-cfclient" | "log-csv" => (128 * MIB, grown),
+        "log-json" | "log-lines" | "log-cfclient" | "log-csv" => (128 * MIB, grown),
         "log-folder" => (32 * MIB, grown),
         "flight" | "plan" | "light" => (256 * MIB, grown),
         "png" => (64 * MIB, |_, most, random| heavy::png(most, random)),

@@ -125,6 +125,7 @@ pub(crate) fn all() -> Vec<Reader> {
         reader("picture", "a.jpg", drawing, || vec![sketch()]),
         reader("handwriting", "a.json", drawing, || vec![PAGE.into()]),
         reader("log-json", "log.json", log, || vec![log_json()]),
+        reader("log-lines", "log.jsonl", log, || vec![log_lines()]),
         reader("log-cfclient", "log.csv", log, || vec![CFCLIENT.into()]),
         reader("log-usd", "log00", log, || vec![log_usd(1), log_usd(2)]),
         reader("log-csv", "log.csv", log, || vec![PLAIN.into(), RANGES.into()]),
@@ -224,6 +225,17 @@ fn log_json() -> Vec<u8> {
         format!("\"{name}\": {{\"time\": {stamps:?}, \"data\": {data:?}}}")
     });
     format!("{{{}}}", variables.join(",\n")).into_bytes()
+}
+
+/// The log of an exported script as it comes.
+fn log_lines() -> Vec<u8> {
+    let mut text = "{\"noctograph\": {\"firmware\": \"2026.08\"}}\n".to_owned();
+    for sample in &flown().samples {
+        let values = VARIABLES.map(|(name, value)| format!("\"{name}\": {:?}", value(sample)));
+        let stamp_ms = (1e3 * sample.time_s).round();
+        text += &format!("{{\"time\": {stamp_ms}, {}}}\n", values.join(", "));
+    }
+    text.into_bytes()
 }
 
 fn log_usd(version: u16) -> Vec<u8> {

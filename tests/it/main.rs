@@ -19,6 +19,7 @@ mod digests;
 mod examples;
 mod exports;
 mod faults;
+mod follow;
 mod foreign;
 mod golden;
 mod hostile;

@@ -34,6 +34,7 @@ mod floor;
 mod gpu;
 #[cfg(feature = "gpu")]
 mod gpu_tiles;
+mod growing;
 mod merge;
 pub mod meter;
 mod project;
@@ -59,6 +60,7 @@ use tile::ALL;
 
 pub use film::{Film, FilmData};
 pub use floor::Reflectance;
+pub use growing::GrowingFilm;
 pub(crate) use room::Room;
 
 /// Most samples of a trace, and most segments of a picture.
@@ -73,6 +75,14 @@ pub struct Exposure {
     pub backend: Backend,
     /// Name and driver of the graphics device, or `CPU`.
     pub adapter: String,
+}
+
+impl Exposure {
+    /// Returns the exposure of a film on the processor.
+    #[must_use]
+    pub fn by_processor(film: Film) -> Self {
+        Self { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
+    }
 }
 
 /// A latent image: records of the segments in the picture, before they are added up.
@@ -90,6 +100,8 @@ struct Tint {
     /// Red, green and blue relative to the brightest of them, which is [`ALL`].
     fractions: [u32; 3],
     records: Vec<Record>,
+    /// End of the records of each lamp.
+    lamp_ends: Vec<usize>,
 }
 
 settings! {
@@ -238,7 +250,7 @@ impl Latent {
 
     /// Adds up the light on the processor.
     fn on_cpu(&self) -> Exposure {
-        Exposure { film: self.develop_on_all(), backend: Backend::Cpu, adapter: "CPU".to_owned() }
+        Exposure::by_processor(self.develop_on_all())
     }
 
     /// Adds up the light on a graphics device.
@@ -252,6 +264,11 @@ impl Latent {
 
     fn counts_per_lx_s(&self) -> f64 {
         libm::ldexp(1.0, -self.scale_log2)
+    }
+
+    /// True if the counts of another image can be added to those of this one.
+    fn counts_as(&self, other: &Self) -> bool {
+        (self.size_px, self.scale_log2) == (other.size_px, other.scale_log2)
     }
 
     /// Returns a film with the lamps' counts and the glow.
@@ -369,7 +386,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
         let fractions = rgb.map(|channel| (channel / brightest * f64::from(ALL)).round() as u32);
         let index =
             tints.iter().position(|tint| tint.fractions == fractions).unwrap_or_else(|| {
-                tints.push(Tint { fractions, records: Vec::new() });
+                tints.push(Tint { fractions, records: Vec::new(), lamp_ends: Vec::new() });
                 tints.len() - 1
             });
         // Lamp by lamp: its path, merged to segments, becomes records.
@@ -385,6 +402,8 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
                 return Err(too_many("picture", "segments", n));
             }
         }
+        let end = tints[index].records.len();
+        tints[index].lamp_ends.push(end);
     }
     Ok(tints)
 }

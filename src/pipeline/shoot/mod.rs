@@ -29,7 +29,7 @@ use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 use noctograph_letters::Strokes;
 use noctograph_logs::{self as logs, ImportOptions};
-use noctograph_picture::expose::{BackendChoice, Developer};
+use noctograph_picture::expose::{BackendChoice, Developer, Exposure, GrowingFilm, Latent};
 use noctograph_picture::light::csv::{is_light_trace, read as read_light};
 use noctograph_picture::light::{LightOptions, LightTrace};
 use noctograph_plan::{Approach, Plan, downwash_approach};
@@ -383,9 +383,27 @@ impl Shoot {
         self.stop.check()?;
         let lighting = self.light(recordings)?;
         watch(Stage::Exposing, 0.0);
-        let shot = self.expose(lighting, developer, reader.as_deref())?;
+        let cores = self.cores;
+        let add_up = |latent: Latent| match cores {
+            None => developer.develop(&latent),
+            Some(cores) => Ok(Exposure::by_processor(latent.develop_on(cores))),
+        };
+        let shot = self.expose(lighting, add_up, reader.as_deref())?;
         watch(Stage::Exposing, 1.0);
         Ok(shot)
+    }
+
+    /// Exposes, on the processor, recordings that may have grown since the last photograph on the
+    /// same film. Only their new light is drawn. The photo is that of [`Self::take`], and it is not
+    /// read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::take`].
+    pub fn take_on(mut self, film: &mut GrowingFilm) -> Result<Shot> {
+        let recordings = std::mem::take(&mut self.recordings);
+        let lighting = self.light(recordings)?;
+        self.expose(lighting, |latent| Ok(Exposure::by_processor(film.develop(latent))), None)
     }
 
     /// Simulates the flights as recordings.

@@ -10,7 +10,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
-use noctograph_picture::expose::{Backend, Developer, Exposure, Film, project};
+use noctograph_picture::expose::{Backend, Exposure, Film, Latent, project};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::light::gaps::{Gap, dark};
 use noctograph_picture::photo::{Photo, develop, reflectance};
@@ -123,11 +123,11 @@ fn joined(digests: &[String]) -> Option<String> {
 }
 
 impl Shoot {
-    /// Exposes and develops the film, encodes the photo and reads it.
+    /// Exposes the film by `add_up`, develops it, encodes the photo and reads it.
     pub(super) fn expose(
         self,
         lighting: Lighting,
-        developer: Developer,
+        add_up: impl FnOnce(Latent) -> Result<Exposure>,
         reader: Option<&Reader>,
     ) -> Result<Shot> {
         let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
@@ -136,7 +136,9 @@ impl Shoot {
         if let Some(format) = self.format {
             format.check([camera.width_px, camera.height_px])?;
         }
-        let Exposure { film, backend, adapter } = self.exposure(&trace, &camera, developer)?;
+        let latent = project(&trace, &camera, &scene.expose)?;
+        let latent = latent.reflected_by(reflectance(&camera, &scene.photo)?);
+        let Exposure { film, backend, adapter } = add_up(latent)?;
         let mut photo = develop(&film, &camera, &scene.expose, &scene.photo, scene.seed)?;
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
@@ -173,24 +175,6 @@ impl Shoot {
             digests,
             tracking,
         })
-    }
-
-    /// Exposes the film on [`Self::cores`] or, if that is `None`, on the backend.
-    fn exposure(
-        &self,
-        trace: &LightTrace,
-        camera: &Camera,
-        developer: Developer,
-    ) -> Result<Exposure> {
-        let latent = project(trace, camera, &self.scene.expose)?;
-        let latent = latent.reflected_by(reflectance(camera, &self.scene.photo)?);
-        match self.cores {
-            None => developer.develop(&latent),
-            Some(cores) => {
-                let (film, backend) = (latent.develop_on(cores), Backend::Cpu);
-                Ok(Exposure { film, backend, adapter: "CPU".to_owned() })
-            }
-        }
     }
 
     /// Encodes the photo in [`Self::format`]. `None` if that is `None`. Computes the digests of the

@@ -25,7 +25,7 @@ from ._noctograph import (  # noqa: E402
     Flight, Plan, Scene, Shot, __version__, fly, import_log, photograph, plan, read, score,
 )  # fmt: skip
 from .commands import (  # noqa: E402
-    Report, check, command, compare, coverage, export, gains, hold, identify, locate, meter,
+    Report, check, command, compare, coverage, export, follow, gains, hold, identify, locate, meter,
 )  # fmt: skip
 from .errors import InfeasibleError, InputError, NoctographWarning  # noqa: E402
 from .model import Model  # noqa: E402
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Env", "Flight", "InfeasibleError", "InputError", "Model", "NoctographWarning", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
-    "command", "compare", "coverage", "export", "fly", "fly_many", "from_pybullet", "gains", "hold", "identify", "import_log",
+    "command", "compare", "coverage", "export", "fly", "fly_many", "follow", "from_pybullet", "gains", "hold", "identify", "import_log",
     "locate", "meter", "photograph", "plan", "preview", "rank", "read", "sb3_env", "score", "VectorEnv",
     "attitude_rad", "tune", "__version__",
 ]  # fmt: skip

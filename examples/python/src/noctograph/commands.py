@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import html
+import json
 import os
+import subprocess
+import sys
 import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, cast
 
@@ -60,28 +66,7 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
     Report
     """
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
-        count = 0
-
-        def word(value: Any) -> str:
-            nonlocal count
-            if not isinstance(value, (Flight, Plan, Scene, Shot)):
-                return str(value)
-            count += 1
-            suffix = "toml" if isinstance(value, Scene) else "png" if isinstance(value, Shot) else "csv"
-            path = os.path.join(folder, f"{type(value).__name__.lower()}-{count}.{suffix}")
-            value.save(path)
-            return path
-
-        words = [verb, *(word(value) for value in inputs)]
-        for name, value in options.items():
-            flag = f"--{name.replace('_', '-')}"
-            if name == "set":
-                words += [f"--set={key}={_setting(item)}" for key, item in value.items()]
-            elif value is True:
-                words.append(flag)
-            elif value is not None and value is not False:
-                items = cast("list[Any]", value) if isinstance(value, (list, tuple)) else [value]
-                words += [f"{flag}={word(item)}" for item in items]
+        words = _words(folder, verb, *inputs, **options)
         try:
             text, keys = _command(words)
         except InputError as error:
@@ -96,6 +81,103 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
             for text_of_warning in keys["warnings"]:
                 warn(text_of_warning)
         return Report(text.replace(folder + os.sep, ""), keys)
+
+
+def _words(folder: str, verb: str, *inputs: Any, **options: Any) -> list[str]:
+    """The command line of a command. Objects are written to files in `folder`."""
+    count = 0
+
+    def word(value: Any) -> str:
+        nonlocal count
+        if not isinstance(value, (Flight, Plan, Scene, Shot)):
+            return str(value)
+        count += 1
+        suffix = "toml" if isinstance(value, Scene) else "png" if isinstance(value, Shot) else "csv"
+        path = os.path.join(folder, f"{type(value).__name__.lower()}-{count}.{suffix}")
+        value.save(path)
+        return path
+
+    words = [verb, *(word(value) for value in inputs)]
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if name == "set":
+            words += [f"--set={key}={_setting(item)}" for key, item in value.items()]
+        elif value is True:
+            words.append(flag)
+        elif value is not None and value is not False:
+            items = cast("list[Any]", value) if isinstance(value, (list, tuple)) else [value]
+            words += [f"{flag}={word(item)}" for item in items]
+    return words
+
+
+def follow(log: PathLike, *, output: PathLike | None = None, **options: Any) -> Report:
+    """Shows the photograph of a flight in a notebook while it is flown, and prints how it reads so far.
+
+    Parameters
+    ----------
+    log : path
+        Log that an exported script keeps as it flies, ``NAME_flight.jsonl``. It may not exist yet.
+    output : path, optional
+        Photo to write. Without it, ``report.files`` has the last one.
+    **options
+        Those of ``noctograph expose``, as ``plan="NIGHT.csv"``.
+
+    Returns
+    -------
+    Report
+        That of ``noctograph expose``, when the flight has ended. Interrupt the cell to end it earlier.
+    """
+    with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
+        photo = Path(output) if output is not None else Path(folder, "photo.png")
+        words = _words(folder, "expose", log, follow=True, output=photo, json=True, **options)
+        program = [sys.executable, "-m", "noctograph", *words]
+        with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+            told: list[str] = []
+            reader = threading.Thread(target=_tell, args=(run.stderr, told))
+            reader.start()
+            try:
+                _show_until(lambda: run.poll() is not None, photo)
+            except BaseException:
+                run.terminate()
+                raise
+            finally:
+                reader.join()
+            text = run.stdout.read() if run.stdout else ""
+        if run.returncode != 0:
+            raise InputError(os.fspath(log), "".join(told).strip(), "a log that can be followed", "see above")
+        files = {} if output is not None else {photo.name: photo.read_bytes()}
+        keys = json.loads(text)
+        read = f"{keys['word']} reads as {keys['read']}\n" if "read" in keys else ""
+        return Report(f"{read}files     {photo.name if output is None else photo}\n", keys, files)
+
+
+def _tell(lines: Iterable[str] | None, told: list[str]) -> None:
+    """Prints lines as they come, and keeps them."""
+    for line in lines or ():
+        told.append(line)
+        print(line, end="", flush=True)
+
+
+def _show_until(has_ended: Callable[[], bool], photo: Path) -> None:
+    """Shows a photo in a notebook each time that it was rewritten."""
+    try:
+        from IPython import get_ipython
+        from IPython.display import Image, display
+    except ImportError:
+        in_notebook = False
+    else:
+        in_notebook = get_ipython() is not None
+    shown, last, ends = None, b"", False
+    while not ends:
+        ends = has_ended()
+        content = photo.read_bytes() if in_notebook and photo.exists() else b""
+        if content != last:
+            picture, last = Image(data=content), content
+            if shown:
+                shown.update(picture)
+            else:
+                shown = display(picture, display_id=True)
+        time.sleep(0.0 if ends else 0.1)
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:

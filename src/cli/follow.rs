@@ -1,0 +1,160 @@
+//! `expose --follow`: logs that grow, and the letters that they complete.
+//!
+//! 1. The logs that scripts keep as they fly are read as far as they have come.
+//! 2. Of what is new, a photo is made, at most twice a second and with a quarter of a processor
+//!    core.
+//! 3. With a plan, the photo is read each time that a letter is complete.
+//! 4. The marks at the ends of all logs end it. The last photo is that of the whole logs.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::terminal::message;
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::logs::GrowingLog;
+use crate::plan::Plan;
+use crate::preflight::check_written;
+use crate::scene::Scene;
+use crate::score::{Reader, Verdict, View};
+use crate::shoot::Shot;
+
+/// Time between two looks at the logs.
+const LOOK: Duration = Duration::from_millis(50);
+/// Least time from one photo to the next.
+const PERIOD: Duration = Duration::from_millis(500);
+/// The same, in times of the work on a photo.
+const PERIODS_OF_WORK: u32 = 4;
+/// Time after the last setpoint of a letter at which its light is complete. The commands of the
+/// lamps take the delay of the radio.
+const AFTER_LETTER_S: f64 = 0.3;
+
+/// Opens logs, once scripts have begun them.
+pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
+    let mut logs = Vec::new();
+    for path in paths {
+        if !path.exists() {
+            message("note: ", &format!("waits for {}", path.display()));
+        }
+        // The script writes the head of its log when the drone is ready to fly.
+        while !path.exists() {
+            std::thread::sleep(LOOK);
+        }
+        let mut log = GrowingLog::open(path)?;
+        while !log.has_begun() {
+            log.grow()?;
+            std::thread::sleep(LOOK);
+        }
+        logs.push(log);
+    }
+    Ok(logs)
+}
+
+/// Reads logs while they grow, and calls `frame` with them from time to time. Returns its last
+/// product, that of the whole logs.
+pub(super) fn follow<T>(
+    mut logs: Vec<GrowingLog>,
+    mut frame: impl FnMut(&[GrowingLog]) -> Result<T>,
+) -> Result<T> {
+    let (mut next, mut is_new, mut why) = (Instant::now(), true, String::new());
+    loop {
+        for log in &mut logs {
+            is_new |= log.grow()?;
+        }
+        let has_ended = logs.iter().all(GrowingLog::has_ended);
+        if has_ended || (is_new && Instant::now() >= next) {
+            let start = Instant::now();
+            match frame(&logs) {
+                product if has_ended => return product,
+                // The logs may be too short so far. Each reason is said once.
+                Err(error) if error.to_string() != why => {
+                    why = error.to_string();
+                    message("note: ", &format!("no photo yet: {why}"));
+                }
+                _ => {}
+            }
+            next = start + PERIOD.max(PERIODS_OF_WORK * start.elapsed());
+            is_new = false;
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// The letters of a plan, which are read when they are complete.
+pub(super) struct Letters {
+    reader: Reader,
+    /// Time in the plan of its first light.
+    first_light_s: f64,
+    /// Index of each letter, and the time in the plan of its last setpoint, in order of time.
+    ends_s: Vec<(usize, f64)>,
+    n_told: usize,
+}
+
+impl Letters {
+    /// Reads a plan, which must write the word of the scene.
+    pub(super) fn new(path: &Path, scene: &Scene, n_logs: usize) -> Result<Self> {
+        if n_logs > 1 {
+            let hint = "leave out the plan, or follow the log of one drone";
+            return Err(Error::input("plan", format!("{n_logs} logs"), "one log", hint));
+        }
+        let (plan, strokes) = (Plan::read_csv(path)?, scene.strokes()?);
+        check_written(&plan, &strokes).map_err(|error| error.in_file(path.display(), None))?;
+        // The last setpoint of a letter replaces the earlier ones.
+        let mut ends_s = BTreeMap::new();
+        for setpoint in &plan.setpoints {
+            if let Some(letter) = setpoint.letter {
+                ends_s.insert(letter, setpoint.time_s);
+            }
+        }
+        let mut ends_s = Vec::from_iter(ends_s);
+        ends_s.sort_by(|a, b| a.1.total_cmp(&b.1));
+        // Flights have no plan's clock, but the same first light.
+        let first = first_lit(plan.lights.values());
+        let first = first.or_else(|| plan.setpoints.iter().position(|s| s.letter.is_some()));
+        let first_light_s = first.map_or(0.0, |row| plan.setpoints[row].time_s);
+        let reader = Reader::new(&strokes, &scene.score)?;
+        Ok(Self { reader, first_light_s, ends_s, n_told: 0 })
+    }
+
+    /// Reads the photo and says how, if letters were completed since the last time.
+    pub(super) fn tell(&mut self, shot: &Shot) -> Result<()> {
+        let n_complete = self.n_complete(&shot.flights[0]);
+        if n_complete <= self.n_told {
+            return Ok(());
+        }
+        // Several letters may be complete since the last photo.
+        let verdict = self.read(shot)?;
+        let so_far: String =
+            verdict.letters.iter().take(n_complete).filter_map(|l| l.best).collect();
+        for (letter, _) in &self.ends_s[self.n_told..n_complete] {
+            let Some(letter) = verdict.letters.get(*letter) else { continue };
+            let best = letter.best.map_or("nothing".to_owned(), String::from);
+            let p = letter.p.unwrap_or(0.0);
+            let text = format!("reads as {best}, probability {p:.2}; so far {so_far}");
+            message(&format!("{}: ", letter.expected), &text);
+        }
+        self.n_told = n_complete;
+        Ok(())
+    }
+
+    /// Returns the number of letters that are complete. The first light of flight and plan is at
+    /// the same time.
+    fn n_complete(&self, flight: &Flight) -> usize {
+        let Some(first) = first_lit(flight.lights.values()) else { return 0 };
+        let [first_s, last_s] = [Some(&flight.samples[first]), flight.samples.last()]
+            .map(|sample| sample.map_or(0.0, |sample| sample.time_s));
+        let plan_s = last_s - first_s + self.first_light_s - AFTER_LETTER_S;
+        self.ends_s.iter().take_while(|(_, end_s)| *end_s <= plan_s).count()
+    }
+
+    /// Reads the photo.
+    pub(super) fn read(&self, shot: &Shot) -> Result<Verdict> {
+        self.reader.score(&shot.photo, &View::from(&shot.camera))
+    }
+}
+
+/// Returns the first row at which a channel is lit.
+fn first_lit<'a>(channels: impl Iterator<Item = &'a Vec<f64>>) -> Option<usize> {
+    channels.filter_map(|levels| levels.iter().position(|level| *level > 0.0)).min()
+}
