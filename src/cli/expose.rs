@@ -27,7 +27,7 @@ pub(super) struct ExposeArgs {
     /// light logs also with colors of 0 to 255)
     #[arg(required = true, value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
-    /// Expose logs while they are written (NAME_flight.jsonl of exported scripts): the photo is
+    /// Expose logs while they are written (`NAME_flight.jsonl` of exported scripts): the photo is
     /// rewritten up to twice a second, until the flights or Ctrl-C end it
     #[arg(long, conflicts_with = "backend")]
     follow: bool,
