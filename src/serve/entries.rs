@@ -237,6 +237,7 @@ impl Entries {
                 stored.change(|entry| entry.state = State::Flown)?;
                 self.announce_change();
             }
+            list.took_off = Some(Instant::now());
         }
         list.entries[index].change(|entry| match act {
             Act::Approve => entry.state = State::Approved,
@@ -247,9 +248,6 @@ impl Entries {
             Act::Hide => entry.hidden = true,
             Act::Show => entry.hidden = false,
         })?;
-        if act == Act::Fly {
-            list.took_off = Some(Instant::now());
-        }
         let revision = self.announce_change();
         let acted = Acted { revision, entry: list.entries[index].entry.for_operator() };
         Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
@@ -334,17 +332,7 @@ impl Entries {
     pub(crate) fn for_visitor(&self, id: &str) -> KeyResult<ForVisitor> {
         let list = self.list();
         let index = list.index(id)?;
-        // The list is in the order of flight.
-        let since_take_off_s = list.took_off.map(|took_off| took_off.elapsed().as_secs_f64());
-        let flown_s = |entry: &Entry| since_take_off_s.filter(|_| entry.state == State::Flying);
-        let (mut ahead, mut ahead_s) = (0, 0.0);
-        for Stored { entry, .. } in &list.entries[..index] {
-            if !matches!(entry.state, State::Flown | State::Rejected) {
-                let left_s = entry.figures.flight_s - flown_s(entry).unwrap_or(0.0);
-                (ahead, ahead_s) = (ahead + 1, ahead_s + left_s.max(0.0) + BETWEEN_S);
-            }
-        }
-        let flown_s = flown_s(&list.entries[index].entry);
+        let (ahead, ahead_s) = list.ahead(index);
         let Entry { id, number, title, made, state, language, figures, .. } =
             list.entries[index].entry.clone();
         let Figures { flight_s, read, legible, .. } = figures;
@@ -362,7 +350,7 @@ impl Entries {
             legible,
             ahead,
             ahead_s,
-            flown_s,
+            flown_s: list.flown_s(&list.entries[index].entry),
         })
     }
 
@@ -439,6 +427,23 @@ impl Entries {
 }
 
 impl List {
+    /// Returns the number of entries that fly before one, and the time that they take.
+    fn ahead(&self, index: usize) -> (usize, f64) {
+        // The list is in the order of flight.
+        let entries = self.entries[..index].iter().map(|stored| &stored.entry);
+        let entries = entries.filter(|e| !matches!(e.state, State::Flown | State::Rejected));
+        entries.fold((0, 0.0), |(ahead, ahead_s), entry| {
+            let left_s = entry.figures.flight_s - self.flown_s(entry).unwrap_or(0.0);
+            (ahead + 1, ahead_s + left_s.max(0.0) + BETWEEN_S)
+        })
+    }
+
+    /// Returns the time since the take-off of an entry. `None` if it does not fly, or took off
+    /// before the server was started.
+    fn flown_s(&self, entry: &Entry) -> Option<f64> {
+        (entry.state == State::Flying).then_some(self.took_off?.elapsed().as_secs_f64())
+    }
+
     /// Returns the receipt of the entry that has a photo. `None` if there is no such entry.
     fn receipt(&self, photo: &str) -> Option<Receipt> {
         let Stored { entry, .. } = self.first(|entry| entry.photo == photo)?;
