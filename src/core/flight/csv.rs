@@ -402,7 +402,10 @@ mod tests {
         for (broken, place) in [
             ("time_s,x_m,z_m\n0,1,2\n", "y_m"),
             ("time_s\n0\n", "x_m"),
-            ("time_s,x_m,y_m,z_m,light.headlights\n0,1,2,3,7\n", "light.headlights"),
+            (
+                "time_s,x_m,y_m,z_m,light.headlights\n0,1,2,3,7\n",
+                "2: column light.headlights: found 7",
+            ),
             ("time_s,x_m,y_m,z_m,light\n0,1,2,3,7\n", "light.headlights"),
             ("time_s,x_m,y_m,z_m,light,light.headlights\n0,1,2,3,1,1\n", "two columns"),
         ] {
