@@ -17,7 +17,7 @@ use super::table::{REWRITE_HINT, Table, write_table};
 use super::{Flight, FlightData, FlightSample, Quantity, warning};
 use crate::diagnostic::Diagnostic;
 use crate::digest::Digest;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::Attitude;
 use crate::lamps::HEADLIGHTS;
 use crate::product::MAX_QUANTITY;
@@ -113,7 +113,8 @@ impl Flight {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], or [`Error::Input`] with line and column.
+    /// [`Error::Io`](crate::error::Error::Io), or [`Error::Input`](crate::error::Error::Input) with
+    /// line and column.
     pub fn read_csv(path: &Path) -> Result<Self> {
         Self::from_table(&Table::read(path)?)
     }
@@ -122,7 +123,7 @@ impl Flight {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with line and column.
+    /// [`Error::Input`](crate::error::Error::Input) with line and column.
     pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
         Self::from_table(&Table::parse(csv, file)?)
     }
@@ -131,7 +132,7 @@ impl Flight {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with line and column.
+    /// [`Error::Input`](crate::error::Error::Input) with line and column.
     pub fn from_table(table: &Table) -> Result<Self> {
         // Columns of a sample's numbers. A quantity is there with all its columns or with none.
         let time_s = table.times_s(TIME)?;
@@ -256,17 +257,18 @@ impl FlightSample {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with the channel of a level outside, or for headlights in two columns.
+/// [`Error::Input`](crate::error::Error::Input) with the row of a level outside, or for headlights
+/// in two columns.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
     // The column `light` is the channel of the headlights, so a file with both has one channel
     // twice.
     let mut lights = BTreeMap::new();
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
     for (channel, levels) in table.columns_after("light.").chain(bare) {
-        if let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
-            let place = format!("column light.{channel}");
-            let wanted = "a level from 0 (off) to 1";
-            return Err(Error::input(place, level, wanted, "mend the file"));
+        if let Some(row) = levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
+            let (name, wanted) = (format!("light.{channel}"), "a level from 0 (off) to 1");
+            let hint = "1 is the lamp at full: divide bytes by 255";
+            return Err(table.wrong(&name, table.line(row), levels[row], wanted, hint));
         }
         if lights.insert(channel.to_owned(), levels.to_vec()).is_some() {
             return Err(table.wrong(LIGHT, 1, "two columns of headlights", "one", REWRITE_HINT));
@@ -400,7 +402,10 @@ mod tests {
         for (broken, place) in [
             ("time_s,x_m,z_m\n0,1,2\n", "y_m"),
             ("time_s\n0\n", "x_m"),
-            ("time_s,x_m,y_m,z_m,light.headlights\n0,1,2,3,7\n", "light.headlights"),
+            (
+                "time_s,x_m,y_m,z_m,light.headlights\n0,1,2,3,7\n",
+                "2: column light.headlights: found 7",
+            ),
             ("time_s,x_m,y_m,z_m,light\n0,1,2,3,7\n", "light.headlights"),
             ("time_s,x_m,y_m,z_m,light,light.headlights\n0,1,2,3,1,1\n", "two columns"),
         ] {
