@@ -150,12 +150,12 @@ fn of_bitmap(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Res
 fn foreign(kind: &str, file: &str) -> Error {
     let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
     let (content, hint) = match kind {
-        "heic" | "heif" => (
+        "heic" | "heif" | "avif" => (
             "a photo of a kind that is not read",
             "save it as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most Compatible",
         ),
-        "tif" | "tiff" | "jp2" | "jxl" | "avif" | "pgm" | "ppm" | "pbm" | "tga" | "psd" | "psb"
-        | "ico" | "xcf" | "kra" | "procreate" => (
+        "tif" | "tiff" | "jp2" | "jxl" | "pgm" | "ppm" | "pbm" | "tga" | "psd" | "psb" | "ico"
+        | "xcf" | "kra" | "procreate" => (
             "a picture of a kind that is not read",
             "open it in the program that made it, and export it as PNG",
         ),

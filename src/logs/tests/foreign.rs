@@ -547,10 +547,10 @@ fn refused(text: &str) -> String {
 
 #[test]
 fn compass_directions_with_units_are_a_position_and_a_matrix_is_no_table_of_times() {
-    let ned = rows("t,north_m,east_m,down_m,north_m_s,yaw_deg\n", |t, [x, y, z]| {
+    let compass = rows("t,north_m,east_m,down_m,north_m_s,yaw_deg\n", |t, [x, y, z]| {
         format!("{t:.3},{x},{},{},0.1,{}", -y, -z, -YAW_RAD.to_degrees())
     });
-    let flight = read(ned.as_bytes());
+    let flight = read(compass.as_bytes());
     check("north, east and down", &flight);
     let yaw_rad = flight.samples[60].attitude.yaw_rad;
     assert!((yaw_rad - YAW_RAD).abs() < 1e-6, "{yaw_rad}");
