@@ -49,7 +49,44 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         Diagnostic::warning("grounded", text)
     });
     let axes = axes.map(|text| Diagnostic::warning("axes-guessed", text));
-    [begins, speed, size, axes, angles, rests].into_iter().flatten().collect()
+    let repeats = repeated_times(samples);
+    let design = flight.has(Quantity::Design).then(|| far_design(samples)).flatten();
+    [begins, repeats, speed, size, axes, angles, rests, design].into_iter().flatten().collect()
+}
+
+/// Fraction of equal times above which they are asked about: a log may repeat a few rows.
+const FEW_REPEATS: f64 = 0.01;
+
+/// Returns a warning if the drone moves while its clock stands still.
+fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
+    let moves_at_once = |pair: &&[FlightSample]| {
+        pair[0].time_s == pair[1].time_s && pair[0].position_m != pair[1].position_m
+    };
+    let repeats = samples.windows(2).filter(moves_at_once).count();
+    let steps = samples.len() - 1;
+    (repeats as f64 > FEW_REPEATS * steps as f64).then(|| {
+        let text = format!(
+            "{repeats} of {steps} times repeat the one before, at another position: are they \
+             timestamps in float32? Subtract the first in float64"
+        );
+        Diagnostic::warning("time-repeated", text)
+    })
+}
+
+/// Distance from its design that a flight does not keep all the time, m.
+const FAR_M: f64 = 1.0;
+
+/// Returns a warning if the flight never comes near its design.
+fn far_design(samples: &[FlightSample]) -> Option<Diagnostic> {
+    let distances_m = samples.iter().map(|sample| (sample.position_m - sample.design_m).norm());
+    let nearest_m = distances_m.fold(f64::INFINITY, f64::min);
+    (nearest_m > FAR_M).then(|| {
+        let text = format!(
+            "the design is {nearest_m:.1} m or more from what was flown: is it in the same units \
+             and axes, and of this flight?"
+        );
+        Diagnostic::warning("design-far", text)
+    })
 }
 
 /// Returns position and attitude of a flight as the columns of a table.

@@ -224,9 +224,10 @@ fn recordings_of(
 ) -> PyResult<Warned<Vec<Recording>>> {
     // A path may be a text, which is iterable, too.
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
-    let flights: Vec<Bound<'_, PyAny>> = match is_one {
-        true => vec![flights.clone()],
-        false => flights.try_iter()?.collect::<PyResult<_>>()?,
+    let flights: Vec<Bound<'_, PyAny>> = match flights.try_iter() {
+        Ok(each) if !is_one => each.collect::<PyResult<_>>()?,
+        // What is neither a flight nor several is refused below.
+        _ => vec![flights.clone()],
     };
     if flights.is_empty() {
         let hint = "leave it out to fly the scene's plans";

@@ -48,6 +48,8 @@ def test_units_axes_and_lamps_are_asked_about(scene, plan):
         "degrees": lambda: nc.Flight(t, x, light=on, attitude_rad=level + [0, 20, 0]),
         "quaternion": lambda: nc.Flight(t, x, light=on, attitude_rad=level + [0, 0, 3.1]),
         "never left the floor": lambda: nc.Flight(t, x * [1, 1, 0], light=on, design_m=x),
+        "float32": lambda: nc.Flight((t + 1.7e9).astype(np.float32), x, light=on),
+        "the design is": lambda: nc.Flight(t, x, light=on, design_m=1000 * x),
     }
     for word, make in flights.items():
         said, flight = heard(make)
@@ -185,6 +187,8 @@ def test_shapes_are_told_what_to_do(plan):
         nc.Flight(plan.time_s[:, None], plan.position_m)
     with pytest.raises(nc.InputError, match="two or more"):
         nc.Flight([], np.zeros((0, 3)))
+    with pytest.raises(nc.InputError, match="wanted a Flight"):
+        nc.photograph(nc.Scene("cf21", word="T"), plan)
 
 
 @pytest.mark.parametrize("command", [0.6, 1000.0])
