@@ -1,6 +1,6 @@
 //! Rulings of paper in a clean scan: straight lines from edge to edge that are paler than the pen.
 
-use super::ink::{EDGE, Field};
+use super::ink::Field;
 
 /// Fewest rulings of a page.
 const LEAST: usize = 4;
@@ -111,7 +111,7 @@ impl Field {
         let side = self.length(!is_upright);
         let contrast = |across: usize| {
             let pixel = self.pixel_across(is_upright, along, across);
-            pixel.filter(|pixel| self.ink[*pixel] > EDGE).map_or(0.0, |pixel| self.contrast[pixel])
+            pixel.filter(|pixel| self.ink[*pixel] > 0.0).map_or(0.0, |pixel| self.contrast[pixel])
         };
         let contrasts: Vec<f64> = (0..=side + 1).map(contrast).collect();
         let mut start = 0;
