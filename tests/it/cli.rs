@@ -487,7 +487,7 @@ fn a_spread_of_two_flights_does_not_claim_nine_tenths() {
     // A single stroke may be too little to be legible, which is exit code 1.
     let output = noctograph(folder.path()).args(args).args(SMALL).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(text.contains("all 2 flights, and 33 % of further ones"), "{text}");
+    assert!(text.contains("all 2 flights, and 33 % of further flights,"), "{text}");
     let svg = std::fs::read_to_string(folder.path().join("a/spread.svg")).unwrap();
     assert!(svg.contains("all 2 flights"), "{svg}");
     assert!(!text.contains("90 %") && !svg.contains("90 %"), "{text}");

@@ -120,7 +120,7 @@ fn a_scene_is_edited_freely_and_a_plan_with_a_word_of_its_author() {
     // The same number, and another file.
     edit(&parent.join("a.csv"), "\n0,", "\n0.0,");
     let said = refused(parent, &["check", "a.csv"]);
-    assert!(said.contains("a.scene.toml is the right one only if you edited a.csv"), "{said}");
+    assert!(said.contains("a.scene.toml is right only if you edited a.csv"), "{said}");
     let said = wanted([5.0, 6.0, 2.5], &["a.csv", "--scene", "a.scene.toml"]);
     assert!(said.contains("warning: a.csv: found a file of digest"), "{said}");
     // The room of a scene that is another plan's is not kept.
@@ -202,7 +202,7 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     let before = text(&parent.join("three/scene.toml"));
     let said = refused(parent, &["plan", "OH", "--drones", "2", "-o", "three"]);
     assert!(
-        said.contains("three: found plan-3.csv, wanted no plan of more than 2 drones"),
+        said.contains("three: found plan-3.csv, wanted plan files of at most 2 drones"),
         "{said}"
     );
     assert_eq!(text(&parent.join("three/scene.toml")), before, "nothing is written");

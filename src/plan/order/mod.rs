@@ -490,7 +490,7 @@ mod tests {
         }
         check_duration(&row(3000, 0.01), 0.2, &style).unwrap();
         let error = check_duration(&row(3000, 1.0), 0.2, &style).unwrap_err().to_string();
-        assert!(error.contains("3000 strokes take some"), "{error}");
+        assert!(error.contains("3000 strokes take about"), "{error}");
         assert!((all_lit_s(&row(1, 0.0), 0.2) - 0.2).abs() < 1e-12, "a dot's light");
     }
 

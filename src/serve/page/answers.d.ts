@@ -48,7 +48,7 @@ interface Brand {
   title: string | null;
   /** Description of the evening, by language. */
   sentence: Record<string, string>;
-  /** What a visitor agrees to by sending a photo, by language. */
+  /** Terms that a visitor accepts by sending a photo, by language. */
   consent: Record<string, string>;
   /** True if there is a logo. */
   logo: boolean;
@@ -160,7 +160,7 @@ interface ForVisitor {
   /** Number of entries that fly before it, and the time that they take. */
   ahead: number;
   ahead_s: number;
-  /** Time since its take-off. `None` if it does not fly, or after a restart of the server. */
+  /** Time since its take-off. null if it does not fly, or after a restart of the server. */
   flown_s: number | null;
 }
 
@@ -172,7 +172,7 @@ interface Host {
   boot: string;
   /** The host's words. */
   brand: Brand;
-  /** True if other machines are served, and can reach this one. */
+  /** True if other machines are served, and can reach this machine. */
   network: boolean;
 }
 

@@ -181,7 +181,7 @@ class Outcome(Flown, TypedDict):
     probability: float
     """Probability that a viewer reads the word and no other at first sight, 0 to 1: `read_probability`."""
     log_odds: float
-    """Its log-odds, −10 to 10: they still change where the probability hardly does."""
+    """Its log-odds, −10 to 10, which still change near 0 and 1."""
     similarity: float
     """Mean probability of the intended letters, 0 to 1. It changes even while the word is illegible."""
     lost: str | None
