@@ -54,13 +54,17 @@ def stat(process):
         return None
 
 
+EXPECTED = ("Failed to load resource", "Service Worker registration blocked by Playwright")
+
+
 def opened(browser, url, **options):
-    """A page, and what it complained of or asked others for."""
+    """A page, and what it complained of or asked others for. A service worker takes requests that tests hold
+    or answer, so these tests block it."""
     context = browser.new_context(**{"locale": "en-US", "viewport": DESK, "color_scheme": "dark", **options})
     page = context.new_page()
     page.set_default_timeout(1000 * PATIENCE_S)
     trouble = []
-    page.on("console", lambda message: message.type in ("error", "warning") and "Failed to load resource" not in message.text and trouble.append(message.text))
+    page.on("console", lambda message: message.type in ("error", "warning") and not any(part in message.text for part in EXPECTED) and trouble.append(message.text))
     page.on("response", lambda response: response.status >= 400 and response.status != 503 and trouble.append(f"{response.status} {response.url}"))
     page.on("pageerror", lambda error: trouble.append(str(error)))
     page.on("request", lambda request: request.url.startswith(("data:", "blob:", "http://127.0.0.1:")) or trouble.append(request.url))

@@ -331,7 +331,7 @@ def an_element_stands_in_a_page_of_another_host(browser):
 def what_is_typed_before_the_answer_keeps_no_unknown_setting(browser, host):
     """Of a link and of what was kept: the answer to its settings comes when another word is there."""
     for parts in ['settings={"controller.kind":"psychic","letters.cap_height_m":"0.6"}', 'settings={"wings.flap":"7"}&room="0x0x0"', 'settings={"plan.lights":"many"}']:
-        page, trouble = opened(browser, "about:blank")
+        page, trouble = opened(browser, "about:blank", service_workers="block")
         held = []
         page.route("**/amiss.js", lambda route: held.append(route))
         page.goto(f"{host.url}#word=NOOR&{parts}")
@@ -482,7 +482,7 @@ def a_log_gives_its_photograph(browser, host):
 
 
 def an_element_stands_in_any_page(browser, host):
-    page, trouble = opened(browser, "about:blank")
+    page, trouble = opened(browser, "about:blank", service_workers="block")
     held = []
     page.route("**/noctograph.wasm.gz", lambda route: held.append(route))
     page.goto(host.url + "example.html")

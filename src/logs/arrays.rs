@@ -73,16 +73,18 @@ fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
     })
 }
 
-/// Distance from its design that a flight does not keep all the time, m.
+/// Median distance from its design that no flight has, m.
 const FAR_M: f64 = 1.0;
 
-/// Returns a warning if the flight never comes near its design.
+/// Returns a warning if the flight is far from its design most of the time.
 fn far_design(samples: &[FlightSample]) -> Option<Diagnostic> {
-    let distances_m = samples.iter().map(|sample| (sample.position_m - sample.design_m).norm());
-    let nearest_m = distances_m.fold(f64::INFINITY, f64::min);
-    (nearest_m > FAR_M).then(|| {
+    let distance_m = |sample: &FlightSample| (sample.position_m - sample.design_m).norm();
+    let mut distances_m: Vec<f64> = samples.iter().map(distance_m).collect();
+    distances_m.sort_by(f64::total_cmp);
+    let median_m = *distances_m.get(samples.len() / 2)?;
+    (median_m > FAR_M).then(|| {
         let text = format!(
-            "the design is {nearest_m:.1} m or more from what was flown: is it in the same units \
+            "the design is {median_m:.1} m from what was flown (median): is it in the same units \
              and axes, and of this flight?"
         );
         Diagnostic::warning("design-far", text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import importlib
 import json
 import os
 import subprocess
@@ -160,24 +161,27 @@ def _tell(lines: Iterable[str] | None, told: list[str]) -> None:
 
 def _show_until(has_ended: Callable[[], bool], photo: Path) -> None:
     """Shows a photo in a notebook each time that it was rewritten."""
-    try:
-        from IPython import get_ipython
-        from IPython.display import Image, display
-    except ImportError:
-        in_notebook = False
-    else:
-        in_notebook = get_ipython() is not None
-    shown, last, ends = None, b"", False
+    notebook, last, ends = _notebook(), b"", False
+    shown: Any = None
     while not ends:
         ends = has_ended()
-        content = photo.read_bytes() if in_notebook and photo.exists() else b""
+        content = photo.read_bytes() if notebook and photo.exists() else b""
         if content != last:
-            picture, last = Image(data=content), content
+            picture, last = notebook.Image(data=content), content
             if shown:
                 shown.update(picture)
             else:
-                shown = display(picture, display_id=True)
+                shown = notebook.display(picture, display_id=True)
         time.sleep(0.0 if ends else 0.1)
+
+
+def _notebook() -> Any:
+    """The module IPython.display in a notebook, or None."""
+    try:
+        ipython: Any = importlib.import_module("IPython")
+        return importlib.import_module("IPython.display") if ipython.get_ipython() else None
+    except ImportError:
+        return None
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
