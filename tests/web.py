@@ -574,25 +574,26 @@ def no_network_is_needed(browser):
     context.close()
 
 
+def drive_in_a_browser(playwright, drive, *args):
+    """A browser for each test: pages and service workers of an earlier one go on moving."""
+    if CHOSEN and drive.__name__ not in CHOSEN:
+        return
+    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    drive(browser, *args)
+    browser.close()
+
+
 if __name__ == "__main__":
     host = Host()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         for drive in (a_link_opens_with_what_it_says, an_old_browser_is_told_so, files_are_saved, a_broken_link_opens_the_page,
                       a_link_of_another_version_loses_what_is_unknown_and_says_so, what_is_typed_before_the_answer_keeps_no_unknown_setting, a_file_that_is_nothing_gets_a_sentence,
                       the_scene_of_a_drawing_brings_it, drawings_and_pictures_are_photographed, a_log_gives_its_photograph, an_element_stands_in_any_page,
                       the_same_bytes):  # fmt: skip
-            if not CHOSEN or drive.__name__ in CHOSEN:
-                drive(browser, host)
-            # Open pages go on moving.
-            for context in browser.contexts:
-                context.close()
-        for drive in (a_visitor_of_the_exhibit_makes_own_photographs, an_update_never_mixes_two_versions, an_element_stands_in_a_page_of_another_host):
-            if not CHOSEN or drive.__name__ in CHOSEN:
-                drive(browser)
-        if not CHOSEN or "no_network_is_needed" in CHOSEN:
-            no_network_is_needed(browser)
-        browser.close()
+            drive_in_a_browser(playwright, drive, host)
+        for drive in (a_visitor_of_the_exhibit_makes_own_photographs, an_update_never_mixes_two_versions, an_element_stands_in_a_page_of_another_host,
+                      no_network_is_needed):  # fmt: skip
+            drive_in_a_browser(playwright, drive)
     host.end()
     if not FIREFOX:
         print("left out: Firefox (none is installed)")
