@@ -125,7 +125,15 @@ mod tests {
             let position_m =
                 Vector3::new((t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0));
             let attitude = Attitude { roll_rad: 0.1 * libm::sin(t), ..Attitude::default() };
-            to(FlightSample { time_s: t, position_m, attitude, ..FlightSample::default() })
+            let design_m = position_m;
+            let sample = FlightSample {
+                time_s: t,
+                position_m,
+                design_m,
+                attitude,
+                ..FlightSample::default()
+            };
+            to(sample)
         });
         let samples = samples.collect();
         let flight = Flight::made(FlightData { samples, ..FlightData::default() });
@@ -149,6 +157,10 @@ mod tests {
         assert!(y_up.contains("is y up"), "{y_up}");
         let rests = said(turned(|p| Vector3::new(p.x, p.y, 0.0)));
         assert!(rests.contains("never left the floor"), "{rests}");
+        let far = said(|it| FlightSample { design_m: 1000.0 * it.design_m, ..it });
+        assert!(far.contains("the design is"), "{far}");
+        let float32 = said(|it| FlightSample { time_s: 128.0 * (it.time_s / 128.0).round(), ..it });
+        assert!(float32.contains("float32"), "{float32}");
     }
 
     #[test]
