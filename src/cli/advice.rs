@@ -32,7 +32,7 @@ pub(super) fn mentioned(change: &Change) -> String {
 
 /// Writes changes of the scene as command-line arguments.
 pub(super) fn typed(changes: &[Change]) -> String {
-    // Width and height are one flag, --size. Any other key becomes --set.
+    // Width and height are one flag, --size. Any other key has a flag or is set by --set.
     if let [Change { key, value: Some(width) }, height] = changes
         && key == "camera.width_px"
     {

@@ -178,6 +178,14 @@ impl Lines {
     }
 }
 
+/// True if bytes are a log's head, or may become one with those that are still to come.
+fn may_become_head(bytes: &[u8]) -> bool {
+    bytes.starts_with(&HEAD[..bytes.len().min(HEAD.len())])
+        && bytes.len() < MAX_HEAD_BYTES
+        && (serde_json::from_slice::<IgnoredAny>(bytes).is_err()
+            || serde_json::from_slice::<Head>(bytes).is_ok())
+}
+
 /// Returns a number. A missing one is NaN, and anything else is `None`.
 fn number(value: &RawValue) -> Option<f64> {
     match value.get() {
@@ -231,12 +239,7 @@ impl GrowingLog {
         self.budget.bytes(bytes.len())?;
         self.lines.push(&bytes, &self.budget)?;
         // A file without lines is not waited for.
-        let head = &self.lines.rest;
-        let is_begun = head.starts_with(&HEAD[..head.len().min(HEAD.len())])
-            && head.len() < MAX_HEAD_BYTES
-            && (serde_json::from_slice::<IgnoredAny>(head).is_err()
-                || serde_json::from_slice::<Head>(head).is_ok());
-        if self.lines.n_lines == 0 && !is_begun {
+        if self.lines.n_lines == 0 && !may_become_head(&self.lines.rest) {
             return Err(self.lines.headless("no lines of a script's log"));
         }
         Ok(!bytes.is_empty())

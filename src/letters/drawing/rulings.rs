@@ -40,17 +40,11 @@ impl Field {
             return 0;
         }
         for ruling in &rulings {
-            let reach = ruling.width / 2 + 1;
-            for along in 1..=self.length(ruling.is_upright) {
-                let middle = self.middle(ruling, along);
-                for across in middle.saturating_sub(reach)..=middle + reach {
-                    let pixel = self.pixel_across(ruling.is_upright, along, across);
-                    if let Some(pixel) = pixel
-                        && self.contrast[pixel] < RULED * ruling.contrast
-                    {
-                        (self.ink[pixel], self.contrast[pixel]) = (0.0, 0.0);
-                    }
-                }
+            let places = 1..=self.length(ruling.is_upright);
+            let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + 1));
+            let pale = pixels.filter(|pixel| self.contrast[*pixel] < RULED * ruling.contrast);
+            for pixel in pale.collect::<Vec<usize>>() {
+                (self.ink[pixel], self.contrast[pixel]) = (0.0, 0.0);
             }
         }
         rulings.len()
@@ -65,6 +59,13 @@ impl Field {
     fn pixel_across(&self, is_upright: bool, along: usize, across: usize) -> Option<usize> {
         let [x, y] = if is_upright { [across, along] } else { [along, across] };
         (x < self.width && y < self.height).then(|| y * self.width + x)
+    }
+
+    /// The pixels within `reach` of the middle of a ruling at a place along it.
+    fn near(&self, ruling: &Ruling, along: usize, reach: usize) -> impl Iterator<Item = usize> {
+        let middle = self.middle(ruling, along);
+        let across = middle.saturating_sub(reach)..=middle + reach;
+        across.filter_map(move |across| self.pixel_across(ruling.is_upright, along, across))
     }
 
     /// The place across a ruling of its middle.
@@ -96,12 +97,8 @@ impl Field {
     fn is_inked(&self, ruling: &Ruling) -> bool {
         let length = self.length(ruling.is_upright);
         let n_inked = (1..=length).filter(|along| {
-            let middle = self.middle(ruling, *along);
-            let mut near = middle.saturating_sub(1)..=middle + 1;
-            near.any(|across| {
-                self.pixel_across(ruling.is_upright, *along, across)
-                    .is_some_and(|pixel| self.contrast[pixel] >= INKED * ruling.contrast)
-            })
+            let mut near = self.near(ruling, *along, 1);
+            near.any(|pixel| self.contrast[pixel] >= INKED * ruling.contrast)
         });
         n_inked.count() as f64 >= ALONG * length as f64
     }
