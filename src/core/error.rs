@@ -203,12 +203,18 @@ impl Error {
 /// True if Windows refuses a name for a file, because it is a device's name or has a forbidden
 /// character.
 fn is_reserved(name: &str) -> bool {
-    let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
-    let numbered = ["COM", "LPT"].iter().find_map(|device| stem.strip_prefix(device));
-    ["CON", "PRN", "AUX", "NUL"].contains(&&*stem)
-        || numbered.is_some_and(|rest| matches!(rest.as_bytes(), [b'1'..=b'9']))
+    is_device(name)
         || name.ends_with(['.', ' '])
         || name.chars().any(|c| c.is_control() || "<>:\"|?*".contains(c))
+}
+
+/// True if the name is that of a device on Windows, with any extension.
+#[must_use]
+pub fn is_device(name: &str) -> bool {
+    let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
+    let port = ["COM", "LPT"].iter().find_map(|device| stem.strip_prefix(device));
+    ["CON", "PRN", "AUX", "NUL"].contains(&&*stem)
+        || port.is_some_and(|rest| matches!(rest.as_bytes(), [b'0'..=b'9']))
 }
 
 /// [`Error::input`] with texts that name their values in place:

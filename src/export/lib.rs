@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use noctograph_core::camera::Camera;
 use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
-use noctograph_core::error::Result;
+use noctograph_core::error::{Result, is_device};
 use noctograph_core::lamps::LightOptions;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
@@ -312,16 +312,9 @@ pub fn stem(word: &str) -> String {
         }
     }
     stem.truncate(MAX_STEM);
-    match &*stem.to_uppercase() {
+    match &*stem {
         "" => "drawing".to_owned(),
-        // Windows has no file of a device's name, whatever its ending.
-        "AUX" | "CON" | "NUL" | "PRN" => stem + "_",
-        port if port.len() == 4
-            && (port.starts_with("COM") || port.starts_with("LPT"))
-            && port.ends_with(|c: char| c.is_ascii_digit()) =>
-        {
-            stem + "_"
-        }
+        device if is_device(device) => stem + "_",
         _ => stem,
     }
 }

@@ -3,8 +3,8 @@
 //! File in: logs of exported scripts, JSON of the AE483 course (three dialects), CSV of
 //! cfclient (a file, or the folder with one file a block), µSD binary (versions 1 and 2), plain
 //! tables (t, x, y, z …), range CSV, or a flight file of ours. The tables may be those of
-//! Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4. Or the folder of gym-pybullet-
-//! drones. Product out: [`Flight`].
+//! Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4. Or the folder of
+//! gym-pybullet-drones. Product out: [`Flight`].
 //!
 //! Method: the format is recognized from the content (`format`), and its reader makes a recording:
 //! blocks of named columns, each with its time axis. `flight` then turns the recording into a

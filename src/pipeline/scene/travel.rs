@@ -9,19 +9,15 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 use super::Scene;
-use noctograph_core::error::Result;
+use noctograph_core::error::{Result, is_device};
 use noctograph_core::files::{Limit, Output, WholeFile, file_name, path_from, relative_name};
 
 /// Limit for each of the files: a typeface, a drawing or a background.
 const LIMIT: Limit =
     Limit { bytes: 256 << 20, what: "a file of a scene", hint: "name a smaller file" };
 
-/// Prefixes of the names of other output files beside a scene, and of the names that Windows keeps
-/// for its devices.
-const RESERVED: [&str; 11] = [
-    "photo.", "verdict.", "spread", "plan", "flight", "report.", "scene.", "aux.", "con.", "nul.",
-    "prn.",
-];
+/// Prefixes of the names of other output files beside a scene.
+const RESERVED: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "report.", "scene."];
 
 /// The text of a scene, and the files beside it.
 #[derive(Clone, Debug)]
@@ -56,7 +52,8 @@ impl Scene {
                 // Windows and macOS take two cases of a name for one.
                 let name = name.to_lowercase();
                 // A file that is named twice, as font and fallback, keeps one name.
-                !RESERVED.iter().any(|reserved| name.starts_with(reserved))
+                !is_device(&name)
+                    && !RESERVED.iter().any(|reserved| name.starts_with(reserved))
                     && used.iter().all(|(other, used_name)| other == path || *used_name != name)
             });
             let name = name.expect("a number is free");
