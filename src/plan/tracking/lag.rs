@@ -10,8 +10,13 @@ use noctograph_core::flight::FlightSample;
 const STEP_S: f64 = 0.02;
 /// Resolution of the shift: at 0.2 m/s, 0.2 µm of path.
 const RESOLUTION_S: f64 = 1e-6;
-/// Most samples of the first search, spread over the flight. The refinement takes all.
+/// Most samples of a rough search and of the first search, spread over the flight. The refinement
+/// takes all.
+const ROUGH_SAMPLES: usize = 250;
 const COARSE_SAMPLES: usize = 2000;
+/// Ratio to the least rough spread up to which a shift goes on to the first search. At the next
+/// shift of the grid, the spread of a flight that moves is several times the least.
+const NEAR: f64 = 2.0;
 
 /// Weight of the mean error, squared, against the variance about it. With 1, an L that is flown
 /// 6 cm beside its design with a lag of 0.2 s has one of 0.4 s, with this weight 0.2005 s. With 0,
@@ -20,18 +25,27 @@ const OFFSET_WEIGHT: f64 = 1e-3;
 
 /// The shift of the design in time, within a range, that leaves the least spread of the error in
 /// the word's plane. The shifted design at time t is the design at t − shift.
+///
+/// Three searches, each by more samples: of the whole grid, of the shifts of the grid that are
+/// nearly the best, and between the neighbors of the best.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
     range_s: [f64; 2],
 ) -> f64 {
+    let places: Vec<_> = samples.iter().map(|s| (s.time_s, s.position_m.xz())).collect();
     let cost = |stride: usize, shift_s: f64| {
         let mut walk = design.walk();
-        let sampled = samples.iter().step_by(stride);
-        spread_m2(sampled.map(|s| (s.position_m - walk.at_m(s.time_s - shift_s)).xz()))
+        let sampled = places.iter().step_by(stride);
+        spread_m2(sampled.map(|(time_s, m)| m - walk.at_in_plane_m(time_s - shift_s)))
     };
-    let stride = samples.len().div_ceil(COARSE_SAMPLES).max(1);
-    minimize(range_s, |shift_s| cost(stride, shift_s), |shift_s| cost(1, shift_s))
+    let [rough, coarse] =
+        [ROUGH_SAMPLES, COARSE_SAMPLES].map(|most| places.len().div_ceil(most).max(1));
+    let rough: Vec<(f64, f64)> = grid(range_s).map(|s| (cost(rough, s), s)).collect();
+    let least = rough.iter().map(|(cost, _)| *cost).fold(f64::INFINITY, f64::min);
+    let near = rough.into_iter().filter(|(cost, _)| *cost <= NEAR * least);
+    let best_s = best(near.map(|(_, shift_s)| (cost(coarse, shift_s), shift_s)));
+    refined(range_s, best_s, |shift_s| cost(1, shift_s))
 }
 
 /// The variance of errors plus a small part of their squared mean, which prefers a shift in time to
@@ -46,22 +60,30 @@ pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>
     squares / n - (1.0 - OFFSET_WEIGHT) * (sum / n).norm_squared()
 }
 
-/// The minimum of a function over a range: a grid search by `coarse`, then a golden-section search
-/// (Kiefer 1953) by `fine` around the best point of the grid.
-pub fn minimize(
-    [low, high]: [f64; 2],
-    mut coarse: impl FnMut(f64) -> f64,
-    mut fine: impl FnMut(f64) -> f64,
-) -> f64 {
-    // The best point of the grid. Of equally good points, the nearest to zero.
+/// The minimum of a function over a range: a grid search, then a golden-section search around the
+/// best point of the grid.
+pub fn minimize(range: [f64; 2], mut cost: impl FnMut(f64) -> f64) -> f64 {
+    let best = best(grid(range).map(|shift_s| (cost(shift_s), shift_s)));
+    refined(range, best, cost)
+}
+
+/// The shifts of a grid over a range.
+fn grid([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
-    let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));
-    let costs = grid.map(|shift_s| (coarse(shift_s), shift_s));
-    let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.abs().total_cmp(&b.1.abs())));
-    let (_, best) = best.expect("a grid has a point");
+    (0..=n_steps).map(move |k| (low + f64::from(k) * STEP_S).min(high))
+}
 
-    // Between its neighbors, two inner points a and b. The part beyond the worse one is dropped,
+/// The shift with the least cost. Of equally good ones, the nearest to zero.
+fn best(costs: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.abs().total_cmp(&b.1.abs())));
+    best.expect("a grid has a point").1
+}
+
+/// The minimum of a function between the neighbors of a point of the grid, by golden-section search
+/// (Kiefer 1953).
+fn refined([low, high]: [f64; 2], best: f64, mut fine: impl FnMut(f64) -> f64) -> f64 {
+    // Between the neighbors, two inner points a and b. The part beyond the worse one is dropped,
     // and the better one is an inner point of the rest.
     let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
     let golden = 0.5 * (f64::sqrt(5.0) - 1.0);
@@ -83,4 +105,35 @@ pub fn minimize(
     }
     let middle = 0.5 * (left + right);
     if fine(middle) < fine(best) { middle } else { best }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracking::constructed::{flight, square};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn the_rough_search_leaves_the_shift_of_the_whole_grid() {
+        let range_s = [-1.5, 1.5];
+        for (lag_s, sway_m, end_s) in
+            [(0.0, 0.0, 4.0), (0.011, 0.01, 20.0), (0.56, 0.03, 60.0), (-0.4, 0.08, 30.0)]
+        {
+            let flown = flight(
+                0.005,
+                end_s,
+                |t| square(t - lag_s) + Vector3::new(libm::sin(7.0 * t), 0.0, 0.3) * sway_m,
+                square,
+            );
+            let design = DesignPath::new(&flown).unwrap();
+            let wanted_s = minimize(range_s, |shift_s| {
+                let mut walk = design.walk();
+                let errors =
+                    flown.samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - shift_s));
+                spread_m2(errors.map(|error_m| error_m.xz()))
+            });
+            let actual_s = best_shift_s(&flown.samples, &design, range_s);
+            assert_eq!(actual_s.to_bits(), wanted_s.to_bits(), "{actual_s} for {wanted_s}");
+        }
+    }
 }

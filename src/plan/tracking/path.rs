@@ -19,34 +19,86 @@ pub struct DesignPath {
     segments: Segments,
 }
 
-/// Segments by the five numbers of [`plane_segment`], a column each.
+/// Segments by the five numbers of [`plane_segment`], a column each, and the length of the path up
+/// to the start of each.
 #[derive(Clone, Debug, Default)]
-struct Segments([Vec<f64>; 5]);
+struct Segments {
+    columns: [Vec<f64>; 5],
+    starts_m: Vec<f64>,
+}
 
 /// Number of segments whose distances are computed at once.
 const LANES: usize = 8;
 
+/// Least length of path that is skipped, for the rounding of sums of lengths.
+const ROUNDING_M: f64 = 1e-9;
+
 impl Segments {
     fn push(&mut self, segment: [f64; 5]) {
-        self.0.iter_mut().zip(segment).for_each(|(column, value)| column.push(value));
+        let before = self.len().checked_sub(1);
+        let start_m = before.map_or(0.0, |n| self.starts_m[n] + self.columns[4][n].sqrt());
+        self.starts_m.push(start_m);
+        self.columns.iter_mut().zip(segment).for_each(|(column, value)| column.push(value));
     }
 
-    /// Squared distance of a point from the nearest of several segments, [`LANES`] at once.
+    fn len(&self) -> usize {
+        self.starts_m.len()
+    }
+
+    /// Squared distance of a point from the nearest of several segments, which follow each other.
+    ///
+    /// From the middle to both ends, [`LANES`] at once. The path cannot come nearer to the point
+    /// faster than it is long, so that segments between a far point of the path and the first that
+    /// may be nearer than the nearest so far are skipped.
     #[inline(always)]
     fn squared_distance_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
-        let columns = self.0.each_ref().map(|column| column[range.clone()].as_chunks::<LANES>());
-        let mut least = [f64::INFINITY; LANES];
-        for row in 0..columns[0].0.len() {
-            let columns = columns.map(|column| &column.0[row]);
-            for lane in 0..LANES {
-                let square = squared_distance_m2(point_m, columns.map(|column| column[lane]));
-                least[lane] = if square < least[lane] { square } else { least[lane] };
-            }
+        let mut least_m2 = f64::INFINITY;
+        let middle = range.start + range.len() / 2;
+        let mut next = middle;
+        while next < range.end {
+            let end = (next + LANES).min(range.end);
+            least_m2 = least_m2.min(self.nearest_m2(point_m, next..end));
+            let skipped_m = self.skipped_m(point_m, end, least_m2);
+            // The first segment that ends beyond the skipped length.
+            let reached_m = self.starts_m.get(end).map_or(0.0, |start_m| start_m + skipped_m);
+            let later = &self.starts_m[(end + 1).min(range.end)..range.end];
+            next = end + later.partition_point(|start_m| *start_m < reached_m);
         }
-        let rest = 0..columns[0].1.len();
-        let rest =
-            rest.map(|row| squared_distance_m2(point_m, columns.map(|column| column.1[row])));
-        rest.chain(least).fold(f64::INFINITY, f64::min)
+        let mut end = middle;
+        while end > range.start {
+            let start = end.saturating_sub(LANES).max(range.start);
+            least_m2 = least_m2.min(self.nearest_m2(point_m, start..end));
+            let reached_m = self.starts_m[start] - self.skipped_m(point_m, start, least_m2);
+            let earlier = &self.starts_m[range.start..start];
+            end = range.start + earlier.partition_point(|start_m| *start_m <= reached_m);
+        }
+        least_m2
+    }
+
+    /// Length of path to either side of a segment's start without a point nearer than `least_m2`.
+    #[inline(always)]
+    fn skipped_m(&self, point_m: Vector2<f64>, segment: usize, least_m2: f64) -> f64 {
+        let [x, z] = [0, 1].map(|axis| self.columns[axis].get(segment).copied());
+        let (Some(x), Some(z)) = (x, z) else { return 0.0 };
+        let (x, z) = (point_m.x - x, point_m.y - z);
+        ((x * x + z * z).sqrt() - least_m2.sqrt() - ROUNDING_M).max(0.0)
+    }
+
+    /// Squared distance of a point from the nearest of at most [`LANES`] segments.
+    #[inline(always)]
+    fn nearest_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
+        let columns = self.columns.each_ref().map(|column| &column[range.clone()]);
+        if let [Some(a), Some(b), Some(c), Some(d), Some(e)] =
+            columns.map(|column| column.first_chunk::<LANES>())
+        {
+            let squares_m2: [f64; LANES] = std::array::from_fn(|lane| {
+                squared_distance_m2(point_m, [a[lane], b[lane], c[lane], d[lane], e[lane]])
+            });
+            return squares_m2.into_iter().fold(f64::INFINITY, f64::min);
+        }
+        let squares_m2 = (0..range.len())
+            .map(|row| squared_distance_m2(point_m, columns.map(|column| column[row])));
+        squares_m2.fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -126,11 +178,27 @@ pub struct Walk<'a> {
 impl Walk<'_> {
     /// Position of the design at `time_s`.
     pub fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
+        let segment = self.segment_at(time_s);
+        self.path.on_segment(segment, time_s)
+    }
+
+    /// Position of the design at `time_s` in the x-z plane: that of [`Self::at_m`].
+    pub fn at_in_plane_m(&mut self, time_s: f64) -> Vector2<f64> {
+        let segment = self.segment_at(time_s);
+        let (start, end) = self.path.ends(segment);
+        let Some(end) = end else { return start.at_m.xz() };
+        let (from_m, to_m) = (start.at_m.xz(), end.at_m.xz());
+        from_m + (to_m - from_m) * fraction(start, end, time_s)
+    }
+
+    /// The segment at `time_s`.
+    #[inline(always)]
+    fn segment_at(&mut self, time_s: f64) -> usize {
         let corners = &self.path.corners;
         while corners.get(self.segment + 1).is_some_and(|next| next.time_s <= time_s) {
             self.segment += 1;
         }
-        self.path.on_segment(self.segment, time_s)
+        self.segment
     }
 
     /// Distance in the x-z plane from a point to the path of the design between two times.
@@ -162,12 +230,24 @@ impl DesignPath {
 
     /// Position at a time on the segment from a corner on, at its ends before and after it.
     fn on_segment(&self, index: usize, time_s: f64) -> Vector3<f64> {
-        let start = self.corners[index];
-        let Some(end) = self.corners.get(index + 1) else { return start.at_m };
-        let lasts_s = end.time_s - start.time_s;
-        let fraction = if lasts_s > 0.0 { (time_s - start.time_s) / lasts_s } else { 1.0 };
-        start.at_m + (end.at_m - start.at_m) * fraction.clamp(0.0, 1.0)
+        let (start, end) = self.ends(index);
+        let Some(end) = end else { return start.at_m };
+        start.at_m + (end.at_m - start.at_m) * fraction(start, end, time_s)
     }
+
+    /// Corners at the ends of the segment from a corner on. The last one has no end.
+    #[inline(always)]
+    fn ends(&self, index: usize) -> (&Corner, Option<&Corner>) {
+        (&self.corners[index], self.corners.get(index + 1))
+    }
+}
+
+/// Fraction of the way between two corners at a time, 0 to 1.
+#[inline(always)]
+fn fraction(start: &Corner, end: &Corner, time_s: f64) -> f64 {
+    let lasts_s = end.time_s - start.time_s;
+    let fraction = if lasts_s > 0.0 { (time_s - start.time_s) / lasts_s } else { 1.0 };
+    fraction.clamp(0.0, 1.0)
 }
 
 /// The corners without those that lie on a straight segment of constant speed between others,
@@ -236,6 +316,30 @@ mod tests {
         assert!((near([0.0, 2.0]) - 0.1).abs() < 1e-9, "to the upright: {}", near([0.0, 2.0]));
         assert!((near([0.0, 1.0]) - 0.5).abs() < 1e-9, "to the base: {}", near([0.0, 1.0]));
         assert!((near([0.2, 0.2]) - libm::hypot(0.7, 0.5)).abs() < 1e-9, "to a point");
+    }
+
+    #[test]
+    fn skipped_segments_are_never_the_nearest() {
+        // A path that winds, stops, steps and comes back to itself, and points near and far.
+        let bend = |t: f64| Vector3::new(libm::sin(3.0 * t), 0.0, libm::cos(2.0 * t * t.min(2.0)));
+        let design = |t: f64| bend(if t < 1.0 { t } else { t.max(1.5) } + (10.0 * t).floor());
+        let path = DesignPath::new(&flight(0.002, 4.0, design, design)).unwrap();
+        assert!(path.corners.len() > 1000, "{} corners", path.corners.len());
+        for k in 0..500 {
+            let (k, spread) = (f64::from(k), 0.02 + f64::from(k % 7) * 0.3);
+            let point = Vector2::new(libm::sin(k) * spread, libm::cos(1.7 * k) * spread);
+            let first = whole(3.1 * k) % 900;
+            let range = first..(first + 1 + whole(7.0 * k) % 600).min(path.segments.len());
+            let every = range.clone().map(|n| path.segments.nearest_m2(point, n..n + 1));
+            let wanted_m2 = every.fold(f64::INFINITY, f64::min);
+            let actual_m2 = path.segments.squared_distance_m2(point, range.clone());
+            assert_eq!(actual_m2.to_bits(), wanted_m2.to_bits(), "{point} to {range:?}");
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "a few thousand")]
+    fn whole(number: f64) -> usize {
+        number as usize
     }
 
     #[test]

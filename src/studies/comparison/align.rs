@@ -22,7 +22,7 @@ pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     // About the offset at which the first moves coincide, the least mean square difference.
     let about_s = a.first_move_s() - b.first_move_s();
     let range_s = [about_s - MAX_APART_S, about_s + MAX_APART_S];
-    Ok(minimize(range_s, |s| difference_m2(&a, &b, s), |s| difference_m2(&a, &b, s)))
+    Ok(minimize(range_s, |s| difference_m2(&a, &b, s)))
 }
 
 /// Returns a flight's design. Refuses a flight without one.

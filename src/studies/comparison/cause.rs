@@ -86,7 +86,7 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
         spread_m2(both.map(|([_, b], a_m)| b.position_m - a_m))
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
-    let lag_s = minimize(range_s, |s| cost(&a, pairs, s), |s| cost(&a, pairs, s));
+    let lag_s = minimize(range_s, |s| cost(&a, pairs, s));
     // If the flights rest, all shifts are equal. A shift at an end of the search is not the best.
     let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
     let lag_s = if is_best { lag_s } else { 0.0 };
