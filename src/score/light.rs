@@ -1,5 +1,7 @@
 //! Light of a photo: linear light above the sky, and the level that counts as fully lit.
 
+use std::ops::Range;
+
 use super::raster::{Raster, narrow, overlaps, whole};
 use noctograph_core::photo::Photo;
 use noctograph_core::srgb::linear_from_level;
@@ -261,23 +263,80 @@ fn blocks_beside(pixel: usize, block: usize, n_blocks: usize) -> (usize, usize, 
 }
 
 /// Returns the sky of each block: a quantile of the means around it.
+///
+/// The window slides along each row of blocks (Huang, Yang and Tang 1979). It holds the ranks of its
+/// means among all, which are distinct.
 fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
-    let near = |place: usize, end: usize| {
+    fn near(place: usize, end: usize) -> Range<usize> {
         place.saturating_sub(BLOCKS_AROUND)..(place + BLOCKS_AROUND + 1).min(end)
-    };
-    let (mut sky, mut window) = (Vec::with_capacity(means.len()), Vec::new());
+    }
+    let mut in_order: Vec<usize> = (0..means.len()).collect();
+    in_order.sort_unstable_by(|a, b| means[*a].total_cmp(&means[*b]));
+    let mut ranks = vec![0; means.len()];
+    in_order.iter().enumerate().for_each(|(rank, block)| ranks[*block] = rank);
+    let mut sky = Vec::with_capacity(means.len());
     for y in 0..height {
+        let rows = near(y, height);
+        let mut window = Window::new(means.len());
+        let column = |x: usize| rows.clone().map(move |row| row * width + x);
+        (0..width.min(BLOCKS_AROUND)).flat_map(column).for_each(|k| window.add(ranks[k]));
         for x in 0..width {
             let columns = near(x, width);
-            window.clear();
-            for row in near(y, height) {
-                window.extend_from_slice(&means[row * width..][columns.clone()]);
+            if x + BLOCKS_AROUND < width {
+                column(x + BLOCKS_AROUND).for_each(|block| window.add(ranks[block]));
             }
-            let rank = whole(SKY_RANK * window.len() as f64);
-            sky.push(*window.select_nth_unstable_by(rank, f32::total_cmp).1);
+            if x > BLOCKS_AROUND {
+                column(x - BLOCKS_AROUND - 1).for_each(|block| window.remove(ranks[block]));
+            }
+            let n_darker = whole(SKY_RANK * (rows.len() * columns.len()) as f64);
+            sky.push(means[in_order[window.nth(n_darker)]]);
         }
     }
     sky
+}
+
+/// A set of numbers, as bits of words, that finds one by its place in their order near the last.
+struct Window {
+    words: Vec<u64>,
+    /// The word of the last number that was found, and how many numbers are in the words before it.
+    word: usize,
+    n_before: usize,
+}
+
+impl Window {
+    /// Returns an empty set of numbers below `end`.
+    fn new(end: usize) -> Self {
+        Self { words: vec![0; end.div_ceil(64)], word: 0, n_before: 0 }
+    }
+
+    /// Adds a number that is not in the set.
+    fn add(&mut self, number: usize) {
+        self.words[number / 64] |= 1 << (number % 64);
+        self.n_before += usize::from(number / 64 < self.word);
+    }
+
+    /// Removes a number of the set.
+    fn remove(&mut self, number: usize) {
+        self.words[number / 64] &= !(1 << (number % 64));
+        self.n_before -= usize::from(number / 64 < self.word);
+    }
+
+    /// Returns the number with `n_less` lesser ones. The set has more than that.
+    fn nth(&mut self, n_less: usize) -> usize {
+        let n_in = |word: u64| word.count_ones() as usize;
+        while self.n_before > n_less {
+            self.word -= 1;
+            self.n_before -= n_in(self.words[self.word]);
+        }
+        while self.n_before + n_in(self.words[self.word]) <= n_less {
+            self.n_before += n_in(self.words[self.word]);
+            self.word += 1;
+        }
+        let mut bits = self.words[self.word];
+        // Clears the lowest bits.
+        (self.n_before..n_less).for_each(|_| bits &= bits - 1);
+        64 * self.word + bits.trailing_zeros() as usize
+    }
 }
 
 /// Returns a measure of every pixel. It uses the processor's widest registers, with equal results.
@@ -334,11 +393,19 @@ mod tests {
 
     #[test]
     fn the_sky_is_the_quantile_of_the_means_around() {
-        let [width, height] = [23, 17];
-        let means: Vec<f32> =
-            (0..width * height).map(|k| ((k * 7919) % 101) as f32 * 0.01).collect();
-        let sky = sky_around(&means, [width, height]);
-        for (x, y) in [(0, 0), (22, 16), (11, 8), (3, 15)] {
+        // Means repeat, and a block has a sky of its own.
+        let means = |n: usize| (0..n).map(|k| ((k * 7919) % 101) as f32 * 0.01 - 0.2).collect();
+        for ([width, height], x, y) in [
+            ([23, 17], 0, 0),
+            ([23, 17], 22, 16),
+            ([23, 17], 11, 8),
+            ([23, 17], 3, 15),
+            ([1, 30], 0, 7),
+            ([30, 1], 29, 0),
+            ([3, 2], 1, 1),
+        ] {
+            let means: Vec<f32> = means(width * height);
+            let sky = sky_around(&means, [width, height]);
             let near = |a: usize, b: usize| a.abs_diff(b) <= BLOCKS_AROUND;
             let around = (0..width * height).filter(|k| near(k % width, x) && near(k / width, y));
             let mut around: Vec<f32> = around.map(|k| means[k]).collect();
