@@ -264,23 +264,17 @@ pub(super) fn exposures_lx_s<const N: usize>(
                 let weight = (-down[n] * per_m[n] / squares[n]).max(0.0);
                 if counts[n] { weight } else { 0.0 }
             });
-            if !is_even || surface.roughness.is_some() {
-                for n in (0..N).filter(|n| counts[*n]) {
-                    let mut beam = emitter.relative_intensity(cos_beam[n]);
-                    if at_edge[n] {
-                        // The fraction of the branch's sources that the body does not hide, instead
-                        // of all or none.
-                        let beyond_edge = cos_beam[n] - emitter.visible_cos;
-                        let visible = 0.5 + 0.5 * beyond_edge / (radius_m * per_m[n]);
-                        beam += edge * (visible - f64::from(u8::from(beyond_edge >= 0.0)));
-                    }
-                    // Effect of beam shape and sheen, relative to an isotropic lamp and a matte
-                    // surface.
-                    weights[n] *= beam;
-                    if let Some(roughness) = surface.roughness.filter(|_| weights[n] > 0.0) {
-                        let from = Vector3::new(to[0][n], to[1][n], to[2][n]) * -per_m[n];
-                        weights[n] *= surface.sheen(roughness, from, toward[n]);
-                    }
+            // Effect of beam shape and sheen, relative to an isotropic lamp and a matte surface.
+            if !is_even {
+                let beams =
+                    beams(emitter, edge, cos_beam, at_edge, per_m.map(|per| radius_m * per));
+                weights =
+                    std::array::from_fn(|n| if counts[n] { weights[n] * beams[n] } else { 0.0 });
+            }
+            if let Some(roughness) = surface.roughness {
+                for (n, weight) in weights.iter_mut().enumerate().filter(|(_, w)| **w > 0.0) {
+                    let from = Vector3::new(to[0][n], to[1][n], to[2][n]) * -per_m[n];
+                    *weight *= surface.sheen(roughness, from, toward[n]);
                 }
             }
             for (sums, light) in sums.iter_mut().zip(source.light_cd_s) {
@@ -296,6 +290,37 @@ pub(super) fn exposures_lx_s<const N: usize>(
         }
     }
     std::array::from_fn(|n| sums.map(|sums| sums[n]))
+}
+
+/// Returns the intensity of a branch toward points, relative to the axis, by the cosines off it. At
+/// the edge of the body's shadow, where the intensity is `edge`, only a part of the branch's
+/// sources is visible. `angles` is the branch's radius over each distance.
+#[inline(always)]
+fn beams<const N: usize>(
+    emitter: &Emitter,
+    edge: f64,
+    cos_beam: [f64; N],
+    at_edge: [bool; N],
+    angles: [f64; N],
+) -> [f64; N] {
+    let Emitter { isotropic_fraction, visible_cos, .. } = *emitter;
+    let beams: [f64; N] = if emitter.beam_exponent == 1.0 {
+        // As below, for all points at once.
+        std::array::from_fn(|n| {
+            let beam = cos_beam[n].max(0.0).min(1.0);
+            let intensity = isotropic_fraction + (1.0 - isotropic_fraction) * beam;
+            if cos_beam[n] < visible_cos { 0.0 } else { intensity }
+        })
+    } else {
+        cos_beam.map(|cos| emitter.relative_intensity(cos))
+    };
+    // The fraction of the branch's sources that the body does not hide, instead of all or none.
+    std::array::from_fn(|n| {
+        let beyond_edge = cos_beam[n] - visible_cos;
+        let visible = 0.5 + 0.5 * beyond_edge / angles[n];
+        let hidden = if beyond_edge >= 0.0 { 1.0 } else { 0.0 };
+        beams[n] + if at_edge[n] { edge * (visible - hidden) } else { 0.0 }
+    })
 }
 
 #[cfg(test)]
