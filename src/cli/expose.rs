@@ -15,7 +15,7 @@ use super::progress::watch;
 use super::show;
 use super::terminal::{message, warn};
 use crate::error::{Error, Result};
-use crate::expose::GrowingFilm;
+use crate::expose::{Developer, GrowingFilm};
 use crate::logs::GrowingLog;
 use crate::scene::Scene;
 use crate::shoot::{Format, Judging, Recording, Shoot, Shot};
@@ -61,14 +61,15 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     if args.follow {
         return follow_logs(args);
     }
+    // The graphics device gets ready while the flights are read.
+    let developer = Developer::start(tried(args.picture.backend)?);
     let (scene, format) = (args.scene()?, args.format()?);
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
-    let backend = tried(args.picture.backend)?;
     // The photo is not judged here: `score` does that.
     let (format, judging) = (Some(format), Judging::Skipped);
-    let shoot = Shoot { format, judging, backend, keeps_film: false, ..shoot };
-    let shot = shoot.take(&watch())?;
+    let shoot = Shoot { format, judging, keeps_film: false, ..shoot };
+    let shot = shoot.take_by(developer, &watch())?;
     let path = output.keep(file_of(&shot))?;
     Ok(args.report(shot, path))
 }

@@ -19,6 +19,7 @@ use super::{findings, show};
 use crate::diagnostic::Diagnostic;
 use crate::error::Result;
 use crate::export::{Form, Length};
+use crate::expose::Developer;
 use crate::preflight::{CAMERA_PLACE, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
@@ -55,6 +56,8 @@ pub(super) struct PreviewArgs {
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
+    // The graphics device gets ready while the word is planned.
+    let developer = Developer::start(tried(args.picture.backend)?);
     let shoot = planned(args)?;
     // Conditions and the folder are checked before the long work, because they may be refused.
     let conditions = args.spread.conditions()?;
@@ -63,9 +66,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     for kind in ["plan", "flight"] {
         folder.replaces(leftovers(&args.output, kind, n_numbered)?);
     }
-    let backend = tried(args.picture.backend)?;
     let (format, keeps_film) = (Some(Format::Png), args.report);
-    let shot = Shoot { format, keeps_film, backend, ..shoot }.take(&watch())?;
+    let shot = Shoot { format, keeps_film, ..shoot }.take_by(developer, &watch())?;
     let sentence = |problem: &Diagnostic| problem.sentence(mentioned);
     let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_stop() == are);
     let obstacles: Vec<String> = problems(true).map(sentence).collect();

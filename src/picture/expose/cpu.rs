@@ -28,12 +28,7 @@ const PAGE: usize = 1024;
 /// three planes.
 pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
-    let mut counts = vec![0_u32; 3 * width * height];
-    // Writes each page of the glow once. A page that is read before it is written is mapped twice.
-    let glow_start = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
-    for plane in counts.chunks_exact_mut(width * height) {
-        plane[glow_start..].chunks_mut(PAGE).for_each(|page| page[0] = black_box(0));
-    }
+    let mut counts = dark_counts(latent);
     // Each band gets its rows of the three planes.
     let ends = ends_of_bands(&latent.tints, latent.size_px, n_bands);
     let mut remaining: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
@@ -47,6 +42,18 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     bands.into_par_iter().for_each(|(mut tiles, mut planes)| {
         noctograph_core::dispatch!(|| splat_band(latent, &mut tiles, &mut planes));
     });
+    counts
+}
+
+/// Returns dark counts of three planes.
+pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
+    let [width, height] = latent.size_px.map(|px| px as usize);
+    let mut counts = vec![0_u32; 3 * width * height];
+    // Writes each page of the glow once. A page that is read before it is written is mapped twice.
+    let glow_start = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
+    for plane in counts.chunks_exact_mut(width * height) {
+        plane[glow_start..].chunks_mut(PAGE).for_each(|page| page[0] = black_box(0));
+    }
     counts
 }
 

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::Latent;
+use super::cpu::dark_counts;
 use super::gpu_tiles::{Chunk, Part, TILE_PX, chunks, lit_tiles};
 use super::record::SPOTS;
 use super::tile;
@@ -30,6 +31,8 @@ pub(super) struct Gpu {
     pipeline: wgpu::ComputePipeline,
     pub(super) adapter: String,
     pub(super) max_tiles_bytes: u64,
+    /// True if buffers of the device are in the memory of the processor, and read there.
+    is_processor: bool,
     /// First error that the device reported on its own.
     first_error: Arc<Mutex<Option<String>>>,
 }
@@ -49,6 +52,10 @@ impl Gpu {
             gpu_error(format!("none found ({e})"), hint)
         })?;
         let info = adapter.get_info();
+        // A software driver's buffers need no copy to be read.
+        let mappable = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
+        let is_processor = info.device_type == wgpu::DeviceType::Cpu;
+        let is_processor = is_processor && adapter.features().contains(mappable);
         let name = [info.name, info.driver_info].join(", ");
         // The adapter's largest limits, since the buffers are as large as possible.
         let limits = adapter.limits();
@@ -56,6 +63,7 @@ impl Gpu {
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("expose"),
             required_limits: limits,
+            required_features: if is_processor { mappable } else { wgpu::Features::empty() },
             ..Default::default()
         }))
         .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
@@ -69,7 +77,8 @@ impl Gpu {
             }
         }));
         let pipeline = pipeline(&device, SHADER);
-        Ok(Self { device, queue, pipeline, adapter: name, max_tiles_bytes, first_error })
+        let adapter = name;
+        Ok(Self { device, queue, pipeline, adapter, max_tiles_bytes, is_processor, first_error })
     }
 
     /// Opens a device and runs the shader once, since a driver compiles it at the first use, which
@@ -95,7 +104,7 @@ impl Gpu {
         if max_tiles == 0 {
             return Err(self.fail("a tile is too large for it"));
         }
-        let mut counts = vec![0; 3 * width * height];
+        let mut counts = dark_counts(latent);
         let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
         for tint in &latent.tints {
             // One color after the other: its light on the device, then its counts in the film.
@@ -122,9 +131,28 @@ impl Gpu {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles"),
             size: TILE_BYTES * n as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            usage: wgpu::BufferUsages::STORAGE
+                | match self.is_processor {
+                    true => wgpu::BufferUsages::MAP_READ,
+                    false => wgpu::BufferUsages::COPY_SRC,
+                },
             mapped_at_creation: false,
         })
+    }
+
+    /// Submits a copy of `n` tiles to a new buffer that can be read. Returns the buffer.
+    fn copied(&self, tiles: &wgpu::Buffer, n: usize) -> wgpu::Buffer {
+        let size = TILE_BYTES * n as u64;
+        let out = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("tiles out"),
+            size,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(tiles, 0, &out, 0, size);
+        self.queue.submit([encoder.finish()]);
+        out
     }
 
     /// Creates a buffer with these contents on the device.
@@ -166,16 +194,7 @@ impl Gpu {
 
     /// Waits for the device, and calls `use_counts` with the counts of `n` tiles, in order.
     fn read(&self, tiles: &wgpu::Buffer, n: usize, use_counts: impl FnOnce(&[u32])) -> Result<()> {
-        let size = TILE_BYTES * n as u64;
-        let out = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("tiles out"),
-            size,
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(tiles, 0, &out, 0, size);
-        self.queue.submit([encoder.finish()]);
+        let out = if self.is_processor { tiles.clone() } else { self.copied(tiles, n) };
         let (sender, receiver) = std::sync::mpsc::channel();
         out.map_async(wgpu::MapMode::Read, .., move |mapped| {
             // If the receiver is gone, an error has been reported already.

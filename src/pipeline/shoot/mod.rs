@@ -365,12 +365,22 @@ impl Shoot {
     ///
     /// The errors of the stages, and [`Error::Stopped`]. [`Error::Input`] for a camera behind the
     /// word, which is mirrored there. [`Error::Infeasible`] for a camera too near to a lamp.
-    pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
-        // The graphics device and the reader, which take long, get ready during the flight.
+    pub fn take(self, watch: &Watch<'_>) -> Result<Shot> {
+        // The graphics device, which takes long, gets ready during the flight.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
         });
+        self.take_by(developer, watch)
+    }
+
+    /// As [`Self::take`], on a backend that was started before, for example while files are read.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::take`].
+    pub fn take_by(mut self, developer: Developer, watch: &Watch<'_>) -> Result<Shot> {
+        // The reader, which takes long, gets ready during the flight.
         let recordings = std::mem::take(&mut self.recordings);
         let (recordings, reader) = rayon::join(
             || match recordings.is_empty() {
