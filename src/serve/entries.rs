@@ -12,7 +12,7 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 
 use super::gallery::{
-    self, Entry, Figures, Flown, ForOperator, Gallery, Order, Photo, State, regular_file,
+    self, Entry, Figures, FlownPhoto, ForOperator, Gallery, Order, Photo, State, regular_file,
 };
 use super::worker::Parcel;
 use noctograph_core::error::Result;
@@ -68,7 +68,7 @@ pub(crate) struct ForVisitor {
     legible: Option<bool>,
     readability: Option<f64>,
     /// Its flight, if the log was followed.
-    flown: Option<Flown>,
+    flown: Option<FlownPhoto>,
     /// Number of entries that fly before it, and the time that they take.
     ahead: usize,
     ahead_s: f64,
@@ -92,7 +92,7 @@ struct WallPhoto {
     flying: bool,
     readability: Option<f64>,
     /// Its flight, if the log was followed.
-    flown: Option<Flown>,
+    flown: Option<FlownPhoto>,
     /// True if the light of its flight is shown as far as it has come.
     live: bool,
 }
@@ -501,7 +501,7 @@ impl Entries {
         let index = list.index(id)?;
         let stored = &mut list.entries[index];
         let name = gallery::write_flown(&stored.folder, files).map_err(|_cause| Key::DiskFull)?;
-        let flown = Flown { name, readability: figures.readability };
+        let flown = FlownPhoto { name, readability: figures.readability };
         stored.change(|entry| entry.flown = Some(flown))?;
         self.announce_change();
         Ok(())

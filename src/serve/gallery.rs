@@ -119,12 +119,12 @@ pub(crate) struct Entry {
     pub(crate) figures: Figures,
     /// Its last flight, if the log was followed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) flown: Option<Flown>,
+    pub(crate) flown: Option<FlownPhoto>,
 }
 
 /// The photo of an entry's flight.
 #[derive(Clone, Debug, Deserialize, Serialize)]
-pub(crate) struct Flown {
+pub(crate) struct FlownPhoto {
     /// Name of its files, without their extensions: `flown-2` for the second flight.
     pub(crate) name: String,
     /// Probability that the word is read. `None` for a drawing.
@@ -141,7 +141,7 @@ pub(crate) struct ForOperator<'a> {
     state: &'a State,
     hidden: &'a bool,
     visitor: Option<&'a str>,
-    flown: &'a Option<Flown>,
+    flown: &'a Option<FlownPhoto>,
     #[serde(flatten)]
     figures: &'a Figures,
 }
