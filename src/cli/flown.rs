@@ -16,7 +16,7 @@ use serde::Serialize;
 use serde_json::json;
 
 /// A letter in one of the two photos. What is not known is `None`.
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Serialize)]
 struct Letter {
     /// Probability of the letter.
     p: Option<f64>,
@@ -45,21 +45,17 @@ pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
 
 /// Compares both photos. Returns the report, and the notes for the page.
 pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
-    let both = [promised, &flown].map(|shot| letters(shot, promised));
+    let [of_promised, of_flown] = [promised, &flown].map(|shot| letters(shot, promised));
     let expected = promised.verdict.iter().flat_map(|verdict| &verdict.letters);
+    // A row for people and an object for programs for each letter.
     let (mut rows, mut pairs) = (Vec::new(), Vec::new());
-    let [of_promised, of_flown] = &both;
     for ((letter, a), b) in expected.zip(of_promised).zip(of_flown) {
-        let cell = |value: fn(&Letter) -> Option<f64>, n_digits| {
-            let text = |value: Option<f64>| {
-                value.map_or_else(|| "-".to_owned(), |value| format!("{value:.n_digits$}"))
-            };
-            format!("{} {}", text(value(a)), text(value(b)))
+        let cell = |value: fn(&Letter) -> Option<f64>, digits| {
+            [&a, &b].map(|letter| rounded(value(letter), digits)).join(ARROW)
         };
-        let best = |letter: &Letter| letter.best.unwrap_or('-');
         rows.push([
             letter.expected.to_string(),
-            format!("{} {}", best(a), best(b)),
+            [&a, &b].map(|letter| letter.best.unwrap_or('-').to_string()).join(ARROW),
             cell(|l| l.p, 2),
             cell(|l| l.lag_s, 2),
             cell(|l| Some(1e3 * l.contour_m?), 0),
@@ -68,15 +64,9 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
         ]);
         pairs.push(json!({ "letter": letter.expected, "promised": a, "flown": b }));
     }
+    // A drawing has no verdict, and no letters.
     let verdict = flown.verdict.as_ref();
     let mut report = Report::new(String::new(), json!({}));
-    if let Some(verdict) = verdict {
-        report.line("flown", &verdict_sentence(verdict));
-    }
-    // Each cell has the promised value and the flown one.
-    report.text += "\n";
-    report.text += &table(HEAD, &rows.iter().map(|row| row.to_vec()).collect::<Vec<_>>());
-    report.text += "\n";
     report.value(
         "flown",
         json!({
@@ -86,10 +76,25 @@ pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
             "letters": pairs,
         }),
     );
+    if let Some(verdict) = verdict {
+        report.line("flown", &verdict_sentence(verdict));
+        let rows: Vec<Vec<String>> = rows.iter().map(|row| row.to_vec()).collect();
+        report.text += &format!("\n{}\n", table(HEAD, &rows));
+    }
     (report, FlownNotes { shot: flown, rows })
 }
 
-const HEAD: &str = "letter<8|reads as<10|P<11|lag/s<12|off path/mm<10|off plane/mm<11|lit/s<0";
+/// From the promised value to the flown one.
+const ARROW: &str = " → ";
+const HEAD: &str = "letter<8|reads as<10|P<13|lag/s<15|off path/mm<11|off plane/mm<11|lit/s<0";
+
+/// Formats a value without a negative zero, or `-`.
+fn rounded(value: Option<f64>, digits: usize) -> String {
+    let Some(value) = value else { return "-".to_owned() };
+    let text = format!("{value:.digits$}");
+    let is_zero = text.bytes().all(|byte| b"-0.".contains(&byte));
+    if is_zero { text.trim_start_matches('-').to_owned() } else { text }
+}
 
 /// Returns the letters of a photo, whose flight flew the plan of the promised one.
 fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {

@@ -45,8 +45,7 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// Folder of the scripts that are flown, in which they keep their logs: the wall shows the light
-    /// as it is written
+    /// Folder with the scripts that fly and their logs: the wall shows the light as it is written
     #[arg(long, value_name = "DIR")]
     flights: Option<PathBuf>,
     /// The page's module, which `src/photo_service/build` writes: visitors' browsers make their

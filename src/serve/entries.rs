@@ -451,7 +451,8 @@ impl Entries {
     }
 
     /// Returns name and number of drones of the entry that a log of a word belongs to: the one in
-    /// the air, or else the first approved one. `None` if nobody approved the word.
+    /// the air, or else the first one that was approved, preferably without a flight. `None` if
+    /// there is none.
     pub(crate) fn flies(&self, word: &str) -> Option<(String, usize)> {
         let list = self.list();
         let writes = |entry: &Entry| match &entry.title {
@@ -459,10 +460,18 @@ impl Entries {
             Some(title) => title.replace("\\n", "\n") == word,
             None => word == DRAWING,
         };
-        let stored = [State::Flying, State::Approved]
-            .into_iter()
-            .find_map(|state| list.first(|entry| entry.state == state && writes(entry)))?;
-        Some((stored.entry.id.clone(), stored.entry.figures.drones))
+        let rank = |entry: &Entry| match (entry.state, entry.flown.is_some()) {
+            (State::Flying, _) => Some(0),
+            (State::Approved, false) => Some(1),
+            (State::Flown, false) => Some(2),
+            (State::Approved, true) => Some(3),
+            _ => None,
+        };
+        let entries = list.entries.iter().map(|stored| &stored.entry);
+        let ranked =
+            entries.filter(|entry| writes(entry)).filter_map(|entry| Some((rank(entry)?, entry)));
+        let (_, entry) = ranked.min_by_key(|(rank, _)| *rank)?;
+        Some((entry.id.clone(), entry.figures.drones))
     }
 
     /// Returns the subject of an entry. `None` if it cannot be read.
@@ -497,12 +506,13 @@ impl Entries {
 
     /// Stores the photo of an entry's flight.
     pub(crate) fn land(&self, id: &str, Parcel { figures, files }: &Parcel) -> KeyResult<()> {
+        let folder = self.list().first(|entry| entry.id == id).ok_or(Key::Closed)?.folder.clone();
+        // The list is not locked for as long as the disk takes.
+        let name = gallery::write_flown(&folder, files).map_err(|_cause| Key::DiskFull)?;
         let mut list = self.list();
         let index = list.index(id)?;
-        let stored = &mut list.entries[index];
-        let name = gallery::write_flown(&stored.folder, files).map_err(|_cause| Key::DiskFull)?;
         let flown = FlownPhoto { name, readability: figures.readability };
-        stored.change(|entry| entry.flown = Some(flown))?;
+        list.entries[index].change(|entry| entry.flown = Some(flown))?;
         self.announce_change();
         Ok(())
     }

@@ -1,30 +1,28 @@
 //! Flights: shows the light of a flight while it is written, from the log that its script keeps.
 //!
 //! 1. Four times a second, a folder and the folders in it are searched for logs that have grown.
-//!    Logs that were there before the server are left alone, until they grow.
-//! 2. A log belongs to the entry in the air that has its word, or else to the first approved entry
-//!    that has it. The operator is told of any other log.
+//!    Logs that were there before the server are ignored, until they grow.
+//! 2. A log belongs to the entry in the air that has its word, or else to the first approved one,
+//!    preferably without a flight. The operator is told of any other log.
 //! 3. A worker exposes the light so far, at most twice a second and with a quarter of a processor
 //!    core.
-//! 4. At the mark of its end, or if it stops growing, the photo is judged and stored with the entry.
+//! 4. At the mark of its end, or if it stops growing, the photo is judged and stored with the
+//!    entry.
 //!
 //! One log is followed at a time. Others wait, and are then read from their files.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use tokio::task::spawn_blocking;
-
-use super::entries::FlightNote;
+use super::entries::{Entries, FlightNote};
 use super::gallery::{PNG, regular_file};
 use super::routes::Server;
-use super::worker::{Followed, Job, Parcel};
+use super::worker::{Followed, Job};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{ending, entries_in};
 use noctograph_logs::word_in;
-use noctograph_photo_service::messages::Message;
+use noctograph_photo_service::messages::{Key, Message};
 use noctograph_photo_service::request::{Product, Subject};
 
 /// Time between two looks at the folder.
@@ -79,13 +77,16 @@ pub(crate) struct Flights {
     folder: PathBuf,
     logs: BTreeMap<PathBuf, Log>,
     current: Option<Current>,
+    /// Number of logs that were followed.
+    n_followed: u64,
 }
 
 impl Flights {
-    /// Looks at a folder for the first time.
+    /// Looks for the first time at a folder, which is created if it does not exist.
     pub(crate) fn new(folder: &Path) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
         let folder = std::path::absolute(folder).map_err(|e| Error::read(folder, e))?;
-        let mut flights = Self { logs: BTreeMap::new(), current: None, folder };
+        let mut flights = Self { logs: BTreeMap::new(), current: None, n_followed: 0, folder };
         flights.see(sizes_in(&flights.folder)?);
         for log in flights.logs.values_mut() {
             log.state = State::Rests { is_cut: false };
@@ -93,23 +94,21 @@ impl Flights {
         Ok(flights)
     }
 
-    /// Follows flights until the program ends.
-    pub(crate) async fn follow(mut self, server: Arc<Server>) {
+    /// Follows flights until the program ends. This thread may wait for the disk, and for the list
+    /// of entries.
+    pub(crate) fn follow(mut self, server: &Server) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let Ok(runtime) = runtime else { return };
         loop {
-            tokio::time::sleep(LOOK).await;
-            let folder = self.folder.clone();
-            // A folder that hangs stops this task only.
-            let sizes = spawn_blocking(move || sizes_in(&folder)).await;
-            let is_gone = match sizes {
-                Ok(Ok(sizes)) => {
-                    self.see(sizes);
-                    false
-                }
-                _ => true,
-            };
-            self.choose(&server).await;
-            self.expose(&server).await;
-            server.entries.note(self.notes(&server, is_gone));
+            std::thread::sleep(LOOK);
+            let sizes = sizes_in(&self.folder);
+            let is_gone = sizes.is_err();
+            if let Ok(sizes) = sizes {
+                self.see(sizes);
+            }
+            self.choose(&server.entries);
+            runtime.block_on(self.expose(server));
+            server.entries.note(self.notes(&server.entries, is_gone));
         }
     }
 
@@ -120,14 +119,15 @@ impl Flights {
         for (path, n_bytes) in sizes {
             let grew = Instant::now();
             let new = Log { n_bytes: 0, grew, state: State::Waits, word: None };
+            let is_current = current.as_ref() == Some(&path);
             let log = self.logs.entry(path).or_insert(new);
             if n_bytes == log.n_bytes {
                 continue;
             }
-            // A shorter file is another one. A broken one does not get better.
+            // A shorter file is another one. A broken one that grows does not get better.
             if n_bytes < log.n_bytes {
                 (log.state, log.word) = (State::Waits, None);
-                self.current = self.current.take().filter(|_| log.state != State::Waits);
+                self.current = self.current.take().filter(|_| !is_current);
             } else if matches!(log.state, State::Rests { .. }) {
                 log.state = State::Waits;
             }
@@ -136,20 +136,13 @@ impl Flights {
     }
 
     /// Reads the words of new logs, and chooses the one to follow, if none is followed.
-    async fn choose(&mut self, server: &Arc<Server>) {
-        for (path, log) in &mut self.logs {
-            if log.state != State::Waits {
-                continue;
-            }
-            if log.word.is_none() {
-                let file = path.clone();
-                log.word = spawn_blocking(move || word_in(&file)).await.ok().flatten();
-            }
-            let flown = log.word.as_ref().and_then(|word| server.entries.flies(word));
+    fn choose(&mut self, entries: &Entries) {
+        for (path, log) in self.logs.iter_mut().filter(|(_, log)| log.state == State::Waits) {
+            log.word = log.word.take().or_else(|| word_in(path));
+            let flown = log.word.as_ref().and_then(|word| entries.flies(word));
             let Some((id, 0 | 1)) = flown.filter(|_| self.current.is_none()) else { continue };
-            let (reader, of_entry) = (server.clone(), id.clone());
-            let subject = spawn_blocking(move || reader.entries.subject(&of_entry)).await;
-            if let Ok(Some(subject)) = subject {
+            if let Some(subject) = entries.subject(&id) {
+                self.n_followed += 1;
                 let (path, next) = (path.clone(), Instant::now());
                 self.current = Some(Current { path, id, subject, n_bytes: 0, next });
             }
@@ -157,7 +150,7 @@ impl Flights {
     }
 
     /// Shows the light of the flight so far, or stores its photo when it is over.
-    async fn expose(&mut self, server: &Arc<Server>) {
+    async fn expose(&mut self, server: &Server) {
         let Some(current) = &mut self.current else { return };
         let Some(log) = self.logs.get_mut(&current.path) else { return };
         if !server.entries.is_approved(&current.id) {
@@ -171,14 +164,18 @@ impl Flights {
         }
         current.n_bytes = log.n_bytes;
         let begun = Instant::now();
-        let flight = Some(Followed { path: current.path.clone(), is_over });
+        let flight = Followed { path: current.path.clone(), number: self.n_followed, is_over };
         let product = Product::Large { advice: false, files: true };
-        let job = Job { product, subject: current.subject.clone(), page: None, flight };
+        let job =
+            Job { product, subject: current.subject.clone(), page: None, flight: Some(flight) };
         let made = server.flights.make(job).await;
         current.next = begun + PERIOD.max(PERIODS_OF_WORK * begun.elapsed());
         log.state = match made {
             Ok(parcel) if parcel.files.iter().any(|file| file.name == PNG) => {
-                landed(server, current.id.clone(), parcel, is_over).await
+                match server.entries.land(&current.id, &parcel) {
+                    Ok(()) => State::Rests { is_cut: is_over },
+                    Err(key) => State::Refused(Message::from(key).text),
+                }
             }
             Ok(parcel) => {
                 // There is no photo yet of a log that is too short.
@@ -187,6 +184,8 @@ impl Flights {
                 }
                 return;
             }
+            // It is tried again.
+            Err(message) if message.key == Key::Busy.name() => return,
             Err(_too_short) if is_over => State::Rests { is_cut: true },
             Err(message) => State::Refused(message.text),
         };
@@ -195,7 +194,7 @@ impl Flights {
     }
 
     /// Returns what the operator should know about the logs.
-    fn notes(&self, server: &Server, is_gone: bool) -> Vec<FlightNote> {
+    fn notes(&self, entries: &Entries, is_gone: bool) -> Vec<FlightNote> {
         let note = |key, path: &Path, why: &str| {
             let name = path.strip_prefix(&self.folder).unwrap_or(path).display().to_string();
             FlightNote { key, name, why: why.to_owned() }
@@ -209,23 +208,13 @@ impl Flights {
             (State::Refused(why), _) => Some(note("log-broken", path, why)),
             (State::Waits, _) if log.n_bytes == 0 || is_current(path) => None,
             (State::Waits, None) => Some(note("log-broken", path, "no log of a script")),
-            (State::Waits, Some(word)) => match server.entries.flies(word) {
+            (State::Waits, Some(word)) => match entries.flies(word) {
                 None => Some(note("log-unknown", path, word)),
                 Some((_, 0 | 1)) => Some(note("log-later", path, "")),
                 Some(_) => Some(note("log-fleet", path, "")),
             },
         });
         gone.into_iter().chain(notes).take(MAX_NOTES).collect()
-    }
-}
-
-/// Stores the photo of a flight. Returns what becomes of its log.
-async fn landed(server: &Arc<Server>, id: String, parcel: Parcel, is_cut: bool) -> State {
-    let server = server.clone();
-    let stored = spawn_blocking(move || server.entries.land(&id, &parcel)).await;
-    match stored {
-        Ok(Err(key)) => State::Refused(Message::from(key).text),
-        _ => State::Rests { is_cut },
     }
 }
 

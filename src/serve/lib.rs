@@ -150,7 +150,7 @@ pub fn serve(
     run(listener, server, flights)
 }
 
-/// Answers all connections on one thread, and follows flights. A few other threads wait for the
+/// Answers all connections on one thread, and follows flights on another. A few others wait for the
 /// disk.
 fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -162,7 +162,11 @@ fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Resul
         listener.set_nonblocking(true).map_err(no_thread)?;
         let listener = tokio::net::TcpListener::from_std(listener).map_err(no_thread)?;
         let server = Arc::new(server);
-        flights.map(|flights| tokio::spawn(flights.follow(server.clone())));
+        if let Some(flights) = flights {
+            let server = server.clone();
+            let followed = std::thread::Builder::new().spawn(move || flights.follow(&server));
+            followed.map_err(no_thread)?;
+        }
         match http::accept(listener, move |arrival| server.clone().answer(arrival)).await {}
     })
 }

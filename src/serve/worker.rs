@@ -72,6 +72,8 @@ pub(crate) struct Job {
 pub(crate) struct Followed {
     /// Absolute path.
     pub(crate) path: PathBuf,
+    /// Number of the flight. Another file may get the same name.
+    pub(crate) number: u64,
     /// True if it has ended even without the mark of its end.
     pub(crate) is_over: bool,
 }
@@ -326,15 +328,15 @@ struct JobMaker<'a> {
 
 /// A flight that is followed: its log, and the light that was drawn.
 struct Following {
-    path: PathBuf,
+    number: u64,
     log: GrowingLog,
     film: GrowingFilm,
 }
 
 impl Following {
-    fn open(path: &Path) -> Result<Self> {
-        let (path, log) = (path.to_owned(), GrowingLog::open(path)?);
-        Ok(Self { path, log, film: GrowingFilm::default() })
+    fn open(Followed { path, number, .. }: &Followed) -> Result<Self> {
+        let (number, log) = (*number, GrowingLog::open(path)?);
+        Ok(Self { number, log, film: GrowingFilm::default() })
     }
 }
 
@@ -358,8 +360,8 @@ impl JobMaker<'_> {
 
     /// Makes the photo of a flight as far as its log has come.
     fn follow(&self, studio: &Studio<'_>, subject: &Subject, flight: &Followed) -> Made {
-        let last = self.following.take().filter(|last| last.path == flight.path);
-        let opened = last.map_or_else(|| Following::open(&flight.path), Ok);
+        let last = self.following.take().filter(|last| last.number == flight.number);
+        let opened = last.map_or_else(|| Following::open(flight), Ok);
         let grown = opened.and_then(|mut opened| opened.log.grow().map(|_| opened));
         let mut following = grown.map_err(|error| Message::of_log_error(&error))?;
         let Following { log, film, .. } = &mut following;
