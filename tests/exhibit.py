@@ -1155,7 +1155,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
                 while not least < (part := light(2) / max(light(1), 1)) < most:
                     assert time.monotonic() < begun + PATIENCE_S, f"{part} of the light"
                     time.sleep(0.05)
-            shines(0.2, 0.8)
+            shines(0.3, 0.8)
             Path(flights, "LO_flight-2.jsonl").write_text("".join(lines[:-1]))
             told("LO_flight-2.jsonl comes after the flight that is shown.")
             if picture := os.environ.get("NOCTOGRAPH_PICTURES"):

@@ -11,6 +11,7 @@ use super::PreparedScene;
 use super::messages::{Message, code_on_page};
 use super::replay::{LetterBox, LightMap, boxes, end_s};
 use super::request::{LOG, Product, Subject};
+use noctograph_core::camera::{Camera, Metering};
 use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
@@ -227,6 +228,15 @@ pub struct Studio<'a> {
     pub watch: &'a Watch<'a>,
 }
 
+/// The film of a flight that is followed.
+#[derive(Debug, Default)]
+pub struct FlightFilm {
+    film: GrowingFilm,
+    /// Aperture and sensitivity of the photo that was promised. Those for the light so far would
+    /// change with each letter.
+    exposure: Option<[f64; 2]>,
+}
+
 /// A subject that is ready to be photographed.
 struct Ready {
     shoot: Shoot,
@@ -330,7 +340,7 @@ impl Studio<'_> {
         &self,
         subject: &Subject,
         log: &GrowingLog,
-        film: &mut GrowingFilm,
+        film: &mut FlightFilm,
         is_over: bool,
     ) -> Made {
         match self.flown(subject, log, film, is_over) {
@@ -347,11 +357,25 @@ impl Studio<'_> {
         &self,
         subject: &Subject,
         log: &GrowingLog,
-        film: &mut GrowingFilm,
+        film: &mut FlightFilm,
         is_over: bool,
     ) -> Attempt<Answer> {
         // The scene is that of the photo that was promised, with the same camera.
-        let (PreparedScene { mut scene, profile }, _) = self.strokes_for(subject, LARGE_PIXELS)?;
+        let (PreparedScene { mut scene, profile }, strokes) =
+            self.strokes_for(subject, LARGE_PIXELS)?;
+        if !is_over {
+            let exposure = match film.exposure {
+                Some(exposure) => exposure,
+                None => {
+                    let promised = Shoot::of_strokes(scene.clone(), strokes, &|_| Ok(()))?;
+                    let Camera { f_number, iso, .. } = promised.lighting(self.watch)?.camera;
+                    [f_number, iso]
+                }
+            };
+            film.exposure = Some(exposure);
+            [scene.camera.f_number, scene.camera.iso] = exposure;
+            scene.camera.metering = Metering::Off;
+        }
         let firmware = Some(scene.vehicle.firmware);
         let mut flight = log.flight(&ImportOptions { firmware, ..Default::default() })?.flight;
         infer_lights_if_dark(&mut flight, &mut scene)?;
@@ -361,7 +385,7 @@ impl Studio<'_> {
             return self.judged(subject, ready, false, Some(Format::Png));
         }
         let shoot = Shoot { judging: Judging::Skipped, keeps_film: false, ..shoot };
-        let files = vec![jpeg_file(&shoot.take_on(film)?, LIVE_QUALITY)];
+        let files = vec![jpeg_file(&shoot.take_on(&mut film.film)?, LIVE_QUALITY)];
         Ok(Answer { facts: Facts::Script {}, files })
     }
 

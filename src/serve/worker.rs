@@ -28,10 +28,11 @@ use super::{Program, no_thread};
 use noctograph_core::error::{Error, Result};
 use noctograph_export::File;
 use noctograph_logs::GrowingLog;
-use noctograph_photo_service::answer::{Answer, Asked, Facts, Made, PageAnswer, Studio};
+use noctograph_photo_service::answer::{
+    Answer, Asked, Facts, FlightFilm, Made, PageAnswer, Studio,
+};
 use noctograph_photo_service::messages::{Key, Message};
 use noctograph_photo_service::request::{Product, Subject};
-use noctograph_picture::expose::GrowingFilm;
 use noctograph_pipeline::scene::Scene;
 
 /// Greatest number of jobs that wait for a worker.
@@ -330,13 +331,13 @@ struct JobMaker<'a> {
 struct Following {
     number: u64,
     log: GrowingLog,
-    film: GrowingFilm,
+    film: FlightFilm,
 }
 
 impl Following {
     fn open(Followed { path, number, .. }: &Followed) -> Result<Self> {
         let (number, log) = (*number, GrowingLog::open(path)?);
-        Ok(Self { number, log, film: GrowingFilm::default() })
+        Ok(Self { number, log, film: FlightFilm::default() })
     }
 }
 
