@@ -43,8 +43,8 @@
 //! | `export` | Plan → files for drones and other programs | `core`, `plan`, `sim` |
 //! | `pipeline` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`] | `core`, `export`, `letters`, `logs`, `picture`, `plan`, `score`, `sim` |
 //! | `studies` | [`studies`] of many flights, [`comparison`] of two, [`report`] | `core`, `letters`, `logs`, `picture`, `pipeline`, `plan`, `score`, `sim` |
-//! | `photo_service` | what a page asks for → its photograph with typed facts, on a server or as a WebAssembly module in the browser | `core`, `export`, `letters`, `picture`, `pipeline`, `score`, `sim` |
-//! | `serve` | the page for visitors with its queue and its wall, over HTTP | `core`, `export`, `photo_service`, `pipeline`, `score` |
+//! | `photo_service` | what a page asks for → its photograph with typed facts, on a server or as a WebAssembly module in the browser | `core`, `export`, `letters`, `logs`, `picture`, `pipeline`, `score`, `sim` |
+//! | `serve` | the page for visitors with its queue and its wall, over HTTP | `core`, `export`, `logs`, `photo_service`, `pipeline`, `score` |
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!

@@ -2,11 +2,15 @@
 
 Every fault that was found in a hall has its test here; each name is a claim."""
 
+import csv
 import json
 import random
 import re
+import shutil
+import subprocess
 import sys
 import tempfile
+import threading
 import time
 import urllib.request
 import zipfile
@@ -1054,6 +1058,150 @@ def a_phone_counts_down_to_its_flight_and_runs_it_live(hall):
         assert not trouble and not mine_trouble, (trouble, mine_trouble)
     finally:
         server.kill()
+
+
+# Variables of a script's log, and columns of a flight.
+LOGGED = {"stateEstimate.x": "x_m", "stateEstimate.y": "y_m", "stateEstimate.z": "z_m",
+          "ctrltarget.x": "x_design_m", "ctrltarget.y": "y_design_m", "ctrltarget.z": "z_design_m"}
+
+
+def log_of(word):
+    """The lines of the log that a script keeps of a flight of a word, which is simulated."""
+    with tempfile.TemporaryDirectory() as folder:
+        for line in (f"plan {word} -o plan.csv", "fly plan.csv -o flight.csv"):
+            subprocess.run([Path(PROGRAM).resolve(), *line.split()], cwd=folder, check=True, capture_output=True)
+        lines, lamp, due = [{"noctograph": {"word": word, "firmware": "2026.08"}}], None, 0.0
+        for row in csv.DictReader(open(Path(folder, "flight.csv"))):
+            at = {"time": round(1000 * float(row["time_s"]))}
+            if row["light.headlights"] != lamp:
+                lamp = row["light.headlights"]
+                lines.append({**at, "light.headlights": float(lamp)})
+            if float(row["time_s"]) >= due:
+                due += 0.02
+                lines.append({**at, **{name: float(row[column]) for name, column in LOGGED.items()}})
+    return [json.dumps(line) + "\n" for line in [*lines, {"end": True}]]
+
+
+def flown(path, lines, goes_on):
+    """Writes half of the light of a log at once, then a sample now and then, and the rest when it goes on."""
+    changes = [n for n, line in enumerate(lines) if "headlights" in line]
+    half = changes[len(changes) // 2]
+
+    def write():
+        with open(path, "x", buffering=1) as file:
+            file.write("".join(lines[:half]))
+            rest = iter(lines[half:])
+            while not goes_on.wait(0.5):
+                file.write(next(rest))
+            file.write("".join(rest))
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    return thread
+
+
+# How bright a photograph of the wall is, as it comes from the server.
+BRIGHT = """selector => {
+    const image = document.querySelector(selector), pen = new OffscreenCanvas(96, 54).getContext("2d");
+    if (!image?.complete || !image.naturalWidth) return 0;
+    pen.drawImage(image, 0, 0, 96, 54);
+    return pen.getImageData(0, 0, 96, 54).data.reduce((sum, value, n) => sum + (n % 4 < 3 ? value : 0), 0);
+}"""
+
+
+def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
+    """The operator starts the script; its log grows in the folder that the server watches."""
+    with tempfile.TemporaryDirectory() as gallery, tempfile.TemporaryDirectory() as flights:
+        lines = log_of("LO")
+        # That of another evening, which has nothing to do with this one.
+        Path(flights, "LO_flight.jsonl").write_text("".join(lines))
+        begin = lambda: Server(PROGRAM, "--network", "--gallery", gallery, "--flights", flights)
+        server = begin()
+        try:
+            page, trouble = opened(hall.browser, server.page, viewport=PHONE)
+            ready(page)
+            write(page, "LO")
+            page.click("#send")
+            page.wait_for_selector("#sent h2")
+            home = kept(page)["sent"]["id"]
+            mine, mine_trouble = opened(hall.browser, f"{server.host}/e/{home}/", viewport=PHONE)
+            ready(mine)
+            wall, wall_trouble = opened(hall.browser, f"{server.page}wall.html", viewport=DESK)
+            wall.wait_for_selector("#invite p")
+            host, host_trouble = opened(hall.browser, server.operator)
+            host.wait_for_selector("#list button")
+            told = lambda text: until(host, f"document.querySelector('#flights').innerText.includes({text!r})", what=text)
+
+            # Nobody has approved it: nothing hangs, and the operator is told. Nor does a file that is no log.
+            Path(flights, "01-LO").mkdir()
+            path = Path(flights, "01-LO", "LO_flight.jsonl")
+            goes_on = threading.Event()
+            flight = flown(path, lines, goes_on)
+            told("01-LO/LO_flight.jsonl writes LO, which is neither in the air nor approved.")
+            Path(flights, "notes.jsonl").write_text("[1]\n")
+            told("notes.jsonl cannot be shown")
+            assert wall.locator("figure img").count() == 0, "nothing hangs that nobody approved"
+
+            # From then on the wall shows it beside what was promised.
+            host.keyboard.press("a")
+            until(wall, "document.querySelector('.pair .side:nth-child(2) img[src*=live]')", "the light on the wall")
+            said = wall.inner_text("#newest")
+            assert re.search(r"promised 0\.\d+", said) and "flying now" in said and "LO" in said, said
+            assert wall.evaluate("document.querySelector('.pair img').src").endswith(".jpg"), "what was promised"
+            light = lambda side: wall.evaluate(BRIGHT, f".pair .side:nth-child({side}) img")
+
+            def shines(least, most):
+                """Waits until the flown photograph has as much of the promised one's light."""
+                begun = time.monotonic()
+                while not least < (part := light(2) / max(light(1), 1)) < most:
+                    assert time.monotonic() < begun + PATIENCE_S, f"{part} of the light"
+                    time.sleep(0.05)
+            shines(0.3, 0.8)
+            Path(flights, "LO_flight-2.jsonl").write_text("".join(lines[:-1]))
+            told("LO_flight-2.jsonl comes after the flight that is shown.")
+            if picture := os.environ.get("NOCTOGRAPH_PICTURES"):
+                wall.screenshot(path=f"{picture}/flying.png")
+            goes_on.set()
+            flight.join()
+            until(wall, "document.querySelector('#newest').innerText.includes('flown 0.')", "the end of the flight")
+            shines(0.9, 1.1)
+            if picture:
+                wall.screenshot(path=f"{picture}/flown.png")
+
+            # The visitor keeps it, and both are in the folder of the entry.
+            until(mine, "document.querySelector('#keep').textContent === 'Keep the flown photograph'")
+            assert re.search(r"Promised 0\.\d+, flown 0\.\d+\.", mine.inner_text("#state")), mine.inner_text("#state")
+            until(mine, "document.querySelector('#photo').src.endsWith('/flown-1.jpg')")
+            with mine.expect_download() as download:
+                mine.click("#keep")
+            entry = next(Path(gallery).glob("*-LO"))
+            own = Path(download.value.path()).read_bytes()
+            assert own == Path(entry, "flown-1.png").read_bytes()
+            expose = [PROGRAM, "expose", str(path), "--scene", str(entry / "scene.toml"), "--backend", "cpu", "-o", f"{flights}/exposed.png"]
+            subprocess.run(expose, check=True, capture_output=True)
+            assert own == Path(flights, "exposed.png").read_bytes(), "the photograph of `expose`"
+            with mine.expect_download() as download:
+                mine.get_by_text("Keep the promised one").click()
+            assert Path(download.value.path()).read_bytes() == Path(entry, "photo.png").read_bytes()
+
+            # The second one has no end: 20 s after its last line it is over.
+            told("LO_flight-2.jsonl ended early.")
+            until(mine, "document.querySelector('#photo').src.endsWith('/flown-2.jpg')", "the second flight")
+            host.click("#tabs button:nth-child(2)")
+            host.wait_for_selector("[data-do=fly]")
+            assert "Flown photograph" in host.inner_text(".facts"), host.inner_text(".facts")
+            for name, found in {"visitor": trouble, "wall": wall_trouble, "operator": host_trouble, "home": mine_trouble}.items():
+                assert not found, f"{name}: {found}"
+            server.kill()
+            server = begin()
+            until(wall, "!document.querySelector('#lost').textContent && document.querySelector('#newest').innerText.includes('flown 0.')", "both after a kill")
+            # The folder vanishes, and comes again.
+            host, _ = opened(hall.browser, server.operator)
+            shutil.move(flights, f"{flights}-gone")
+            told("The folder of flights cannot be read")
+            shutil.move(f"{flights}-gone", flights)
+            until(host, "!document.querySelector('#flights').innerText", "the folder again")
+        finally:
+            server.kill()
 
 
 def more_has_two_levels(hall):

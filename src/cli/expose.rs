@@ -1,11 +1,12 @@
 //! `noctograph expose`: the photograph of flights.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use super::advice::mentioned;
 use super::device::tried;
 use super::flags::{SceneFlags, SeedFlag, set_word, warn_of};
-use super::flight_flags::{FlightFlags, light_if_dark};
+use super::flight_flags::{FlightFlags, light_if_dark, note};
 use super::follow::{Letters, begun, follow};
 use super::names::named;
 use super::outcome::Report;
@@ -87,11 +88,11 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     }
     let plan = args.plan.as_deref();
     let mut letters = plan.map(|plan| Letters::new(plan, &scene, logs.len())).transpose()?;
-    let mut film = GrowingFilm::default();
+    let (mut film, mut noted) = (GrowingFilm::default(), BTreeSet::new());
     // One thread, so that the time of the work is that of one core.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().ok();
     let (shot, path) = follow(logs, |logs| {
-        let shoot = args.shoot_logs(scene.clone(), logs)?;
+        let shoot = args.shoot_logs(scene.clone(), logs, &mut noted)?;
         let shot = match &pool {
             Some(pool) => pool.install(|| shoot.take_on(&mut film)),
             None => shoot.take_on(&mut film),
@@ -132,12 +133,18 @@ impl ExposeArgs {
         self.format.map_or_else(|| Format::from_path(&self.output), Ok)
     }
 
-    /// Imports logs as far as they have come.
-    fn shoot_logs(&self, mut scene: Scene, logs: &[GrowingLog]) -> Result<Shoot> {
+    /// Imports logs as far as they have come. Prints each note once.
+    fn shoot_logs(
+        &self,
+        mut scene: Scene,
+        logs: &[GrowingLog],
+        noted: &mut BTreeSet<String>,
+    ) -> Result<Shoot> {
         let mut recordings = Vec::new();
         for (log, path) in logs.iter().zip(&self.flights) {
             let mut flight = log.flight(&self.flight.options(Some(&scene)))?.flight;
-            light_if_dark(&mut flight, &mut scene, path, self.lit)?;
+            let text = light_if_dark(&mut flight, &mut scene, path, self.lit)?;
+            text.filter(|text| noted.insert(text.clone())).into_iter().for_each(note);
             recordings.push(Recording::Flight(flight));
         }
         let shoot = Shoot::with_recordings(scene, recordings)?;

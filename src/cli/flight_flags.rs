@@ -121,7 +121,7 @@ impl FlightFlags {
             let Warned { product: mut recording, warnings } = Recording::read(path, &options)?;
             warn_of(path, &warnings);
             if let Recording::Flight(flight) = &mut recording {
-                light_if_dark(flight, &mut scene, path, lit)?;
+                light_if_dark(flight, &mut scene, path, lit)?.into_iter().for_each(note);
             }
             recordings.push(recording);
             Shoot::check_recordings(&recordings)?;
@@ -130,28 +130,33 @@ impl FlightFlags {
     }
 }
 
+/// Prints a note.
+pub(super) fn note(text: String) {
+    message("note: ", &text);
+}
+
 /// Gives a log without lights those of the scene's word, or lights it all along if it is to be
-/// `lit`.
+/// `lit`. Returns a note as [`infer_lights_if_dark`] does.
 pub(super) fn light_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
     path: &Path,
     lit: bool,
-) -> Result<()> {
+) -> Result<Option<String>> {
     if lit && flight.lights.is_empty() {
         crate::shoot::light_while_airborne(flight, scene);
-        return Ok(());
+        return Ok(None);
     }
     infer_lights_if_dark(flight, scene, path)
 }
 
-/// Infers the lights of a log without any from the scene's word. Prints a note if a preset's
+/// Infers the lights of a log without any from the scene's word. Returns a note if a preset's
 /// letters fit the setpoints and the scene's do not.
 pub(super) fn infer_lights_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
     path: &Path,
-) -> Result<()> {
+) -> Result<Option<String>> {
     let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| {
         let hint = format!(
             "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
@@ -162,11 +167,10 @@ pub(super) fn infer_lights_if_dark(
         );
         error.with_hint(hint)
     })?;
-    if let Some(preset) = preset {
+    Ok(preset.map(|preset| {
         let (path, name) = (path.display(), preset.name());
         let note = "its setpoints are on the letters of";
         let more = format!("which are used; `--scene {name}` has that drone and its lamps, too");
-        message("note: ", &format!("{path}: {note} {name}, {more}"));
-    }
-    Ok(())
+        format!("{path}: {note} {name}, {more}")
+    }))
 }

@@ -19,6 +19,7 @@ use crate::preflight::check_written;
 use crate::scene::Scene;
 use crate::score::{Reader, Verdict, View};
 use crate::shoot::Shot;
+use crate::tracking::on_plan_s;
 
 /// Time between two looks at the logs.
 const LOOK: Duration = Duration::from_millis(50);
@@ -84,8 +85,7 @@ pub(super) fn follow<T>(
 /// The letters of a plan, which are read when they are complete.
 pub(super) struct Letters {
     reader: Reader,
-    /// Time in the plan of its first light.
-    first_light_s: f64,
+    plan: Plan,
     /// Index of each letter, and the time in the plan of its last setpoint, in order of time.
     ends_s: Vec<(usize, f64)>,
     n_told: usize,
@@ -109,12 +109,8 @@ impl Letters {
         }
         let mut ends_s = Vec::from_iter(ends_s);
         ends_s.sort_by(|a, b| a.1.total_cmp(&b.1));
-        // Flights have no plan's clock, but the same first light.
-        let first = first_lit(plan.lights.values());
-        let first = first.or_else(|| plan.setpoints.iter().position(|s| s.letter.is_some()));
-        let first_light_s = first.map_or(0.0, |row| plan.setpoints[row].time_s);
         let reader = Reader::new(&strokes, &scene.score)?;
-        Ok(Self { reader, first_light_s, ends_s, n_told: 0 })
+        Ok(Self { reader, plan, ends_s, n_told: 0 })
     }
 
     /// Reads the photo and says how, if letters were completed since the last time.
@@ -138,13 +134,11 @@ impl Letters {
         Ok(())
     }
 
-    /// Returns the number of letters that are complete. The first light of flight and plan is at
-    /// the same time.
+    /// Returns the number of letters that are complete.
     fn n_complete(&self, flight: &Flight) -> usize {
-        let Some(first) = first_lit(flight.lights.values()) else { return 0 };
-        let [first_s, last_s] = [Some(&flight.samples[first]), flight.samples.last()]
-            .map(|sample| sample.map_or(0.0, |sample| sample.time_s));
-        let plan_s = last_s - first_s + self.first_light_s - AFTER_LETTER_S;
+        let Some(on_plan_s) = on_plan_s(flight, &self.plan) else { return 0 };
+        let last_s = flight.samples.last().map_or(0.0, |sample| sample.time_s);
+        let plan_s = last_s + on_plan_s - AFTER_LETTER_S;
         self.ends_s.iter().take_while(|(_, end_s)| *end_s <= plan_s).count()
     }
 
@@ -152,9 +146,4 @@ impl Letters {
     pub(super) fn read(&self, shot: &Shot) -> Result<Verdict> {
         self.reader.score(&shot.photo, &View::from(&shot.camera))
     }
-}
-
-/// Returns the first row at which a channel is lit.
-fn first_lit<'a>(channels: impl Iterator<Item = &'a Vec<f64>>) -> Option<usize> {
-    channels.filter_map(|levels| levels.iter().position(|level| *level > 0.0)).min()
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::evening;
 use super::flags::{SceneFlags, set_word};
 use super::flight_flags::FlightFlags;
-use super::flight_flags::infer_lights_if_dark;
+use super::flight_flags::{infer_lights_if_dark, note};
 use super::outcome::Report;
 use super::output::Outputs;
 use super::show::flight_report;
@@ -58,7 +58,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word);
-        infer_lights_if_dark(&mut flight, &mut scene, &args.log)?;
+        infer_lights_if_dark(&mut flight, &mut scene, &args.log)?.into_iter().for_each(note);
         if flight.lights.is_empty() {
             warn([
                 "--word has no effect: letters and lights are inferred from setpoints, which the log \

@@ -30,6 +30,7 @@ mod expose;
 mod findings;
 mod flags;
 mod flight_flags;
+mod flown;
 mod fly;
 mod follow;
 mod gains;

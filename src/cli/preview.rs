@@ -15,7 +15,7 @@ use super::printer::{line, table, wrapped};
 use super::progress::watch;
 use super::spread::SpreadFlags;
 use super::terminal::warn;
-use super::{findings, show};
+use super::{findings, flown, show};
 use crate::diagnostic::Diagnostic;
 use crate::error::Result;
 use crate::export::{Form, Length};
@@ -50,6 +50,9 @@ pub(super) struct PreviewArgs {
     /// Also write report.html: one page with everything, to print or to hand in
     #[arg(long)]
     report: bool,
+    /// Log of the flight: compare its photo with this one, letter by letter
+    #[arg(long, value_name = "LOG")]
+    flown: Option<PathBuf>,
     /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
@@ -61,6 +64,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let shoot = planned(args)?;
     // Conditions and the folder are checked before the long work, because they may be refused.
     let conditions = args.spread.conditions()?;
+    let flown = args.flown.as_deref().map(|log| flown::prepared(&shoot, log)).transpose()?;
     let mut folder = OutputFolder::create(&args.output)?;
     let n_numbered = Some(shoot.plans.len()).filter(|n| *n > 1).unwrap_or(0);
     for kind in ["plan", "flight"] {
@@ -68,6 +72,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     let (format, keeps_film) = (Some(Format::Png), args.report);
     let shot = Shoot { format, keeps_film, ..shoot }.take_by(developer, &watch())?;
+    let backend = args.picture.backend;
+    let flown = flown.map(|flown| Shoot { backend, ..flown }.take(&watch())).transpose()?;
     let sentence = |problem: &Diagnostic| problem.sentence(mentioned);
     let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_stop() == are);
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
@@ -112,6 +118,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     report.add(show::drawing(shot.shoot.strokes.as_ref()));
     report.text.extend(flights.iter().map(|flight| &*flight.text));
     report.add(show::camera(&shot));
+    let flown = flown.map(|flown| flown::compare(&shot, flown));
+    let flown = flown.map(|(facts, notes)| {
+        report.add(facts);
+        notes
+    });
     let mut drawings = Vec::new();
     if let Some(spread) = spread {
         report.text += &spread.report.text;
@@ -128,6 +139,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
             typed: mentioned,
             command: &typed_command(),
             drawings: &drawings,
+            flown: flown.as_ref(),
         };
         let html = shot_page(&shot, &notes)?.html();
         folder.write(REPORT, html)?;

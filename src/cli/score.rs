@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::flags::{SceneFlags, set_word, typed_word};
-use super::flight_flags::infer_lights_if_dark;
 use super::flight_flags::{FLIGHTS, FlightFlags};
+use super::flight_flags::{infer_lights_if_dark, note};
 use super::names::Corners;
 use super::outcome::{Report, shell_word};
 use super::output::{Output, is_svg};
@@ -127,7 +127,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     for path in &args.flight {
         let mut flight = args.flights.read(path, Some(&scene))?;
         // Lights are inferred as `expose` does it.
-        infer_lights_if_dark(&mut flight, &mut scene, path)?;
+        infer_lights_if_dark(&mut flight, &mut scene, path)?.into_iter().for_each(note);
         flights.push(flight);
     }
     check_flights(args, &flights, notes.flight_sha256.as_deref())?;

@@ -45,6 +45,9 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
+    /// Folder with the scripts that fly and their logs: the wall shows the light as it is written
+    #[arg(long, value_name = "DIR")]
+    flights: Option<PathBuf>,
     /// The page's module, which `src/photo_service/build` writes: visitors' browsers make their
     /// photos by it
     #[arg(long, value_name = "FILE")]
@@ -90,6 +93,7 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         network: args.network,
         open_wall: args.open_wall,
         brand: args.brand.clone(),
+        flights: args.flights.clone(),
     };
     if args.module.is_some() && !is_whole {
         warn(["the scene has files of this machine: photos are made here, not by --module"]);

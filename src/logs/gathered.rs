@@ -127,6 +127,12 @@ pub fn scene_in(log: &Path) -> Option<String> {
     Some(about.get("scene")?.as_str()?.to_owned())
 }
 
+/// Returns the word that an exported script keeps in the head of its log.
+pub fn word_in(log: &Path) -> Option<String> {
+    let about = script_entry(&LIMIT.beginning(log, HEAD_BYTES).ok()?)?;
+    Some(about.get("word")?.as_str()?.to_owned())
+}
+
 /// Returns the entry `noctograph` of an exported script in its log. It is usually at the start, but
 /// another program may have rewritten the log.
 fn script_entry(log: &[u8]) -> Option<serde_json::Value> {

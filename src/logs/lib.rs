@@ -68,7 +68,7 @@ mod usd;
 
 pub use arrays::doubts;
 use format::Format;
-pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in};
+pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in, word_in};
 use recording::Recording;
 pub use script_lines::GrowingLog;
 

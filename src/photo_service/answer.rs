@@ -11,6 +11,7 @@ use super::PreparedScene;
 use super::messages::{Message, code_on_page};
 use super::replay::{LetterBox, LightMap, boxes, end_s};
 use super::request::{LOG, Product, Subject};
+use noctograph_core::camera::{Camera, Metering};
 use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
@@ -18,12 +19,15 @@ use noctograph_core::geometry::{bounds, simplify};
 use noctograph_core::strokes::{Source, SourceStroke, Strokes};
 use noctograph_export::zip::zip;
 use noctograph_export::{File, Form, Format as ExportFormat};
-use noctograph_picture::expose::BackendChoice;
+use noctograph_logs::{GrowingLog, ImportOptions};
+use noctograph_picture::expose::{BackendChoice, GrowingFilm};
 use noctograph_picture::photo::jpeg;
 use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile, make_exportable};
 use noctograph_pipeline::scene::{CarriedScene, Scene};
 use noctograph_pipeline::shoot::problems::FLAWS;
-use noctograph_pipeline::shoot::{Format, Judging, Shoot, Shot, Watch};
+use noctograph_pipeline::shoot::{
+    Format, Judging, Recording, Shoot, Shot, Watch, infer_lights_if_dark,
+};
 use noctograph_score::Verdict;
 use noctograph_sim::ControllerOptions;
 
@@ -59,7 +63,7 @@ pub enum Facts {
     Live(Box<LiveFacts>),
     /// Facts about the large photo.
     Large(Box<LargeFacts>),
-    /// Facts about the scripts: none.
+    /// Facts about scripts, and about the photo of a flight that has not ended: none.
     Script {},
 }
 
@@ -224,6 +228,15 @@ pub struct Studio<'a> {
     pub watch: &'a Watch<'a>,
 }
 
+/// The film of a flight that is followed.
+#[derive(Debug, Default)]
+pub struct FlightFilm {
+    film: GrowingFilm,
+    /// Aperture and sensitivity of the photo that was promised. Those for the light so far would
+    /// change with each letter.
+    exposure: Option<[f64; 2]>,
+}
+
 /// A subject that is ready to be photographed.
 struct Ready {
     shoot: Shoot,
@@ -320,9 +333,75 @@ impl Studio<'_> {
         Ok(Answer { facts: Facts::Live(facts.into()), files })
     }
 
+    /// Photographs the flight of a subject from its log. As long as it flies, the photo is not
+    /// judged, and only its new light is drawn on the film. There is no photo of a log that is
+    /// still too short. When the flight is over, the answer is that of the large photo.
+    pub fn follow(
+        &self,
+        subject: &Subject,
+        log: &GrowingLog,
+        film: &mut FlightFilm,
+        is_over: bool,
+    ) -> Made {
+        match self.flown(subject, log, film, is_over) {
+            Ok(answer) => Ok(answer),
+            Err(_too_short) if !is_over => {
+                Ok(Answer { facts: Facts::Script {}, files: Vec::new() })
+            }
+            Err(Refusal::Stage(error)) => Err(Message::of_log_error(&error)),
+            Err(Refusal::Page(message)) => Err(message),
+        }
+    }
+
+    fn flown(
+        &self,
+        subject: &Subject,
+        log: &GrowingLog,
+        film: &mut FlightFilm,
+        is_over: bool,
+    ) -> Attempt<Answer> {
+        // The scene is that of the photo that was promised, with the same camera.
+        let (PreparedScene { mut scene, profile }, strokes) =
+            self.strokes_for(subject, LARGE_PIXELS)?;
+        if !is_over {
+            let exposure = match film.exposure {
+                Some(exposure) => exposure,
+                None => {
+                    let promised = Shoot::of_strokes(scene.clone(), strokes, &|_| Ok(()))?;
+                    let Camera { f_number, iso, .. } = promised.lighting(self.watch)?.camera;
+                    [f_number, iso]
+                }
+            };
+            film.exposure = Some(exposure);
+            [scene.camera.f_number, scene.camera.iso] = exposure;
+            scene.camera.metering = Metering::Off;
+        }
+        let firmware = Some(scene.vehicle.firmware);
+        let mut flight = log.flight(&ImportOptions { firmware, ..Default::default() })?.flight;
+        infer_lights_if_dark(&mut flight, &mut scene)?;
+        let shoot = Shoot::with_recordings(scene, vec![Recording::Flight(flight)])?;
+        if is_over {
+            let ready = Ready { shoot, profile, source: None, notes: Vec::new() };
+            return self.judged(subject, ready, false, Some(Format::Png));
+        }
+        let shoot = Shoot { judging: Judging::Skipped, keeps_film: false, ..shoot };
+        let files = vec![jpeg_file(&shoot.take_on(&mut film.film)?, LIVE_QUALITY)];
+        Ok(Answer { facts: Facts::Script {}, files })
+    }
+
     /// Makes the large photo, with its files if there is a `format`.
     fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Attempt<Answer> {
-        let Ready { shoot, profile, notes, .. } = self.prepare(subject, LARGE_PIXELS)?;
+        self.judged(subject, self.prepare(subject, LARGE_PIXELS)?, advice, format)
+    }
+
+    /// Takes the large photo of a subject that is ready.
+    fn judged(
+        &self,
+        subject: &Subject,
+        Ready { shoot, profile, notes, .. }: Ready,
+        advice: bool,
+        format: Option<Format>,
+    ) -> Attempt<Answer> {
         let shot = self.take(shoot, Judging::Explained, format)?;
         // The flight of a log has ended, so it needs no check.
         let findings = match shot.shoot.is_planned {
@@ -398,7 +477,7 @@ fn jpeg_file(shot: &Shot, quality: u8) -> File {
 /// Returns the message to a page about an error.
 fn refusal_message(error: &Error, subject: &Subject) -> Message {
     match (error, &subject.log) {
-        (Error::Input { .. }, Some(_)) => Message::of_log(&format!("{error}: {}", error.hint())),
+        (Error::Input { .. }, Some(_)) => Message::of_log_error(error),
         _ => Message::of_error(error, subject.is_picture()),
     }
 }

@@ -147,9 +147,11 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// Returns a message about a log, always in English, since it names parts of the log.
-    pub fn of_log(text: &str) -> Self {
-        let (text, hint) = (without_paths(text), String::new());
+    /// Returns the message about an error of a log, always in English, since it names parts of the
+    /// log.
+    pub fn of_log_error(error: &Error) -> Self {
+        let text = format!("{error}: {}", error.hint());
+        let (text, hint) = (without_paths(&text), String::new());
         Self { key: "log".into(), values: json!({}), text, hint }
     }
 

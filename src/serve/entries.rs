@@ -6,13 +6,15 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use hyper::body::Bytes;
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
 use super::gallery::{
-    self, Entry, Figures, ForOperator, Gallery, Order, Photo, State, regular_file,
+    self, Entry, Figures, FlownPhoto, ForOperator, Gallery, Order, Photo, State, regular_file,
 };
+use super::worker::Parcel;
 use noctograph_core::error::Result;
 use noctograph_photo_service::messages::{Key, KeyResult};
 use noctograph_photo_service::request::Subject;
@@ -31,6 +33,9 @@ const MAX_ON_WALL: usize = 500;
 const NEWS_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time between two flights, to change batteries and to carry the drone back.
 const BETWEEN_S: f64 = 60.0;
+
+/// Title of a drawing in its scripts and logs.
+const DRAWING: &str = "drawing";
 
 /// An action of the operator on an entry.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
@@ -61,6 +66,9 @@ pub(crate) struct ForVisitor {
     flight_s: f64,
     read: Option<String>,
     legible: Option<bool>,
+    readability: Option<f64>,
+    /// Its flight, if the log was followed.
+    flown: Option<FlownPhoto>,
     /// Number of entries that fly before it, and the time that they take.
     ahead: usize,
     ahead_s: f64,
@@ -82,6 +90,32 @@ struct WallPhoto {
     flight_s: f64,
     /// True if it is in the air.
     flying: bool,
+    readability: Option<f64>,
+    /// Its flight, if the log was followed.
+    flown: Option<FlownPhoto>,
+    /// True if the light of its flight is shown as far as it has come.
+    live: bool,
+}
+
+/// The photo of a flight as far as it has come.
+#[derive(Debug)]
+struct Light {
+    /// Name of the entry.
+    id: String,
+    jpeg: Bytes,
+    /// False when the flight is over. A wall may still get the last photo.
+    is_live: bool,
+}
+
+/// A note for the operator about the log of a flight.
+#[derive(Debug, PartialEq, Serialize)]
+pub(crate) struct FlightNote {
+    /// Name of its sentence.
+    pub(crate) key: &'static str,
+    /// Name of the log.
+    pub(crate) name: String,
+    /// The reason, in English, or the word that the log writes.
+    pub(crate) why: String,
 }
 
 /// The whole queue, for the operator.
@@ -93,6 +127,8 @@ struct Queue<'a> {
     entries: Vec<ForOperator<'a>>,
     /// Name of the entry that is in the air.
     flying: Option<&'a str>,
+    /// About the logs of flights.
+    notes: &'a Vec<FlightNote>,
 }
 
 #[derive(Debug, Serialize)]
@@ -117,6 +153,9 @@ struct List {
     /// Time at which the entry in the air took off.
     took_off: Option<Instant>,
     senders: Senders,
+    /// The flight that is followed.
+    light: Option<Light>,
+    notes: Vec<FlightNote>,
 }
 
 #[derive(Debug)]
@@ -324,6 +363,7 @@ impl Entries {
             paused: list.paused,
             entries: list.entries.iter().map(|stored| stored.entry.for_operator()).collect(),
             flying: list.first(|entry| entry.state == State::Flying).map(|s| &*s.entry.id),
+            notes: &list.notes,
         };
         serde_json::to_string(&queue).expect("entries are plain data")
     }
@@ -333,9 +373,9 @@ impl Entries {
         let list = self.list();
         let index = list.index(id)?;
         let (ahead, ahead_s) = list.ahead(index);
-        let Entry { id, number, title, made, state, language, figures, .. } =
+        let Entry { id, number, title, made, state, language, figures, flown, .. } =
             list.entries[index].entry.clone();
-        let Figures { flight_s, read, legible, .. } = figures;
+        let Figures { flight_s, read, legible, readability, .. } = figures;
         // The date of an RFC 3339 time has ten characters.
         let made = made.get(..10).unwrap_or_default().to_owned();
         Ok(ForVisitor {
@@ -348,6 +388,8 @@ impl Entries {
             flight_s,
             read,
             legible,
+            readability,
+            flown,
             ahead,
             ahead_s,
             flown_s: list.flown_s(&list.entries[index].entry),
@@ -375,6 +417,9 @@ impl Entries {
             title: entry.title.clone(),
             flight_s: entry.figures.flight_s,
             flying: entry.state == State::Flying,
+            readability: entry.figures.readability,
+            flown: entry.flown.clone(),
+            live: list.light.as_ref().is_some_and(|light| light.is_live && light.id == entry.id),
         });
         Wall { revision: *self.revision.borrow(), photos: photos.collect() }
     }
@@ -385,6 +430,100 @@ impl Entries {
         regular_file(
             list.first(|entry| entry.key == key && self.is_shown(entry))?.folder.join(name),
         )
+    }
+
+    /// Returns the path of a file of an entry's flight. `None` if the entry has no such flight.
+    pub(crate) fn flown_file(&self, id: &str, name: &str) -> Option<PathBuf> {
+        self.list().flown_file(|entry| entry.id == id, name)
+    }
+
+    /// The same for an entry on the wall.
+    pub(crate) fn wall_flown(&self, key: &str, name: &str) -> Option<PathBuf> {
+        self.list().flown_file(|entry| entry.key == key && self.is_shown(entry), name)
+    }
+
+    /// Returns the photo of a flight as far as it has come, for an entry on the wall.
+    pub(crate) fn wall_light(&self, key: &str) -> Option<Bytes> {
+        let list = self.list();
+        let stored = list.first(|entry| entry.key == key && self.is_shown(entry))?;
+        let light = list.light.as_ref().filter(|light| light.id == stored.entry.id)?;
+        Some(light.jpeg.clone())
+    }
+
+    /// Returns name and number of drones of the entry that a log of a word belongs to: the one in
+    /// the air, or else the first one that was approved, preferably without a flight. `None` if
+    /// there is none.
+    pub(crate) fn flies(&self, word: &str) -> Option<(String, usize)> {
+        let list = self.list();
+        let writes = |entry: &Entry| match &entry.title {
+            // As the scene of a typed word has it.
+            Some(title) => title.replace("\\n", "\n") == word,
+            None => word == DRAWING,
+        };
+        let rank = |entry: &Entry| match (entry.state, entry.flown.is_some()) {
+            (State::Flying, _) => Some(0),
+            (State::Approved, false) => Some(1),
+            (State::Flown, false) => Some(2),
+            (State::Approved, true) => Some(3),
+            _ => None,
+        };
+        let entries = list.entries.iter().map(|stored| &stored.entry);
+        let ranked =
+            entries.filter(|entry| writes(entry)).filter_map(|entry| Some((rank(entry)?, entry)));
+        let (_, entry) = ranked.min_by_key(|(rank, _)| *rank)?;
+        Some((entry.id.clone(), entry.figures.drones))
+    }
+
+    /// Returns the subject of an entry. `None` if it cannot be read.
+    pub(crate) fn subject(&self, id: &str) -> Option<Subject> {
+        let folder = self.list().first(|entry| entry.id == id)?.folder.clone();
+        gallery::read_subject(&folder)
+    }
+
+    /// True if the operator has approved an entry, and has not taken that back.
+    pub(crate) fn is_approved(&self, id: &str) -> bool {
+        let is_approved = |entry: &Entry| !matches!(entry.state, State::Waiting | State::Rejected);
+        self.list().first(|entry| entry.id == id).is_some_and(|stored| is_approved(&stored.entry))
+    }
+
+    /// Shows the photo of a flight as far as it has come. Walls are told when it begins.
+    pub(crate) fn shine(&self, id: &str, jpeg: Vec<u8>) {
+        let mut list = self.list();
+        let was_live = list.light.as_ref().is_some_and(|light| light.is_live && light.id == id);
+        list.light = Some(Light { id: id.to_owned(), jpeg: jpeg.into(), is_live: true });
+        if !was_live {
+            self.announce_change();
+        }
+    }
+
+    /// Ends the flight that is shown.
+    pub(crate) fn end_light(&self) {
+        if let Some(light) = self.list().light.as_mut().filter(|light| light.is_live) {
+            light.is_live = false;
+            self.announce_change();
+        }
+    }
+
+    /// Stores the photo of an entry's flight.
+    pub(crate) fn land(&self, id: &str, Parcel { figures, files }: &Parcel) -> KeyResult<()> {
+        let folder = self.list().first(|entry| entry.id == id).ok_or(Key::Closed)?.folder.clone();
+        // The list is not locked for as long as the disk takes.
+        let name = gallery::write_flown(&folder, files).map_err(|_cause| Key::DiskFull)?;
+        let mut list = self.list();
+        let index = list.index(id)?;
+        let flown = FlownPhoto { name, readability: figures.readability };
+        list.entries[index].change(|entry| entry.flown = Some(flown))?;
+        self.announce_change();
+        Ok(())
+    }
+
+    /// Sets the operator's notes about the logs of flights.
+    pub(crate) fn note(&self, notes: Vec<FlightNote>) {
+        let mut list = self.list();
+        if list.notes != notes {
+            list.notes = notes;
+            self.announce_change();
+        }
     }
 
     /// True if an entry is on the wall.
@@ -408,7 +547,7 @@ impl Entries {
         });
         // Drawings have no title.
         let subjects = entries.map(|Stored { entry, folder, .. }| {
-            let title = entry.title.clone().unwrap_or_else(|| "drawing".to_owned());
+            let title = entry.title.clone().unwrap_or_else(|| DRAWING.to_owned());
             (entry.number, title, gallery::read_subject(folder))
         });
         subjects.collect()
@@ -448,6 +587,14 @@ impl List {
     fn receipt(&self, photo: &str) -> Option<Receipt> {
         let Stored { entry, .. } = self.first(|entry| entry.photo == photo)?;
         Some(Receipt { id: entry.id.clone(), number: entry.number, is_new: false })
+    }
+
+    /// Returns the path of a file of the flight of the first wanted entry.
+    fn flown_file(&self, is_wanted: impl Fn(&Entry) -> bool, name: &str) -> Option<PathBuf> {
+        let Stored { entry, folder, .. } = self.first(is_wanted)?;
+        let (flown, _ending) = name.rsplit_once('.')?;
+        entry.flown.as_ref().filter(|entry| entry.name == flown)?;
+        regular_file(folder.join(name))
     }
 
     /// Returns the first wanted entry in the order of flight.

@@ -5,6 +5,8 @@
 //! another name, synced to the disk and then renamed. If the server is killed, a confirmed entry
 //! survives, and any other leaves nothing. Only one server uses a gallery at a time. Links in a
 //! gallery are not followed.
+//!
+//! The photo of a flight, `flown-1.png`, is in the folder before entry.json names it.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -61,7 +63,7 @@ pub(crate) struct Photo {
 #[serde(default)]
 pub(crate) struct Figures {
     /// Number of drones. 0 in an entry of an earlier version.
-    drones: usize,
+    pub(crate) drones: usize,
     /// Duration of the longest flight.
     pub(crate) flight_s: f64,
     /// True if the word is read. For a drawing it is null, as are letters, text and reason.
@@ -70,6 +72,8 @@ pub(crate) struct Figures {
     /// Problems that make any word unreadable.
     obstacles: Vec<Message>,
     pub(crate) read: Option<String>,
+    /// Probability that the word is read. `None` in an entry of an earlier version, too.
+    pub(crate) readability: Option<f64>,
     reason: Option<Reason>,
     /// Checks that stop its flight. Always empty, since such a photo is refused.
     stops: Vec<Message>,
@@ -85,6 +89,7 @@ impl Figures {
             legible: Some(verdict.legible),
             letters: Some(verdict.letters),
             read: Some(verdict.read),
+            readability: Some(verdict.readability),
             reason: verdict.reason,
             ..figures
         }
@@ -112,6 +117,18 @@ pub(crate) struct Entry {
     pub(crate) language: String,
     #[serde(rename = "found")]
     pub(crate) figures: Figures,
+    /// Its last flight, if the log was followed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) flown: Option<FlownPhoto>,
+}
+
+/// The photo of an entry's flight.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub(crate) struct FlownPhoto {
+    /// Name of its files, without their extensions: `flown-2` for the second flight.
+    pub(crate) name: String,
+    /// Probability that the word is read. `None` for a drawing.
+    pub(crate) readability: Option<f64>,
 }
 
 /// An entry as the operator gets it. It borrows, since a queue of hundreds is requested often.
@@ -124,6 +141,7 @@ pub(crate) struct ForOperator<'a> {
     state: &'a State,
     hidden: &'a bool,
     visitor: Option<&'a str>,
+    flown: &'a Option<FlownPhoto>,
     #[serde(flatten)]
     figures: &'a Figures,
 }
@@ -237,15 +255,16 @@ impl Entry {
             photo: photo.id.clone(),
             language: language.to_owned(),
             figures: photo.figures.clone(),
+            flown: None,
         })
     }
 
     /// Returns the part of the entry that the operator gets.
     pub(crate) fn for_operator(&self) -> ForOperator<'_> {
-        let Self { id, number, title, made, state, hidden, figures, .. } = self;
+        let Self { id, number, title, made, state, hidden, figures, flown, .. } = self;
         // A part of the visitor's name is enough to distinguish visitors.
         let visitor = self.visitor.get(..4);
-        ForOperator { id, number, title, made, state, hidden, visitor, figures }
+        ForOperator { id, number, title, made, state, hidden, visitor, flown, figures }
     }
 
     /// Returns the name of the entry's folder: `0012-NOOR`.
@@ -269,6 +288,19 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
         Err(error) => error.to_string(),
     };
     Err(Error::input(path.display(), wrong, "an entry of this program", TABLE.hint))
+}
+
+/// Writes the photo of a flight of the entry in a folder under a new name, which is returned.
+pub(crate) fn write_flown(folder: &Path, files: &[noctograph_export::File]) -> Result<String> {
+    let exists = |number: &u32| folder.join(format!("flown-{number}.png")).exists();
+    let name = format!("flown-{}", (1..).find(|number| !exists(number)).unwrap_or(1));
+    for (file, ending) in [(JPEG, "jpg"), (REPLAY, "json"), (PNG, "png")] {
+        for noctograph_export::File { bytes, .. } in files.iter().filter(|f| f.name == file) {
+            write(&folder.join(format!("{name}.{ending}")), bytes)?;
+        }
+    }
+    sync(folder).map_err(|source| Error::write(folder, source))?;
+    Ok(name)
 }
 
 /// Writes the file of an entry.

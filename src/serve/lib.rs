@@ -3,8 +3,8 @@
 //!
 //! `http` accepts a connection, `access` admits its request, and `routes` or `operator` answers it.
 //! Visitors' browsers make photos with a `module`. On this machine, a `worker` makes them for other
-//! browsers, for the host and for `entries`, which a `gallery` stores. The page itself is in the
-//! folder `page`.
+//! browsers, for the host and for `entries`, which a `gallery` stores. `flights` follows the logs
+//! of scripts while they fly. The page itself is in the folder `page`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -18,6 +18,7 @@ use access::Access;
 use address::{Address, own_ip};
 use brand::Brand;
 use entries::Entries;
+use flights::Flights;
 use module::Module;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::folder_in;
@@ -31,6 +32,7 @@ mod access;
 mod address;
 mod brand;
 mod entries;
+mod flights;
 mod gallery;
 mod http;
 mod module;
@@ -82,6 +84,8 @@ pub struct ServerConfig {
     pub open_wall: bool,
     /// Folder of the host's words and logo.
     pub brand: Option<PathBuf>,
+    /// Folder in which scripts keep the logs of flights. If it is `None`, no flight is followed.
+    pub flights: Option<PathBuf>,
 }
 
 /// Addresses of the pages, for browsers on this machine and in its network.
@@ -111,6 +115,7 @@ pub fn serve(
     // Everything that can fail comes before the first connection.
     let module = config.module.as_deref().map(Module::read).transpose()?;
     let brand = config.brand.as_deref().map(Brand::read).transpose()?.unwrap_or_default();
+    let flights = config.flights.as_deref().map(Flights::new).transpose()?;
     let temporary = &config.temporary;
     let (scratch, _lock) =
         folder_in(temporary).map_err(|source| Error::write(temporary, source))?;
@@ -138,14 +143,16 @@ pub fn serve(
         visitors: Maker::new(program, scratch.path()),
         host: Maker::new(program, scratch.path()),
         operator: Maker::new(program, scratch.path()),
+        flights: Maker::frugal(program, scratch.path()),
         entries,
         etag: page::etag(),
     };
-    run(listener, server)
+    run(listener, server, flights)
 }
 
-/// Answers all connections on one thread. A few other threads wait for the disk.
-fn run(listener: TcpListener, server: Server) -> Result<()> {
+/// Answers all connections on one thread, and follows flights on another. A few others wait for the
+/// disk.
+fn run(listener: TcpListener, server: Server, flights: Option<Flights>) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .max_blocking_threads(DISK_THREADS)
@@ -155,6 +162,11 @@ fn run(listener: TcpListener, server: Server) -> Result<()> {
         listener.set_nonblocking(true).map_err(no_thread)?;
         let listener = tokio::net::TcpListener::from_std(listener).map_err(no_thread)?;
         let server = Arc::new(server);
+        if let Some(flights) = flights {
+            let server = server.clone();
+            let followed = std::thread::Builder::new().spawn(move || flights.follow(&server));
+            followed.map_err(no_thread)?;
+        }
         match http::accept(listener, move |arrival| server.clone().answer(arrival)).await {}
     })
 }

@@ -85,7 +85,7 @@ impl Server {
                 None => Err(Key::Broken.into()),
                 Some(subject) => {
                     let product = Product::Script;
-                    self.operator.make(Job { product, subject, page: None }).await
+                    self.operator.make(Job { product, subject, page: None, flight: None }).await
                 }
             };
             // A refused entry does not stop the others.

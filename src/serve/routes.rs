@@ -45,6 +45,8 @@ pub(crate) struct Server {
     pub(crate) host: Maker,
     /// Makes scripts for the operator, who waits neither for visitors nor for the host.
     pub(crate) operator: Maker,
+    /// Exposes the flight that is followed, for which nobody waits.
+    pub(crate) flights: Maker,
     pub(crate) entries: Entries,
     /// The `ETag` of the page's files.
     pub(crate) etag: String,
@@ -203,6 +205,12 @@ impl Server {
                 Some((key, "json")) => file_reply(self.entries.wall_file(key, REPLAY)),
                 _ => Err(Key::Closed),
             },
+            // The flight that is followed, and a flight that was.
+            ["wall", key, "live.jpg"] => {
+                let jpeg = self.entries.wall_light(key).ok_or(Key::Closed)?;
+                Ok(http::uncached("image/jpeg", jpeg))
+            }
+            ["wall", key, name] => file_reply(self.entries.wall_flown(key, name)),
             ["qr.svg"] => self.code(Address::visitors_url),
             ["entries", id] => Ok(http::json(&self.entries.for_visitor(id)?)),
             ["entries", id, "qr.svg"] => self.entry_code(id),
@@ -216,6 +224,7 @@ impl Server {
             ["entry.json"] => Ok(http::json(&self.entries.for_visitor(id)?)),
             ["qr.svg"] => self.entry_code(id),
             [name @ (PNG | JPEG | REPLAY)] => file_reply(self.entries.file(id, name)),
+            [name] if name.starts_with("flown-") => file_reply(self.entries.flown_file(id, name)),
             // The page then shows that the photo is gone.
             [""] if self.entries.for_visitor(id).is_err() => {
                 Ok(with_status(self.page(request)?, 404))
@@ -255,7 +264,7 @@ impl Server {
         let id = (name == "photos").then(|| String::from_utf8_lossy(body).into_owned());
         let (number, subject) = (photo.number, photo.subject);
         let page = Some(Asked { id, number });
-        let answer = match maker.make(Job { product, subject, page }).await {
+        let answer = match maker.make(Job { product, subject, page, flight: None }).await {
             Ok(parcel) => parcel.files.into_iter().next().ok_or(Key::Broken)?.bytes,
             Err(message) if message.key == Key::Busy.name() => return Err(Key::Busy),
             Err(message) => PageAnswer::new(Asked { id: None, number }, Err(message)).json().into(),
@@ -299,7 +308,7 @@ impl Server {
     ) -> Result<Receipt, Message> {
         let PhotoRequest { visitor, subject, .. } = photo;
         let product = Product::Large { advice: false, files: true };
-        let job = Job { product, subject: subject.clone(), page: None };
+        let job = Job { product, subject: subject.clone(), page: None, flight: None };
         let Parcel { figures, files } = self.visitors.make(job).await?;
         let (server, photo) = (self.clone(), Photo { id, visitor, subject, figures, files });
         let added =

@@ -4,7 +4,7 @@
 //! worker ends when its pipe is closed, so it does not survive the server. It runs the same
 //! program. A job is a line of JSON, and so is an answer, followed by the bytes of its files.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,7 +27,10 @@ use super::gallery::{Figures, REPLAY};
 use super::{Program, no_thread};
 use noctograph_core::error::{Error, Result};
 use noctograph_export::File;
-use noctograph_photo_service::answer::{Answer, Asked, Facts, Made, PageAnswer, Studio};
+use noctograph_logs::GrowingLog;
+use noctograph_photo_service::answer::{
+    Answer, Asked, Facts, FlightFilm, Made, PageAnswer, Studio,
+};
 use noctograph_photo_service::messages::{Key, Message};
 use noctograph_photo_service::request::{Product, Subject};
 use noctograph_pipeline::scene::Scene;
@@ -60,6 +63,20 @@ pub(crate) struct Job {
     /// The members of the request that its page gets back. With them, the answer is one file for
     /// the page. If it is `None`, the answer is all files.
     pub(crate) page: Option<Asked>,
+    /// The log of a flight of the subject, whose photo is made as far as it has come. The product
+    /// is then ignored.
+    pub(crate) flight: Option<Followed>,
+}
+
+/// A log that grows.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub(crate) struct Followed {
+    /// Absolute path.
+    pub(crate) path: PathBuf,
+    /// Number of the flight. Another file may get the same name.
+    pub(crate) number: u64,
+    /// True if it has ended even without the mark of its end.
+    pub(crate) is_over: bool,
 }
 
 /// The answer to a job.
@@ -82,6 +99,8 @@ pub(crate) struct Maker {
     worker: Arc<Mutex<Option<Worker>>>,
     /// Limits the jobs that wait.
     permits: Semaphore,
+    /// True if the worker uses one processor core.
+    is_frugal: bool,
 }
 
 /// Aborts a task when it is dropped, which kills the worker that the task owns.
@@ -96,7 +115,13 @@ impl<T> Drop for AbortOnDrop<T> {
 impl Maker {
     pub(crate) fn new(program: Program, scratch: &Path) -> Self {
         let permits = Semaphore::new(MAX_WAITING);
-        Self { program, scratch: scratch.to_owned(), worker: Arc::default(), permits }
+        let scratch = scratch.to_owned();
+        Self { program, scratch, worker: Arc::default(), permits, is_frugal: false }
+    }
+
+    /// A maker whose worker uses one processor core.
+    pub(crate) fn frugal(program: Program, scratch: &Path) -> Self {
+        Self { is_frugal: true, ..Self::new(program, scratch) }
     }
 
     /// Does a job. If the future is dropped while the job waits, the job is not begun. If it is
@@ -104,13 +129,13 @@ impl Maker {
     pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
         let _permit = self.permits.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
-        let (program, scratch) = (self.program, self.scratch.clone());
+        let (program, scratch, is_frugal) = (self.program, self.scratch.clone(), self.is_frugal);
         let is_live = job.product == Product::Live;
         // The worker returns to its slot only after an answer, so a job that fails kills it.
         let made = tokio::spawn(async move {
             let mut worker = match slot.take() {
                 Some(worker) => worker,
-                None => Worker::start(program, &scratch).map_err(|_cause| Key::Busy)?,
+                None => Worker::start(program, &scratch, is_frugal).map_err(|_cause| Key::Busy)?,
             };
             let limit = if is_live { LIVE_TIMEOUT } else { LARGE_TIMEOUT };
             let answer = timeout(limit, worker.answer(&job)).await.map_err(|_late| {
@@ -142,13 +167,16 @@ struct Worker {
 
 impl Worker {
     /// Starts a worker in a new folder.
-    fn start(program: Program, scratch: &Path) -> std::io::Result<Self> {
+    fn start(program: Program, scratch: &Path, is_frugal: bool) -> std::io::Result<Self> {
         let folder = tempfile::Builder::new().prefix("worker-").tempdir_in(scratch)?;
         let mut command = Command::from((program.worker)()?);
         // In its own process group, a worker does not get Ctrl-C from the terminal, but ends with
         // the server, which closes its pipe.
         #[cfg(unix)]
         command.process_group(0);
+        if is_frugal {
+            command.env("RAYON_NUM_THREADS", "1");
+        }
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.current_dir(folder.path()).kill_on_drop(true).spawn()?;
         let jobs = child.stdin.take().expect("it is piped");
@@ -212,7 +240,8 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     });
     reading.map_err(no_thread)?;
     let folder = std::env::current_dir().map_err(|source| Error::read(".".as_ref(), source))?;
-    let maker = JobMaker { program, scene, faces: RefCell::default() };
+    let faces = RefCell::default();
+    let maker = JobMaker { program, scene, faces, following: Cell::default() };
     for job in jobs {
         // A panic cannot break the cache of typefaces, which is all that remains from a job.
         let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&folder, &job)));
@@ -294,12 +323,28 @@ struct JobMaker<'a> {
     scene: Option<&'a str>,
     /// Typefaces on this machine by the letters of a word.
     faces: RefCell<BTreeMap<BTreeSet<char>, Option<PathBuf>>>,
+    /// The flight that was followed last.
+    following: Cell<Option<Following>>,
+}
+
+/// A flight that is followed: its log, and the light that was drawn.
+struct Following {
+    number: u64,
+    log: GrowingLog,
+    film: FlightFilm,
+}
+
+impl Following {
+    fn open(Followed { path, number, .. }: &Followed) -> Result<Self> {
+        let (number, log) = (*number, GrowingLog::open(path)?);
+        Ok(Self { number, log, film: FlightFilm::default() })
+    }
 }
 
 impl JobMaker<'_> {
     /// Does a job in a new folder that contains all of its files, so that the answer reveals no
     /// path on this machine.
-    fn make_in(&self, parent: &Path, Job { product, subject, .. }: &Job) -> Made {
+    fn make_in(&self, parent: &Path, Job { product, subject, flight, .. }: &Job) -> Made {
         let Ok(_folder) = JobFolder::enter(parent) else { return Err(Key::DiskFull.into()) };
         let studio = Studio {
             scene: &|settings| self.base(settings),
@@ -308,7 +353,24 @@ impl JobMaker<'_> {
             has_audience: true,
             watch: &|_stage, _fraction| {},
         };
-        studio.make(*product, subject)
+        match flight {
+            None => studio.make(*product, subject),
+            Some(flight) => self.follow(&studio, subject, flight),
+        }
+    }
+
+    /// Makes the photo of a flight as far as its log has come.
+    fn follow(&self, studio: &Studio<'_>, subject: &Subject, flight: &Followed) -> Made {
+        let last = self.following.take().filter(|last| last.number == flight.number);
+        let opened = last.map_or_else(|| Following::open(flight), Ok);
+        let grown = opened.and_then(|mut opened| opened.log.grow().map(|_| opened));
+        let mut following = grown.map_err(|error| Message::of_log_error(&error))?;
+        let Following { log, film, .. } = &mut following;
+        let is_over = flight.is_over || log.has_ended();
+        let made = studio.follow(subject, log, film, is_over);
+        // A log that grows after its end is a new flight.
+        self.following.set(Some(following).filter(|_| !is_over));
+        made
     }
 
     /// Returns the page's scene with settings over its keys, and its files in the current folder.

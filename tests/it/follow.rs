@@ -38,7 +38,7 @@ fn lines(flight: &Flight) -> String {
 }
 
 /// A folder with a plan and its scene, and the text of the log of its flight.
-fn flown() -> (tempfile::TempDir, String) {
+pub(crate) fn flown() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     for args in ["plan NO -o plan.csv", "fly plan.csv -o flight.csv"] {
         noctograph(folder.path()).args(args.split(' ')).assert().success();
@@ -119,4 +119,30 @@ fn what_cannot_be_followed_is_refused_and_a_log_that_ends_early_is_read() {
     let ends_early = predicate::str::contains("ends early");
     let import = ["import", "log.jsonl", "-o", "torn.csv"];
     noctograph(folder.path()).args(import).assert().success().stderr(ends_early);
+}
+
+/// The photo of a log beside the promised one. Its clock, its place and its light differ.
+#[test]
+fn a_flight_is_compared_with_the_promised_one_letter_by_letter() {
+    let (folder, text) = flown();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("log.jsonl"), text).unwrap();
+    let preview = ["preview", "NO", "--size", "640x360", "--flown", "log.jsonl", "--report"];
+    let told = run_json(folder.path(), &preview);
+    let flown = &told["flown"];
+    assert_eq!((&flown["read"], flown["letters"].as_array().unwrap().len()), (&"NO".into(), 2));
+    for letter in flown["letters"].as_array().unwrap() {
+        let [promised, flown] = ["promised", "flown"].map(|side| &letter[side]);
+        // The log is that of the same flight, sampled at a tenth of its rate.
+        for (key, tolerance) in [("lag_s", 0.02), ("contour_m", 2e-3), ("lit_s", 0.1)] {
+            let [a, b] = [promised, flown].map(|side| side[key].as_f64().unwrap());
+            assert!(a.is_finite() && (a - b).abs() < tolerance, "{key}: {letter}");
+        }
+        assert!(flown["p"].as_f64().unwrap() > 0.9 && flown["lit_s"].as_f64().unwrap() > 1.0);
+    }
+    let page = std::fs::read_to_string(path("noctograph-out/report.html")).unwrap();
+    assert!(page.contains("Promised and flown") && page.contains("flown 0."), "the section");
+    let fleet = ["preview", "NO", "--set", "plan.drones=2", "--flown", "log.jsonl"];
+    let one = predicate::str::contains("one drone");
+    noctograph(folder.path()).args(fleet).assert().code(2).stderr(one);
 }

@@ -668,6 +668,75 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     }
 }
 
+/// A log belongs to an approved entry of its word. Its photo hangs on the wall and is kept, also if
+/// the server is killed, and nothing else in the folder is shown.
+#[test]
+fn a_flight_hangs_with_its_entry_and_nothing_else_does() {
+    let (folder, log) = crate::follow::flown();
+    let path = |name: &str| folder.path().join(name);
+    let [gallery, flights] = ["gallery", "flights"].map(|name| path(name).display().to_string());
+    let flags = ["--network", "--open-wall", "--gallery", &*gallery, "--flights", &*flights];
+    // The folder is made. What is there before the server is another evening's.
+    std::fs::create_dir(path("flights")).unwrap();
+    std::fs::write(path("flights/NO_flight.jsonl"), &log).unwrap();
+    let mut server = Server::start(&flags);
+    let (id, other) = (server.sent("me", "NO"), server.sent("you", "LI"));
+    let queue = |server: &Server| server.json(&format!("{}queue.json", server.operator));
+    let told = |server: &Server, name: &str, key: &str| {
+        soon(name, || {
+            let notes = queue(server)["notes"].clone();
+            let is_told = |note: &Value| note["name"] == name && note["key"] == key;
+            notes.as_array().unwrap().iter().any(is_told)
+        });
+    };
+    let wall = |server: &Server, title: &str| {
+        let photos = server.json(&format!("{}wall", server.path))["photos"].clone();
+        photos.as_array().unwrap().iter().find(|photo| photo["title"] == title).unwrap().clone()
+    };
+    // On an open wall, too, no flight hangs that nobody approved.
+    std::fs::write(path("flights/NO_flight-2.jsonl"), &log).unwrap();
+    told(&server, "NO_flight-2.jsonl", "log-unknown");
+    assert_eq!(
+        (&wall(&server, "NO")["live"], &wall(&server, "NO")["flown"]),
+        (&json!(false), &Value::Null)
+    );
+    let head = log.lines().next().unwrap();
+    std::fs::write(path("flights/broken.jsonl"), format!("{head}\n[1]\n")).unwrap();
+    std::fs::write(path("flights/picture.jsonl"), "\u{89}PNG").unwrap();
+    std::fs::write(path("flights/empty.jsonl"), "").unwrap();
+    told(&server, "picture.jsonl", "log-broken");
+    server.operate(&format!("entries/{id}"), &json!({ "do": "approve" }));
+    soon("the photo of the flight", || wall(&server, "NO")["flown"]["name"] == "flown-1");
+    told(&server, "broken.jsonl", "log-broken");
+
+    // Its own page and the wall have it. No other address does.
+    let key_of = |title: &str| wall(&server, title)["key"].as_str().unwrap().to_owned();
+    let (key, other_key) = (key_of("NO"), key_of("LI"));
+    for (route, status) in [
+        (format!("/e/{id}/flown-1.png"), 200),
+        (format!("/e/{id}/flown-1.json"), 200),
+        (format!("/e/{id}/flown-2.png"), 404),
+        (format!("/e/{id}/flown-1"), 404),
+        (format!("/e/{other}/flown-1.png"), 404),
+        (format!("/e/{key}/flown-1.png"), 404),
+        (format!("{}wall/{key}/flown-1.jpg", server.path), 200),
+        (format!("{}wall/{key}/entry.json", server.path), 404),
+        (format!("{}wall/{id}/flown-1.jpg", server.path), 404),
+        (format!("{}wall/{other_key}/flown-1.jpg", server.path), 404),
+        (format!("{}wall/{other_key}/live.jpg", server.path), 404),
+    ] {
+        assert_eq!(server.at(&route).0, status, "{route}");
+    }
+    server.operate(&format!("entries/{id}"), &json!({ "do": "hide" }));
+    assert_eq!(server.get(&format!("wall/{key}/flown-1.jpg")).0, 404, "it was taken down");
+    server.operate(&format!("entries/{id}"), &json!({ "do": "show" }));
+    server.kill();
+    let server = Server::start(&flags);
+    assert_eq!(wall(&server, "NO")["flown"]["name"], "flown-1");
+    let entry = server.json(&format!("/e/{id}/entry.json"));
+    assert!(entry["flown"]["readability"].as_f64().unwrap() > 0.5, "{entry}");
+}
+
 #[test]
 fn a_hall_whose_room_is_not_known_is_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -22,11 +22,13 @@ use noctograph_core::geometry::Attitude;
 #[cfg(test)]
 pub(crate) mod constructed;
 mod lag;
+mod letters;
 mod part;
 mod path;
 #[cfg(test)]
 mod tests;
 
+pub use letters::{letters_by_plan, on_plan_s, track_letters};
 pub use part::Part;
 
 pub use lag::{minimize, spread_m2};
@@ -141,9 +143,14 @@ impl Tracking {
 /// [`Error::Input`] if the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     let (samples, design) = designed(flight, part)?;
-    let (lag_s, rmse_after_lag_m) = after_lag(&samples, &design);
+    Ok(measure(flight, part, &samples, &design))
+}
+
+/// Measures samples of a part of a flight, of which there is at least one.
+fn measure(flight: &Flight, part: Part, samples: &[FlightSample], design: &DesignPath) -> Tracking {
+    let (lag_s, rmse_after_lag_m) = after_lag(samples, design);
     let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
-    Ok(Tracking {
+    Tracking {
         part,
         n_samples: samples.len(),
         span_s: [samples[0].time_s, samples[samples.len() - 1].time_s],
@@ -151,13 +158,13 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
         mean_error_m: mean(errors()),
         lag_s,
         rmse_after_lag_m,
-        contour: contour(&samples, &design, lag_s),
+        contour: contour(samples, design, lag_s),
         observer_rmse_m: flight
             .has(Quantity::Estimate)
             .then(|| rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m))),
-        drift: drift(&samples),
-        attitude: flight.has(Quantity::Attitude).then(|| attitude_spread(&samples)),
-    })
+        drift: drift(samples),
+        attitude: flight.has(Quantity::Attitude).then(|| attitude_spread(samples)),
+    }
 }
 
 /// [`Tracking::least_cap_height_m`] of a part of a flight, without the other figures.

@@ -129,9 +129,29 @@ interface Figures {
   /** Problems that make any word unreadable. */
   obstacles: Message[];
   read: string | null;
+  /** Probability that the word is read. null in an entry of an earlier version, too. */
+  readability: number | null;
   reason: Reason | null;
   /** Checks that stop its flight. Always empty, since such a photo is refused. */
   stops: Message[];
+}
+
+/** A note for the operator about the log of a flight. */
+interface FlightNote {
+  /** Name of its sentence. */
+  key: string;
+  /** Name of the log. */
+  name: string;
+  /** The reason, in English, or the word that the log writes. */
+  why: string;
+}
+
+/** The photo of an entry's flight. */
+interface FlownPhoto {
+  /** Name of its files, without their extensions: `flown-2` for the second flight. */
+  name: string;
+  /** Probability that the word is read. null for a drawing. */
+  readability: number | null;
 }
 
 /** An entry as the operator gets it. It borrows, since a queue of hundreds is requested often. */
@@ -143,6 +163,7 @@ interface ForOperator extends Figures {
   state: State;
   hidden: boolean;
   visitor: string | null;
+  flown: FlownPhoto | null;
 }
 
 /** An entry as its visitor gets it. */
@@ -157,6 +178,9 @@ interface ForVisitor {
   flight_s: number;
   read: string | null;
   legible: boolean | null;
+  readability: number | null;
+  /** Its flight, if the log was followed. */
+  flown: FlownPhoto | null;
   /** Number of entries that fly before it, and the time that they take. */
   ahead: number;
   ahead_s: number;
@@ -320,6 +344,8 @@ interface Queue {
   entries: ForOperator[];
   /** Name of the entry that is in the air. */
   flying: string | null;
+  /** About the logs of flights. */
+  notes: FlightNote[];
 }
 
 /** Why a word is not legible. */
@@ -400,6 +426,11 @@ interface WallPhoto {
   flight_s: number;
   /** True if it is in the air. */
   flying: boolean;
+  readability: number | null;
+  /** Its flight, if the log was followed. */
+  flown: FlownPhoto | null;
+  /** True if the light of its flight is shown as far as it has come. */
+  live: boolean;
 }
 
 /** Which photos the wall shows. */

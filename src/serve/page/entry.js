@@ -30,8 +30,12 @@ const strip = replay(byId("replay"), (share) => {
   show(share);
 });
 
+/** The photograph that is kept: the flown one, when there is one. */
+const shown = () => entry?.flown?.name ?? "photo";
 const name = () => entry?.title ?? t("a-drawing");
 const file = () => `${(entry?.title ?? "").replace(/[^\p{L}\p{N}]+/gu, "-") || "photograph"}.png`;
+/** The photograph that is on the page. */
+let seen = "";
 
 function put() {
   if (!entry) return;
@@ -40,13 +44,16 @@ function put() {
   photo.alt = entry.title === null ? t("alt-drawing") : t("alt", { title: entry.title });
   strip.words();
   become(entry, byId("state"), byId("clock"), strip);
-  const keep = make("button", { type: "button", className: "first" }, t("keep"));
+  const { flown, readability } = entry;
+  if (flown && readability !== null && flown.readability !== null)
+    byId("state").append(` ${t("promised-flown", { p: readability, f: flown.readability })}`);
+  const keep = keeping(t(flown ? "keep-flown" : "keep"), "first", shown());
   keep.id = "keep";
-  keep.onclick = () => save("photo.png", file()).catch(() => {});
   const print = make("button", { type: "button", className: "second" }, t("print-card"));
   print.onclick = () => window.print();
   byId("acts").replaceChildren(
     keep,
+    ...(flown ? [keeping(t("keep-promised"), "second", "photo")] : []),
     ...(navigator.canShare?.({ files: [new File([], "a.png", { type: "image/png" })] })
       ? [sharing()]
       : []),
@@ -55,10 +62,17 @@ function put() {
   putCard();
 }
 
+/** A button that saves a photograph. @param {string} said @param {string} look @param {string} of */
+function keeping(said, look, of) {
+  const button = make("button", { type: "button", className: look }, said);
+  button.onclick = () => save(`${of}.png`, file()).catch(() => {});
+  return button;
+}
+
 function sharing() {
   const button = make("button", { type: "button", className: "second" }, t("share"));
   button.onclick = async () => {
-    const blob = await (await fetch("photo.png")).blob();
+    const blob = await (await fetch(`${shown()}.png`)).blob();
     // A visitor who changes the mind has not failed.
     await navigator
       .share({ files: [new File([blob], file(), { type: "image/png" })], title: name() })
@@ -74,7 +88,7 @@ function putCard() {
     make(
       "div",
       { className: "photo" },
-      make("div", { className: "frame" }, make("img", { src: "photo.jpg", alt: "" })),
+      make("div", { className: "frame" }, make("img", { src: `${shown()}.jpg`, alt: "" })),
     ),
     make(
       "div",
@@ -101,9 +115,29 @@ async function load() {
   try {
     entry = await get("entry.json");
     put();
+    if (seen !== shown()) await putPhoto();
   } catch (error) {
     if (error instanceof Refused) gone(error.said);
   }
+}
+
+/** Shows the photograph, and how it was written. */
+async function putPhoto() {
+  if (!entry) return;
+  [seen, show, map] = [shown(), null, null];
+  photo.src = `${seen}.jpg`;
+  const [told] = await Promise.all([
+    get(entry.flown ? `${seen}.json` : "replay.json").catch(() => null),
+    photo.decode().catch(() => {}),
+  ]);
+  byId("frame").style.setProperty("--shape", `${photo.naturalWidth / photo.naturalHeight || 1.78}`);
+  byId("frame").hidden = false;
+  map = told;
+  if (!map?.strokes.length || !entry) return;
+  byId("replay").classList.remove("idle");
+  strip.load(map, entry.flown ? map.seconds : entry.flight_s);
+  if (entry.state !== "flying") strip.run();
+  put();
 }
 
 /** @param {Said} said */
@@ -136,25 +170,6 @@ async function begun() {
     byId("lost").textContent = lost === true ? t("lost") : "";
   });
   await load();
-  if (entry) {
-    photo.src = "photo.jpg";
-    const [told] = await Promise.all([
-      get("replay.json").catch(() => null),
-      photo.decode().catch(() => {}),
-    ]);
-    byId("frame").style.setProperty(
-      "--shape",
-      `${photo.naturalWidth / photo.naturalHeight || 1.78}`,
-    );
-    byId("frame").hidden = false;
-    map = told;
-    if (map?.strokes.length) {
-      byId("replay").classList.remove("idle");
-      strip.load(map, entry.flight_s);
-      if (entry.state !== "flying") strip.run();
-      become(entry, byId("state"), byId("clock"), strip);
-    }
-  }
   document.body.dataset.ready = "true";
   follow(load);
 }

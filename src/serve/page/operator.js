@@ -16,8 +16,8 @@ const TABS = [
   ["not-shown", ["rejected"]],
 ];
 
-/** @type {{ revision: number, paused: boolean, flying: string | null, entries: ForOperator[] }} */
-let queue = { revision: -1, paused: false, flying: null, entries: [] };
+/** @type {Queue} */
+let queue = { revision: -1, paused: false, flying: null, entries: [], notes: [] };
 let tab = "waiting",
   chosen = "",
   /** What the wall shows. */
@@ -77,6 +77,9 @@ function put() {
   putList(list);
   putEntry();
   putAir();
+  byId("flights").replaceChildren(
+    ...queue.notes.map(({ key, name, why }) => make("p", {}, t(key, { name, why }))),
+  );
 }
 
 function putHeader() {
@@ -185,6 +188,9 @@ function putEntry() {
         ...entry.obstacles.map((said) => sentence("obstacles", said)),
       ].join(" ") || t("safe"),
     ],
+    ...(entry.flown
+      ? [["fact-flown", t("promised-flown", { p: entry.readability ?? "–", f: entry.flown.readability ?? "–" })]]
+      : []),
   ]);
   const list = make(
     "dl",

@@ -1,7 +1,7 @@
 // The wall: what was approved, one after the other large for a while, a new one before the others,
 // and the code of the page. No button.
 
-import { follow, get, onLost } from "./ask.js";
+import { follow, get, onLost, sleep } from "./ask.js";
 import { putBrand } from "./brand.js";
 import { byId, make } from "./dom.js";
 import { exposure } from "./exposure.js";
@@ -14,7 +14,10 @@ const HANGS_MS = 60_000,
   WRITTEN_MS = 20_000;
 const MOST = 7;
 
-/** @typedef {{ key: string, title: string | null, flight_s: number, flying: boolean }} Hung */
+/** Time between two looks at a flight. */
+const LIVE_MS = 250;
+
+/** @typedef {WallPhoto} Hung */
 const newest = byId("newest"),
   older = byId("older");
 /** @type {Hung[]} */
@@ -49,18 +52,25 @@ function hang() {
   const wait = HANGS_MS - (Date.now() - since);
   if (photos.length > 1) timer = window.setTimeout(hang, Math.max(wait, 0) || HANGS_MS);
   let large = photos[shown];
-  if (photos.length && (!large || wait <= 0)) {
-    const next = photos[0].key === latest ? photos[(shown + 1) % photos.length] : photos[0];
+  const live = photos.find((photo) => photo.live);
+  // A flight is seen at once, and its photograph hangs for as long as another.
+  const next = live ?? (large && ofFlight(large) !== newest.dataset.flight ? large : null);
+  if (next && (next !== large || ofFlight(next) !== newest.dataset.flight)) {
+    since = Date.now();
+    put((large = next));
+  } else if (!live && photos.length && (!large || wait <= 0)) {
+    const other = photos[0].key === latest ? photos[(shown + 1) % photos.length] : photos[0];
     since = Date.now();
     latest = photos[0].key;
-    if (next !== large) put(next);
-    large = next;
+    if (other !== large) put(other);
+    large = other;
   }
   newest.hidden = !large;
   if (!large) {
     newest.replaceChildren();
     newest.dataset.key = "";
   } else newest.querySelector("figcaption")?.replaceWith(caption(large, true));
+  newest.classList.toggle("pair", !!large && !!ofFlight(large));
   const place = photos.indexOf(large);
   const rest = [...photos.slice(place + 1), ...photos.slice(0, Math.max(place, 0))].slice(0, MOST - 1);
   const known = new Map(
@@ -91,17 +101,46 @@ function figure(photo) {
   return hung;
 }
 
+/** The photograph of the flight that is beside it: none, the light so far, or the name of its file. @param {Hung} photo */
+const ofFlight = ({ live, flown }) => (live ? "live" : (flown?.name ?? ""));
+
+/** Hangs what was promised beside what is flown. @param {Hung} photo */
+async function putPair(photo) {
+  const side = (/** @type {HTMLImageElement} */ image, /** @type {string} */ said) =>
+    make("div", { className: "side" }, make("div", { className: "frame" }, image), make("small", {}, said));
+  const flown = photo.live ? t("flying-now") : t("as-flown", { p: photo.flown?.readability ?? "" });
+  let seen = image(photo);
+  if (photo.flown && !photo.live) seen.src = `wall/${photo.key}/${photo.flown.name}.jpg`;
+  else seen.classList.add("unexposed");
+  newest.replaceChildren(
+    side(image(photo), t("promised", { p: photo.readability ?? "" })),
+    side(seen, flown),
+    caption(photo, true),
+  );
+  byId("bare").hidden = true;
+  for (let n = 0; photo.live && seen.isConnected; n += 1) {
+    const later = make("img", { src: `wall/${photo.key}/live.jpg?${n}`, alt: seen.alt });
+    // The light so far stays where a picture is lost on the way.
+    if (await later.decode().then(() => true, () => false)) {
+      seen.replaceWith(later);
+      seen = later;
+    }
+    await sleep(LIVE_MS);
+  }
+}
+
 /** Hangs a photograph large, and writes it once. @param {Hung} photo */
 async function put(photo) {
+  [newest.dataset.key, newest.dataset.flight] = [photo.key, ofFlight(photo)];
+  if (ofFlight(photo)) return putPair(photo);
   const whole = image(photo),
     light = make("canvas", { "aria-hidden": "true" });
   light.hidden = true;
-  newest.dataset.key = photo.key;
   newest.replaceChildren(make("div", { className: "frame" }, whole, light), caption(photo, true));
   const map = /** @type {LightMap | null} */ (await get(`wall/${photo.key}.json`).catch(() => null));
   await whole.decode().catch(() => {});
   byId("bare").hidden = photos.length > 0;
-  if (map?.strokes.length && newest.dataset.key === photo.key)
+  if (map?.strokes.length && whole.isConnected)
     loop(exposure(whole, map, light), whole, light, WRITTEN_MS, Infinity);
 }
 

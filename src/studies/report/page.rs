@@ -102,13 +102,22 @@ impl Page {
 
     /// Appends photos (JPEG) with captions in a row, which play as a film if scripts run.
     pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
-        let frames = pictures.iter().map(|(jpeg, caption)| {
+        self.figures("film", pictures.iter().map(|(jpeg, caption)| (&**jpeg, &**caption)))
+    }
+
+    /// Appends two photos (JPEG) with captions side by side.
+    pub fn pair(self, pictures: [(&[u8], String); 2]) -> Self {
+        self.figures("pair", pictures.iter().map(|(jpeg, caption)| (*jpeg, &**caption)))
+    }
+
+    fn figures<'a>(self, class: &str, photos: impl Iterator<Item = (&'a [u8], &'a str)>) -> Self {
+        let figures = photos.map(|(jpeg, caption)| {
             let caption = escaped(caption);
             let image = image("jpeg", jpeg, &caption);
             format!("<figure>{image}<figcaption>{caption}</figcaption></figure>\n")
         });
-        let frames: String = frames.collect();
-        self.with(&format!("<div class=\"film\">\n{frames}</div>\n"))
+        let figures: String = figures.collect();
+        self.with(&format!("<div class=\"{class}\">\n{figures}</div>\n"))
     }
 
     /// Appends paths in space that rotate under the pointer: points in millimeters, with true if

@@ -44,6 +44,17 @@ pub struct ShotNotes<'a> {
     pub command: &'a str,
     /// Further drawings of the flight, such as its band over many flights (SVG).
     pub drawings: &'a [String],
+    /// The flight that was flown.
+    pub flown: Option<&'a FlownNotes>,
+}
+
+/// A flight beside the one that was promised.
+#[derive(Debug)]
+pub struct FlownNotes {
+    /// Its photo.
+    pub shot: Shot,
+    /// A row for each letter. Cells have the promised value and the flown one.
+    pub rows: Vec<[String; 7]>,
 }
 
 /// Returns the report of a shot.
@@ -60,6 +71,9 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let alt = format!("simulated long-exposure photograph of {subject}");
     // The photo with its verdict first, since most readers look no further.
     let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &alt, overlay.as_deref());
+    if let Some(flown) = notes.flown {
+        page = flown_section(page, &jpeg, shot, flown);
+    }
     page = page.section("As printed").printed(notes.printed);
     let mut moments = Vec::new();
     shot.moments(shot.camera.width_px.min(MOMENT_PX), N_MOMENTS, &mut |time_s, photo| {
@@ -94,6 +108,20 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         [("film", shot.film.as_ref().map(|film| film.sha256())), ("flight", shot.flight_sha256())];
     let digests = digests.into_iter().filter_map(|(name, sha256)| Some([name.to_owned(), sha256?]));
     Ok(page.table(["digest", "SHA-256"], digests))
+}
+
+/// Appends both photos side by side, and what differs.
+fn flown_section(page: Page, promised: &[u8], shot: &Shot, flown: &FlownNotes) -> Page {
+    let caption = |name: &str, shot: &Shot| match &shot.verdict {
+        Some(verdict) => format!("{name} {:.2}", verdict.readability),
+        None => name.to_owned(),
+    };
+    let jpeg = photo::jpeg(&flown.shot.photo, JPEG_QUALITY[0]);
+    let head = ["letter", "reads as", "P", "lag, s", "off path, mm", "off plane, mm", "lit, s"];
+    page.section("Promised and flown")
+        .pair([(promised, caption("promised", shot)), (&*jpeg, caption("flown", &flown.shot))])
+        .text("From the promised value to the flown one, for each letter:")
+        .table(head, flown.rows.iter().cloned())
 }
 
 /// Returns the likely letters besides the expected one, each with its probability, as a text.

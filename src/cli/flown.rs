@@ -1,0 +1,127 @@
+//! `preview --flown`: a flight beside the one that was promised, letter by letter.
+
+use std::path::Path;
+
+use super::flags::warn_of;
+use super::outcome::Report;
+use super::printer::table;
+use super::show::verdict_sentence;
+use crate::diagnostic::Warned;
+use crate::error::{Error, Result};
+use crate::flight::Flight;
+use crate::report::FlownNotes;
+use crate::shoot::{Judging, Shoot, Shot};
+use crate::tracking::{letters_by_plan, track_letters};
+use serde::Serialize;
+use serde_json::json;
+
+/// A letter in one of the two photos. What is not known is `None`.
+#[derive(Debug, Serialize)]
+struct Letter {
+    /// Probability of the letter.
+    p: Option<f64>,
+    /// The likeliest letter.
+    best: Option<char>,
+    lag_s: Option<f64>,
+    /// Distance from the path of the design, RMS.
+    contour_m: Option<f64>,
+    /// Greatest distance from the word's plane.
+    drift_m: Option<f64>,
+    /// Duration of its light.
+    lit_s: f64,
+}
+
+/// Prepares the photo of a log with the scene of the promised one.
+pub(super) fn prepared(promised: &Shoot, log: &Path) -> Result<Shoot> {
+    if promised.plans.len() != 1 {
+        let actual = format!("{} drones", promised.plans.len());
+        let hint = "leave --flown out, or name a word of one drone";
+        return Err(Error::input("flown", actual, "a word that one drone writes", hint));
+    }
+    let Warned { product, warnings } = Shoot::of_log(promised.scene.clone(), log)?;
+    warn_of(log, &warnings);
+    Ok(Shoot { judging: Judging::Scored, keeps_film: false, ..product })
+}
+
+/// Compares both photos. Returns the report, and the notes for the page.
+pub(super) fn compare(promised: &Shot, flown: Shot) -> (Report, FlownNotes) {
+    let [of_promised, of_flown] = [promised, &flown].map(|shot| letters(shot, promised));
+    let expected = promised.verdict.iter().flat_map(|verdict| &verdict.letters);
+    // A row for people and an object for programs for each letter.
+    let (mut rows, mut pairs) = (Vec::new(), Vec::new());
+    for ((letter, a), b) in expected.zip(of_promised).zip(of_flown) {
+        let cell = |value: fn(&Letter) -> Option<f64>, digits| {
+            [&a, &b].map(|letter| rounded(value(letter), digits)).join(ARROW)
+        };
+        rows.push([
+            letter.expected.to_string(),
+            [&a, &b].map(|letter| letter.best.unwrap_or('-').to_string()).join(ARROW),
+            cell(|l| l.p, 2),
+            cell(|l| l.lag_s, 2),
+            cell(|l| Some(1e3 * l.contour_m?), 0),
+            cell(|l| Some(1e3 * l.drift_m?), 0),
+            cell(|l| Some(l.lit_s), 1),
+        ]);
+        pairs.push(json!({ "letter": letter.expected, "promised": a, "flown": b }));
+    }
+    // A drawing has no verdict, and no letters.
+    let verdict = flown.verdict.as_ref();
+    let mut report = Report::new(String::new(), json!({}));
+    report.value(
+        "flown",
+        json!({
+            "read": verdict.map(|verdict| &verdict.read),
+            "readability": verdict.map(|verdict| verdict.readability),
+            "flight_sha256": flown.flight_sha256(),
+            "letters": pairs,
+        }),
+    );
+    if let Some(verdict) = verdict {
+        report.line("flown", &verdict_sentence(verdict));
+        let rows: Vec<Vec<String>> = rows.iter().map(|row| row.to_vec()).collect();
+        report.text += &format!("\n{}\n", table(HEAD, &rows));
+    }
+    (report, FlownNotes { shot: flown, rows })
+}
+
+/// From the promised value to the flown one.
+const ARROW: &str = " → ";
+const HEAD: &str = "letter<8|reads as<10|P<13|lag/s<15|off path/mm<11|off plane/mm<11|lit/s<0";
+
+/// Formats a value without a negative zero, or `-`.
+fn rounded(value: Option<f64>, digits: usize) -> String {
+    let Some(value) = value else { return "-".to_owned() };
+    let text = format!("{value:.digits$}");
+    let is_zero = text.bytes().all(|byte| b"-0.".contains(&byte));
+    if is_zero { text.trim_start_matches('-').to_owned() } else { text }
+}
+
+/// Returns the letters of a photo, whose flight flew the plan of the promised one.
+fn letters(shot: &Shot, promised: &Shot) -> Vec<Letter> {
+    let Some(verdict) = &shot.verdict else { return Vec::new() };
+    let mut flight = shot.flights[0].clone();
+    letters_by_plan(&mut flight, &promised.shoot.plans[0].plan);
+    // Without a design there are no tracking errors.
+    let tracked = track_letters(&flight).unwrap_or_default();
+    let letters = verdict.letters.iter().enumerate().map(|(index, letter)| {
+        let tracking = tracked.get(&index);
+        Letter {
+            p: letter.p,
+            best: letter.best,
+            lag_s: tracking.map(|tracking| tracking.lag_s),
+            contour_m: tracking.map(|tracking| tracking.contour.rms_m),
+            drift_m: tracking.map(|tracking| tracking.drift.max_y_m.max(-tracking.drift.min_y_m)),
+            lit_s: lit_s(&flight, index),
+        }
+    });
+    letters.collect()
+}
+
+/// Returns the duration of the light of a letter.
+fn lit_s(flight: &Flight, letter: usize) -> f64 {
+    let pairs = flight.samples.windows(2).enumerate();
+    let lit = pairs.filter(|(row, pair)| {
+        pair[0].letter == Some(letter) && flight.lights.values().any(|levels| levels[*row] > 0.0)
+    });
+    lit.map(|(_, pair)| pair[1].time_s - pair[0].time_s).sum()
+}

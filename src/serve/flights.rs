@@ -1,0 +1,235 @@
+//! Flights: shows the light of a flight while it is written, from the log that its script keeps.
+//!
+//! 1. Four times a second, a folder and the folders in it are searched for logs that have grown.
+//!    Logs that were there before the server are ignored, until they grow.
+//! 2. A log belongs to the entry in the air that has its word, or else to the first approved one,
+//!    preferably without a flight. The operator is told of any other log.
+//! 3. A worker exposes the light so far, at most twice a second and with a quarter of a processor
+//!    core.
+//! 4. At the mark of its end, or if it stops growing, the photo is judged and stored with the
+//!    entry.
+//!
+//! One log is followed at a time. Others wait, and are then read from their files.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::entries::{Entries, FlightNote};
+use super::gallery::{PNG, regular_file};
+use super::routes::Server;
+use super::worker::{Followed, Job};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{ending, entries_in};
+use noctograph_logs::word_in;
+use noctograph_photo_service::messages::{Key, Message};
+use noctograph_photo_service::request::{Product, Subject};
+
+/// Time between two looks at the folder.
+const LOOK: Duration = Duration::from_millis(250);
+/// Least time from one photo to the next.
+const PERIOD: Duration = Duration::from_millis(500);
+/// The same, in times of the work on a photo.
+const PERIODS_OF_WORK: u32 = 4;
+/// Time without a sample after which a flight is over. Scripts write ten times a second.
+const SILENCE: Duration = Duration::from_secs(20);
+/// Greatest number of logs that are looked at, and of notes.
+const MAX_LOGS: usize = 2000;
+const MAX_NOTES: usize = 4;
+
+/// What becomes of a log.
+#[derive(Debug, PartialEq)]
+enum State {
+    /// Nothing, until it grows: it was there before, or was shown. `is_cut` if it has no end.
+    Rests { is_cut: bool },
+    /// It is followed, or waits for it.
+    Waits,
+    /// It cannot be shown, for a reason.
+    Refused(String),
+}
+
+#[derive(Debug)]
+struct Log {
+    n_bytes: u64,
+    /// The last time that it grew.
+    grew: Instant,
+    state: State,
+    /// The word that it writes. `None` before its head was read.
+    word: Option<String>,
+}
+
+/// The log that is followed.
+#[derive(Debug)]
+struct Current {
+    path: PathBuf,
+    /// Name of its entry.
+    id: String,
+    subject: Subject,
+    /// Number of bytes that the last photo was made of.
+    n_bytes: u64,
+    /// Time of the next photo.
+    next: Instant,
+}
+
+/// The logs in a folder.
+#[derive(Debug)]
+pub(crate) struct Flights {
+    folder: PathBuf,
+    logs: BTreeMap<PathBuf, Log>,
+    current: Option<Current>,
+    /// Number of logs that were followed.
+    n_followed: u64,
+}
+
+impl Flights {
+    /// Looks for the first time at a folder, which is created if it does not exist.
+    pub(crate) fn new(folder: &Path) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
+        let folder = std::path::absolute(folder).map_err(|e| Error::read(folder, e))?;
+        let mut flights = Self { logs: BTreeMap::new(), current: None, n_followed: 0, folder };
+        flights.see(sizes_in(&flights.folder)?);
+        for log in flights.logs.values_mut() {
+            log.state = State::Rests { is_cut: false };
+        }
+        Ok(flights)
+    }
+
+    /// Follows flights until the program ends. This thread may wait for the disk, and for the list
+    /// of entries.
+    pub(crate) fn follow(mut self, server: &Server) {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let Ok(runtime) = runtime else { return };
+        loop {
+            std::thread::sleep(LOOK);
+            let sizes = sizes_in(&self.folder);
+            let is_gone = sizes.is_err();
+            if let Ok(sizes) = sizes {
+                self.see(sizes);
+            }
+            self.choose(&server.entries);
+            runtime.block_on(self.expose(server));
+            server.entries.note(self.notes(&server.entries, is_gone));
+        }
+    }
+
+    /// Takes the sizes of the logs. One that has gone is forgotten, unless it is followed.
+    fn see(&mut self, sizes: BTreeMap<PathBuf, u64>) {
+        let current = self.current.as_ref().map(|current| current.path.clone());
+        self.logs.retain(|path, _| sizes.contains_key(path) || current.as_ref() == Some(path));
+        for (path, n_bytes) in sizes {
+            let grew = Instant::now();
+            let new = Log { n_bytes: 0, grew, state: State::Waits, word: None };
+            let is_current = current.as_ref() == Some(&path);
+            let log = self.logs.entry(path).or_insert(new);
+            if n_bytes == log.n_bytes {
+                continue;
+            }
+            // A shorter file is another one. A broken one that grows does not get better.
+            if n_bytes < log.n_bytes {
+                (log.state, log.word) = (State::Waits, None);
+                self.current = self.current.take().filter(|_| !is_current);
+            } else if matches!(log.state, State::Rests { .. }) {
+                log.state = State::Waits;
+            }
+            (log.n_bytes, log.grew) = (n_bytes, grew);
+        }
+    }
+
+    /// Reads the words of new logs, and chooses the one to follow, if none is followed.
+    fn choose(&mut self, entries: &Entries) {
+        for (path, log) in self.logs.iter_mut().filter(|(_, log)| log.state == State::Waits) {
+            log.word = log.word.take().or_else(|| word_in(path));
+            let flown = log.word.as_ref().and_then(|word| entries.flies(word));
+            let Some((id, 0 | 1)) = flown.filter(|_| self.current.is_none()) else { continue };
+            if let Some(subject) = entries.subject(&id) {
+                self.n_followed += 1;
+                let (path, next) = (path.clone(), Instant::now());
+                self.current = Some(Current { path, id, subject, n_bytes: 0, next });
+            }
+        }
+    }
+
+    /// Shows the light of the flight so far, or stores its photo when it is over.
+    async fn expose(&mut self, server: &Server) {
+        let Some(current) = &mut self.current else { return };
+        let Some(log) = self.logs.get_mut(&current.path) else { return };
+        if !server.entries.is_approved(&current.id) {
+            server.entries.end_light();
+            self.current = None;
+            return;
+        }
+        let is_over = log.grew.elapsed() > SILENCE;
+        if Instant::now() < current.next || (log.n_bytes == current.n_bytes && !is_over) {
+            return;
+        }
+        current.n_bytes = log.n_bytes;
+        let begun = Instant::now();
+        let flight = Followed { path: current.path.clone(), number: self.n_followed, is_over };
+        let product = Product::Large { advice: false, files: true };
+        let job =
+            Job { product, subject: current.subject.clone(), page: None, flight: Some(flight) };
+        let made = server.flights.make(job).await;
+        current.next = begun + PERIOD.max(PERIODS_OF_WORK * begun.elapsed());
+        log.state = match made {
+            Ok(parcel) if parcel.files.iter().any(|file| file.name == PNG) => {
+                match server.entries.land(&current.id, &parcel) {
+                    Ok(()) => State::Rests { is_cut: is_over },
+                    Err(key) => State::Refused(Message::from(key).text),
+                }
+            }
+            Ok(parcel) => {
+                // There is no photo yet of a log that is too short.
+                if let Some(photo) = parcel.files.into_iter().next() {
+                    server.entries.shine(&current.id, photo.bytes);
+                }
+                return;
+            }
+            // It is tried again.
+            Err(message) if message.key == Key::Busy.name() => return,
+            Err(_too_short) if is_over => State::Rests { is_cut: true },
+            Err(message) => State::Refused(message.text),
+        };
+        server.entries.end_light();
+        self.current = None;
+    }
+
+    /// Returns what the operator should know about the logs.
+    fn notes(&self, entries: &Entries, is_gone: bool) -> Vec<FlightNote> {
+        let note = |key, path: &Path, why: &str| {
+            let name = path.strip_prefix(&self.folder).unwrap_or(path).display().to_string();
+            FlightNote { key, name, why: why.to_owned() }
+        };
+        let is_current =
+            |path: &Path| self.current.as_ref().is_some_and(|current| current.path == path);
+        let gone = is_gone.then(|| note("flights-gone", &self.folder, ""));
+        let notes = self.logs.iter().filter_map(|(path, log)| match (&log.state, &log.word) {
+            (State::Rests { is_cut: false }, _) => None,
+            (State::Rests { is_cut: true }, _) => Some(note("log-cut", path, "")),
+            (State::Refused(why), _) => Some(note("log-broken", path, why)),
+            (State::Waits, _) if log.n_bytes == 0 || is_current(path) => None,
+            (State::Waits, None) => Some(note("log-broken", path, "no log of a script")),
+            (State::Waits, Some(word)) => match entries.flies(word) {
+                None => Some(note("log-unknown", path, word)),
+                Some((_, 0 | 1)) => Some(note("log-later", path, "")),
+                Some(_) => Some(note("log-fleet", path, "")),
+            },
+        });
+        gone.into_iter().chain(notes).take(MAX_NOTES).collect()
+    }
+}
+
+/// Returns the sizes of the logs in a folder and in its folders. Links are not followed.
+fn sizes_in(folder: &Path) -> Result<BTreeMap<PathBuf, u64>> {
+    let mut paths = entries_in(folder)?;
+    let folders = paths.iter().filter(|path| path.symlink_metadata().is_ok_and(|m| m.is_dir()));
+    // A folder that cannot be read has no logs.
+    let inside: Vec<PathBuf> =
+        folders.flat_map(|folder| entries_in(folder).unwrap_or_default()).collect();
+    paths.extend(inside);
+    let logs = paths.into_iter().filter(|path| ending(path) == "jsonl").filter_map(regular_file);
+    let sizes = logs.take(MAX_LOGS).filter_map(|log| {
+        let n_bytes = log.metadata().ok()?.len();
+        Some((log, n_bytes))
+    });
+    Ok(sizes.collect())
+}
