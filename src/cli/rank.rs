@@ -52,8 +52,9 @@ pub(super) struct RankArgs {
     /// Folder of shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
-    /// Also find the fastest legible strokes: N more seeds of each word at each of eight speeds, 4
-    /// to 13 times the scene's. Above a P(read) of 0.96 this ranks, and P(read) does not
+    /// Also find the smallest letters that are read: N more seeds of each word at each of seven cap
+    /// heights, 4 to 32 % of the scene's, with a narrow lamp. Above a P(read) of 0.96 this ranks,
+    /// and P(read) does not
     #[arg(long, value_name = "N", conflicts_with = "shard")]
     acuity: Option<u32>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png (with --task
@@ -118,7 +119,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     if !ladder.is_empty() {
         let ready = ladder.iter().map(Study::prepare).collect::<Result<Vec<_>>>()?;
         let n_flights = ladder.iter().map(Study::n_trials).sum();
-        let bar = counter("flying faster", n_flights);
+        let bar = counter("flying smaller", n_flights);
         let records = fly_ladder(&ladder, &ready, Some(&store), &bar)?;
         drop(bar);
         let limits = acuity(&ladder, &records);
@@ -131,7 +132,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     Ok(report.passes(ranking.unranked.is_empty()))
 }
 
-/// The chart of photographs at rising speeds.
+/// The chart of photographs of smaller and smaller letters.
 const ACUITY: &str = "acuity.png";
 
 impl RankArgs {
@@ -140,7 +141,7 @@ impl RankArgs {
         let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
             return Ok(Vec::new());
         };
-        // Every rung has the same words and seeds at another speed.
+        // Every rung has the same words at another height.
         let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
         let ladder = Study { words, ..study.clone() }.ladder();
         ladder.iter().try_for_each(Study::check).map(|()| ladder)

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::{
-    Conditions, Prepared, Ranking, Record, SpeedLimit, Store, Study, flights_csv, marks_csv,
+    Conditions, HeightLimit, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv,
     ranking_csv,
 };
 use clap::Args;
@@ -180,17 +180,17 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let has_lead = flown.any(|flown| flown.lag_s.value < LEAD_S);
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
-    // With --acuity: each scene's fastest readable stroke speed, beside its contour error.
+    // With --acuity: each scene's smallest legible letters, beside its contour error.
     let acuity = ranking.acuity.as_ref();
-    let contour = |limit: &SpeedLimit| {
+    let contour = |limit: &HeightLimit| {
         let measures = ranking.measures.iter().find(|it| it.contender == limit.contender)?;
         measures.flown.map(|flown| flown.contour_m.value)
     };
-    let limit = |limit: &SpeedLimit| {
+    let limit = |limit: &HeightLimit| {
         json!({
             "name": named(&limit.contender), "contour_m": contour(limit),
             "place": limit.place.map_or("-".into(), |place| place.to_string()),
-            "speed": limit.stroke_speed_m_s,
+            "height": limit.cap_height_m,
         })
     };
     let limits = acuity.map(|acuity| acuity.limits.iter().map(limit).collect::<Vec<_>>());
@@ -227,10 +227,10 @@ lag: behind the design; negative: {lead}
 
 *equal {contender} flies exactly as {equal_to}, to the last bit
 
-acuity: the fastest legible strokes, by {n_ladder} flights of each scene at eight speeds
+acuity: cap height at which half of the letters are read, by {n_ladder} flights of each scene at seven heights
 
-|limits|<4|scene<16|acuity/(m/s)>13|  interval<16|contour/mm>11
- {place}|{name}|{speed.value:.3}|  {speed.low:.3} to {speed.high:.3}|{contour_m*1e3:.1}
+|limits|<4|scene<16|acuity/mm>9|  interval<16|contour/mm>11
+ {place}|{name}|{height.value*1e3:.1}|  {height.low*1e3:.1} to {height.high*1e3:.1}|{contour_m*1e3:.1}
 
 too few flights: with {few} each, {n_scenes} scenes cannot be told apart; at least {least_flights} are needed
 

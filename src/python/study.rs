@@ -132,8 +132,8 @@ fn trials_of(study: &Study) -> Trials {
     study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect()
 }
 
-/// Returns the rungs of a ladder, with `n` seeds for each word: on each the scenes with their speed,
-/// and the trials.
+/// Returns the rungs of a ladder, with `n` seeds for each word: on each the scenes with their
+/// letters, and the trials.
 #[pyfunction]
 pub(super) fn ladder(
     py: Python<'_>,
@@ -187,10 +187,10 @@ fn records(
 
 /// Ranks scenes: see `rank` in `noctograph/studies.py`. Returns the table, and the keys of
 /// `ranking.json` with the flights. `flown` has the outcomes of trials that Python flew, as JSON by
-/// their index in [`trials`]. `faster` has the number of seeds on each rung of [`ladder`], and such
+/// their index in [`trials`]. `smaller` has the number of seeds on each rung of [`ladder`], and such
 /// outcomes for each rung.
 #[pyfunction]
-#[pyo3(signature = (scenes, words, conditions, seed, folder, flown, unranked, progress, faster = None))]
+#[pyo3(signature = (scenes, words, conditions, seed, folder, flown, unranked, progress, smaller = None))]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
 pub(super) fn ranking<'py>(
     py: Python<'py>,
@@ -202,13 +202,13 @@ pub(super) fn ranking<'py>(
     flown: BTreeMap<usize, String>,
     unranked: BTreeMap<String, String>,
     progress: Option<Py<PyAny>>,
-    faster: Option<(u32, Vec<BTreeMap<usize, String>>)>,
+    smaller: Option<(u32, Vec<BTreeMap<usize, String>>)>,
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
     let mut study = study(scenes, words, seed);
     let conditions = conditions.to_owned();
-    let ladder = faster.as_ref().map(|(n, _)| rungs(&study, *n)).transpose();
+    let ladder = smaller.as_ref().map(|(n, _)| rungs(&study, *n)).transpose();
     let ladder = ladder.map_err(|error| raised(py, &error))?.unwrap_or_default();
-    let flown_on_rungs = faster.map_or_else(Vec::new, |(_, flown)| flown);
+    let flown_on_rungs = smaller.map_or_else(Vec::new, |(_, flown)| flown);
     let n_flights: usize = ladder.iter().chain([&study]).map(Study::n_trials).sum();
     let n_flown = flown_on_rungs.iter().chain([&flown]).map(BTreeMap::len).sum::<usize>();
     let (text, json) = counted(py, progress, n_flights - n_flown, move |stop, counter| {

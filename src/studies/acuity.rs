@@ -1,91 +1,135 @@
-//! Acuity: the highest speed at which a contender's words are still legible. An eye chart likewise
-//! asks for the smallest letters.
+//! Acuity: the smallest letters of a contender that are still read. An eye chart likewise asks for
+//! the smallest letters.
 //!
-//! In: a study. Every contender flies its words on a ladder of stroke speeds, from four times the
-//! slowest of the scenes up. Each rung has separate seeds, the same for all contenders. Out:
-//! [`Acuity`].
+//! In: a study. Every contender flies its words on a ladder of cap heights, with a narrow lamp. Each
+//! rung has separate seeds, the same for all contenders. Out: [`Acuity`].
 //!
-//! If words are legible below a speed and not above it, the mean of P(read) over the ladder is the
-//! fraction of rungs below that speed (method of Spearman 1908 and Kärber 1931). So the mean and
-//! its interval give a speed and its interval, without a model of how P(read) falls. The ladder is
-//! a study whose words are its rungs, and [`rank`] compares two contenders flight by flight.
+//! A flight counts the share of its letters that are read, as an eye chart is scored letter by
+//! letter (Bailey, Bullimore, Raasch, Taylor, Investigative Ophthalmology & Visual Science 32,
+//! 1991). If letters are read above a height and not below it, the mean of this share over the
+//! ladder is the fraction of rungs above that height (method of Spearman 1908 and Kärber 1931). So
+//! the mean and its interval give a height and its interval, without a model of how legibility
+//! falls. The ladder is a study with a stratum for each rung, and [`rank`] compares two contenders
+//! flight by flight.
 //!
-//! Smaller letters would be limited by the lamp: at 8 cm, flights on the true state and on an
-//! estimate differ by 0.12 in P(read), at 2.5 m/s by 0.37. Not done: limits beyond the ladder.
+//! A ladder of stroke speeds distinguishes less: how an E is distorted at 1.6 m/s depends on that
+//! speed, so that P(read) does not fall evenly (docs/benchmark.md). Not done: limits beyond the
+//! ladder.
 
 use serde::Serialize;
 
 use super::statistics::{Estimate, mean};
-use super::{Pair, Prepared, Record, Store, Study, evaluate, rank};
+use super::{Outcome, Pair, Prepared, Record, Store, Study, evaluate, rank};
+use noctograph_core::camera::{Framing, Metering};
 use noctograph_core::error::Result;
+use noctograph_core::lamps::{Deck, Fixture};
+use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::Stop;
 use noctograph_plan::Style;
 
 /// Number of rungs of the ladder.
-pub const RUNGS: u32 = 8;
-/// Speed of the first rung, as a multiple of the scene's speed.
-const FIRST_TIMES: f64 = 4.0;
-/// Octaves between two rungs: a scene with strokes of 0.2 m/s is flown at 0.8 to 2.7 m/s.
-const OCTAVES_PER_RUNG: f64 = 0.25;
-/// Greatest acceleration of a plan.
+pub const RUNGS: u32 = 7;
+/// Cap height of the last rung, as a multiple of the scene's. 2 cm for letters of 0.5 m.
+const LAST_TIMES: f64 = 0.04;
+/// Least cap height of the last rung: that of a scene.
+const LEAST_M: f64 = 0.01;
+/// Octaves between two rungs: letters of 16 to 2 cm.
+const OCTAVES_PER_RUNG: f64 = 0.5;
+/// Diameter of the lamp, as a multiple of the smallest cap height: a LED of 3 mm for 2 cm.
+const LAMP_TIMES: f64 = 0.15;
+/// Greatest distance of a rounded corner, as a multiple of the cap height: that of the scene, of 1
+/// cm for 0.5 m.
+const CORNER_TIMES: f64 = 0.02;
+/// Slow strokes with hard corners tell most about a controller. At the acceleration of the scene,
+/// one with twice the lag of the motors writes as small as without.
+const SPEED_TIMES: f64 = 0.5;
+const ACCELERATION_TIMES: f64 = 4.0;
+/// Greatest acceleration and jerk of a plan.
 const MOST_M_S2: f64 = 100.0;
+const MOST_M_S3: f64 = 10_000.0;
 
-/// How fast the contenders of a study write, the fastest first.
+/// How small the contenders of a study write, the smallest first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Acuity {
     /// One for each contender.
-    pub limits: Vec<SpeedLimit>,
-    /// All pairs of contenders, compared by their mean P(read) over the ladder.
+    pub limits: Vec<HeightLimit>,
+    /// All pairs of contenders, compared by the mean share of their letters over the ladder.
     pub pairs: Vec<Pair>,
 }
 
 /// The limit of a contender.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SpeedLimit {
+pub struct HeightLimit {
     /// Its name.
     pub contender: String,
-    /// Its place, 1 for the fastest, as in a ranking.
+    /// Its place, 1 for the smallest letters, as in a ranking.
     pub place: Option<usize>,
     /// Flights on the whole ladder.
     pub n_flights: usize,
-    /// Stroke speed at which half of its words are legible.
-    pub stroke_speed_m_s: Estimate,
-    /// Mean P(read) on each rung.
+    /// Cap height at which half of its letters are read.
+    pub cap_height_m: Estimate,
+    /// Share of letters that are read on each rung.
     pub rungs: Vec<Rung>,
 }
 
 /// A rung of the ladder.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Rung {
-    /// Speed of the strokes.
-    pub stroke_speed_m_s: f64,
-    /// Mean P(read).
-    pub legibility: f64,
+    /// Height of its capitals.
+    pub cap_height_m: f64,
+    /// Mean probability of the letters.
+    pub letters_read: f64,
 }
 
 impl Study {
-    /// Returns the study on each rung of the ladder, the slowest first. The acceleration of the
-    /// strokes rises in proportion to their speed.
+    /// Returns the study on each rung of the ladder, the largest letters first. All contenders
+    /// write letters of the same heights with the same lamp.
     pub fn ladder(&self) -> Vec<Self> {
-        let speeds_m_s = self.contenders.iter().map(|named| named.scene.plan.stroke_speed_m_s);
-        let slowest_m_s = speeds_m_s.fold(f64::INFINITY, f64::min);
+        let least = |value: fn(&Scene) -> f64| {
+            let values = self.contenders.iter().map(|named| value(&named.scene));
+            values.fold(f64::INFINITY, f64::min)
+        };
+        let last_m = (LAST_TIMES * least(|scene| scene.letters.cap_height_m)).max(LEAST_M);
+        let speed_m_s = SPEED_TIMES * least(|scene| scene.plan.stroke_speed_m_s);
         let rungs = (0..RUNGS).map(|rung| {
             // Each rung has other seeds, so that rungs are independent.
             let mut study = Self { seed: self.seed ^ u64::from(rung + 1) << 40, ..self.clone() };
-            let speed_m_s =
-                slowest_m_s * FIRST_TIMES * libm::exp2(OCTAVES_PER_RUNG * f64::from(rung));
-            for plan in study.contenders.iter_mut().map(|named| &mut named.scene.plan) {
-                if let Style::Even(even) = &mut plan.style {
-                    let scaled = even.acceleration_m_s2 * speed_m_s / plan.stroke_speed_m_s;
-                    even.acceleration_m_s2 = scaled.min(MOST_M_S2);
-                    even.dark_speed_m_s = even.dark_speed_m_s.max(speed_m_s);
-                }
-                plan.stroke_speed_m_s = speed_m_s;
+            let cap_height_m = last_m * libm::exp2(OCTAVES_PER_RUNG * f64::from(RUNGS - 1 - rung));
+            for scene in study.contenders.iter_mut().map(|named| &mut named.scene) {
+                shrink(scene, cap_height_m, speed_m_s);
+                narrow_lamp(scene, LAMP_TIMES * last_m);
             }
             study
         });
         rungs.collect()
     }
+}
+
+/// Scales the letters of a scene to a cap height, and sets how they are flown.
+fn shrink(scene: &mut Scene, cap_height_m: f64, speed_m_s: f64) {
+    let letters = &mut scene.letters;
+    let scale = cap_height_m / letters.cap_height_m;
+    let gaps = [&mut letters.width_m, &mut letters.gap_m, &mut letters.line_gap_m];
+    for length_m in gaps.into_iter().flatten().chain([&mut letters.spacing_m]) {
+        *length_m *= scale;
+    }
+    (letters.cap_height_m, letters.canvas_m) = (cap_height_m, None);
+    scene.plan.stroke_speed_m_s = speed_m_s;
+    if let Style::Even(even) = &mut scene.plan.style {
+        even.acceleration_m_s2 = (ACCELERATION_TIMES * even.acceleration_m_s2).min(MOST_M_S2);
+        even.jerk_m_s3 = (ACCELERATION_TIMES * even.jerk_m_s3).min(MOST_M_S3);
+        even.corner_error_m = even.corner_error_m.min(CORNER_TIMES * cap_height_m);
+    }
+}
+
+/// Gives a scene one lamp, on the middle of the drone, and a camera that is set up for the word.
+fn narrow_lamp(scene: &mut Scene, diameter_m: f64) {
+    let headlight = Deck::LedRing.fixtures().swap_remove(0);
+    let [x, _, z] = headlight.position_body_m;
+    let lamp = Fixture { position_body_m: [x, 0.0, z], diameter_m, ..headlight };
+    scene.plan.lights = vec![Deck::LedRing.channel().to_owned()];
+    (scene.light.fixtures, scene.light.letters_wrgb) = (Some(vec![lamp]), Vec::new());
+    (scene.camera.framing, scene.camera.metering) = (Framing::default(), Metering::default());
 }
 
 /// Flies the rungs of a [`Study::ladder`] as [`evaluate`] does, and returns the records of each.
@@ -107,40 +151,43 @@ pub fn fly_ladder(
     rungs.collect()
 }
 
-/// Returns the speed limits of contenders, from the records of each rung of a [`Study::ladder`].
+/// Returns the limits of contenders, from the records of each rung of a [`Study::ladder`].
 pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
-    // One study with the words of all rungs. Its records come contender by contender.
+    // One study with a stratum for each rung. Its records come contender by contender.
     let contenders = &ladder[0].contenders;
     let mut by_contender = records.concat();
     by_contender.sort_by_key(|record| contenders.iter().position(|c| c.name == record.contender));
-    let words = ladder.iter().flat_map(|study| study.words.clone()).collect();
+    for Outcome { probability, similarity, .. } in by_contender.iter_mut().map(|r| &mut r.outcome) {
+        *probability = similarity.clamp(0.0, 1.0);
+    }
+    let n_each = |study: &Study| study.words.iter().map(|(_, n)| n).sum();
+    let words = ladder.iter().map(|study| (String::new(), n_each(study))).collect();
     let ranking = rank(&Study { words, ..ladder[0].clone() }, &by_contender);
     let limits = ranking.measures.iter().map(|measures| {
         let rungs = ladder.iter().zip(records).map(|(study, records)| {
             let own = records.iter().filter(|record| record.contender == measures.contender);
             Rung {
-                stroke_speed_m_s: study.contenders[0].scene.plan.stroke_speed_m_s,
-                legibility: mean(own.map(|record| record.outcome.probability)),
+                cap_height_m: study.contenders[0].scene.letters.cap_height_m,
+                letters_read: mean(own.map(|record| record.outcome.similarity)),
             }
         });
         let rungs: Vec<Rung> = rungs.collect();
-        SpeedLimit {
+        HeightLimit {
             contender: measures.contender.clone(),
             place: measures.place,
             n_flights: measures.n_flights,
-            stroke_speed_m_s: limit_m_s(rungs[0].stroke_speed_m_s, measures.legibility),
+            cap_height_m: limit_m(rungs[0].cap_height_m, measures.legibility),
             rungs,
         }
     });
     Acuity { limits: limits.collect(), pairs: ranking.pairs }
 }
 
-/// Returns the speed limit by Spearman and Kärber: the first `n · mean P(read)` of n rungs read,
-/// and the limit is half a rung above the last of these.
-fn limit_m_s(first_rung_m_s: f64, legibility: Estimate) -> Estimate {
-    let Estimate { value, low, high } = legibility;
-    let [value, low, high] = [value, low, high].map(|mean| {
-        first_rung_m_s * libm::exp2(OCTAVES_PER_RUNG * (mean * f64::from(RUNGS) - 0.5))
+/// Returns the limit by Spearman and Kärber: the first `n · share` of n rungs are read, and the
+/// limit is half a rung beyond the last of these.
+fn limit_m(first_rung_m: f64, share: Estimate) -> Estimate {
+    let [value, low, high] = [share.value, share.high, share.low].map(|share| {
+        first_rung_m * libm::exp2(OCTAVES_PER_RUNG * (0.5 - share * f64::from(RUNGS)))
     });
     Estimate { value, low, high }
 }
@@ -148,8 +195,8 @@ fn limit_m_s(first_rung_m_s: f64, legibility: Estimate) -> Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Conditions, Outcome};
-    use noctograph_pipeline::scene::{NamedScene, Preset, Scene};
+    use crate::Conditions;
+    use noctograph_pipeline::scene::{NamedScene, Preset};
 
     fn study(n: u32) -> Study {
         let contenders = ["a", "b"].map(|name| NamedScene::new(name, Scene::preset(Preset::Cf21)));
@@ -157,19 +204,19 @@ mod tests {
         Study { contenders: contenders.into(), words, conditions: Conditions::still(), seed: 1 }
     }
 
-    /// Records of contenders that are legible up to a speed, each with a soft edge.
-    fn records(study: &Study, limits_m_s: [f64; 2]) -> Vec<Record> {
+    /// Records of contenders whose letters are read down to a height, each with a soft edge.
+    fn records(study: &Study, limits_m: [f64; 2]) -> Vec<Record> {
         let records = study.trials().map(|trial| {
-            let speed_m_s = study.contenders[trial.contender].scene.plan.stroke_speed_m_s;
-            let octaves = libm::log2(limits_m_s[trial.contender] / speed_m_s);
+            let cap_height_m = study.contenders[trial.contender].scene.letters.cap_height_m;
+            let octaves = libm::log2(cap_height_m / limits_m[trial.contender]);
             let shift = 0.2 * ((trial.seed % 8) as f64 / 7.0 - 0.5);
-            let p = 1.0 / (1.0 + libm::exp(-12.0 * (octaves + shift)));
+            let similarity = 1.0 / (1.0 + libm::exp(-6.0 * (octaves + shift)));
             Record {
                 scene: String::new(),
                 contender: study.contenders[trial.contender].name.clone(),
                 word: study.words[trial.word].0.clone(),
                 seed: trial.seed,
-                outcome: Outcome::example(p),
+                outcome: Outcome { similarity, ..Outcome::example(0.5) },
             }
         });
         records.collect()
@@ -178,14 +225,15 @@ mod tests {
     #[test]
     fn limits_are_those_of_the_contenders_and_are_told_apart() {
         let ladder = study(4).ladder();
-        let records: Vec<_> = ladder.iter().map(|rung| records(rung, [1.3, 1.45])).collect();
+        let records: Vec<_> = ladder.iter().map(|rung| records(rung, [0.05, 0.04])).collect();
         let acuity = acuity(&ladder, &records);
         let names: Vec<&str> = acuity.limits.iter().map(|limit| &*limit.contender).collect();
-        assert_eq!(names, ["b", "a"], "the fastest first");
-        for (limit, wanted_m_s) in acuity.limits.iter().zip([1.45, 1.3]) {
-            let Estimate { value, low, high } = limit.stroke_speed_m_s;
-            assert!((value / wanted_m_s - 1.0).abs() < 0.03 && high < 1.1 * low, "{limit:?}");
-            assert!(limit.rungs[0].legibility > 0.95 && limit.rungs[7].legibility < 0.01);
+        assert_eq!(names, ["b", "a"], "the smallest letters first");
+        for (limit, wanted_m) in acuity.limits.iter().zip([0.04, 0.05]) {
+            let Estimate { value, low, high } = limit.cap_height_m;
+            assert!((value / wanted_m - 1.0).abs() < 0.04, "{limit:?}");
+            assert!(low < value && value < high && high < 1.1 * low, "{limit:?}");
+            assert!(limit.rungs[0].letters_read > 0.95 && limit.rungs[6].letters_read < 0.05);
         }
         assert!(acuity.pairs[0].distinguishable, "{acuity:?}");
     }
@@ -194,12 +242,12 @@ mod tests {
     fn intervals_of_limits_hold_them() {
         let held = (1..=50_u64).map(|seed| {
             let ladder = Study { seed, ..study(4) }.ladder();
-            let records: Vec<_> = ladder.iter().map(|rung| records(rung, [1.3, 1.45])).collect();
+            let records: Vec<_> = ladder.iter().map(|rung| records(rung, [0.05, 0.04])).collect();
             let limits = acuity(&ladder, &records).limits.into_iter();
             let held = limits.filter(|limit| {
-                let wanted_m_s = if limit.contender == "a" { 1.3 } else { 1.45 };
-                let Estimate { low, high, .. } = limit.stroke_speed_m_s;
-                (low..=high).contains(&wanted_m_s)
+                let wanted_m = if limit.contender == "a" { 0.05 } else { 0.04 };
+                let Estimate { low, high, .. } = limit.cap_height_m;
+                (low..=high).contains(&wanted_m)
             });
             held.count()
         });
@@ -210,17 +258,34 @@ mod tests {
     #[test]
     fn rungs_share_nothing_but_their_contenders() {
         let ladder = study(2).ladder();
-        let plans = ladder.iter().map(|study| &study.contenders[1].scene.plan);
-        let wanted_m_s = [0.8, 0.951, 1.131, 1.345, 1.6, 1.903, 2.263, 2.691];
-        for (plan, wanted_m_s) in plans.zip(wanted_m_s) {
-            assert!((plan.stroke_speed_m_s - wanted_m_s).abs() < 1e-3, "{plan:?}");
+        let wanted_m = [0.16, 0.1131, 0.08, 0.0566, 0.04, 0.0283, 0.02];
+        for (study, wanted_m) in ladder.iter().zip(wanted_m) {
+            let Scene { letters, plan, light, .. } = &study.contenders[1].scene;
+            assert!((letters.cap_height_m - wanted_m).abs() < 1e-4, "{letters:?}");
             let Style::Even(even) = &plan.style else { panic!("{plan:?}") };
-            assert!((even.acceleration_m_s2 / plan.stroke_speed_m_s - 10.0).abs() < 1e-9);
+            assert_eq!(
+                (plan.stroke_speed_m_s, even.acceleration_m_s2, even.jerk_m_s3),
+                (0.1, 8.0, 120.0)
+            );
+            assert!((even.corner_error_m - 0.02 * letters.cap_height_m).abs() < 1e-9);
+            let lamps = light.fixtures();
+            assert!(lamps.len() == 1 && (lamps[0].diameter_m - 0.003).abs() < 1e-9, "{lamps:?}");
         }
         let mut seeds: Vec<u64> =
             ladder.iter().flat_map(|study| study.trials().map(|trial| trial.seed)).collect();
         seeds.sort_unstable();
         seeds.dedup();
-        assert_eq!(seeds.len(), 8 * 2 * 2, "seeds of rungs and words differ; contenders share");
+        assert_eq!(seeds.len(), 7 * 2 * 2, "seeds of rungs and words differ; contenders share");
+    }
+
+    #[test]
+    fn letters_of_boxes_keep_their_proportions_and_the_least_height_is_that_of_scenes() {
+        let mut study = study(1);
+        let letters = &mut study.contenders[0].scene.letters;
+        (letters.cap_height_m, letters.width_m, letters.gap_m) = (0.2, Some(0.1), Some(0.04));
+        let ladder = study.ladder();
+        let letters = &ladder[6].contenders[0].scene.letters;
+        assert_eq!((letters.cap_height_m, letters.canvas_m), (0.01, None), "{letters:?}");
+        assert!((letters.width_m.unwrap() - 0.005).abs() < 1e-12, "{letters:?}");
     }
 }

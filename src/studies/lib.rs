@@ -44,7 +44,7 @@ mod tune;
 /// an archive, on every system. It distinguishes builds of one version.
 pub const SOURCE: &str = env!("NOCTOGRAPH_SOURCE");
 
-pub use acuity::{Acuity, RUNGS, Rung, SpeedLimit, acuity, fly_ladder};
+pub use acuity::{Acuity, HeightLimit, RUNGS, Rung, acuity, fly_ladder};
 pub use conditions::Conditions;
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use experiment::{Study, Trial, evaluate};

@@ -19,7 +19,7 @@ pub struct Ranking {
     pub least_flights: u32,
     /// Contenders that are not ranked.
     pub unranked: Vec<Unranked>,
-    /// Speed limits of the contenders, if they were measured.
+    /// Smallest letters of the contenders, if they were measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acuity: Option<Acuity>,
 }
@@ -134,7 +134,7 @@ fn level(n_pairs: usize) -> f64 {
 
 /// Compares every two of `contenders`, given as names with the probabilities of their flights, in
 /// the order of their means.
-fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
+pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     let (mut pairs, mut differences_by_pair) = (Vec::new(), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {
         for (worse, b) in &contenders[place + 1..] {

@@ -20,16 +20,16 @@ pub fn flights_csv(records: &[Record]) -> String {
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
-    let acuity = ranking.acuity.as_ref().map(|_| estimate("acuity_m_s", "acuity"));
+    let acuity = ranking.acuity.as_ref().map(|_| estimate("acuity_m", "acuity"));
     let columns = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
         .chain(flown.into_iter().chain(acuity).flatten());
-    // The speed limit of a contender is added to its row.
+    // The acuity of a contender is added to its row.
     let ranked = ranking.measures.iter().map(|measures| {
         let mut limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
         let limit = limits.find(|limit| limit.contender == measures.contender);
         let mut row = value(measures);
-        row["acuity"] = value(&limit.map(|limit| limit.stroke_speed_m_s));
+        row["acuity"] = value(&limit.map(|limit| limit.cap_height_m));
         row
     });
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))

@@ -213,7 +213,7 @@ def test_a_drone_that_stands_is_asked_about():
         nc.fly_many(scene, np.int64(2), controller=shares, progress=False)
 
 
-def test_the_acuity_of_a_controller_is_a_speed():
+def test_the_acuity_of_a_controller_is_a_height():
     class Still:
         def __call__(self, state, reference):
             return [0, 0, 0, 0]
@@ -222,11 +222,11 @@ def test_the_acuity_of_a_controller_is_a_speed():
     with pytest.warns(UserWarning, match="never left the floor"):
         contenders = {"pid": scene, "still": (scene, Still)}
         ranked = nc.rank(contenders, ["I"], seeds=2, acuity=1, conditions="still", progress=False)
-    fast, still = ranked["acuity"]["limits"]
-    assert (fast["contender"], still["contender"], still["n_flights"]) == ("pid", "still", 8)
-    speeds = [limit["stroke_speed_m_s"]["value"] for limit in (fast, still)]
-    assert speeds[0] > speeds[1] and len(fast["rungs"]) == 8 and still["rungs"][0]["legibility"] < 0.1
-    assert "acuity_m_s" in ranked.files["ranking.csv"].decode()
+    small, still = ranked["acuity"]["limits"]
+    assert (small["contender"], still["contender"], still["n_flights"]) == ("pid", "still", 7)
+    heights_m = [limit["cap_height_m"]["value"] for limit in (small, still)]
+    assert heights_m[0] < heights_m[1] and len(small["rungs"]) == 7 and still["rungs"][0]["letters_read"] < 0.1
+    assert "acuity_m" in ranked.files["ranking.csv"].decode()
 
 
 def test_a_flight_has_the_covariance_of_its_filter():

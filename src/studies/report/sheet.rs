@@ -24,8 +24,8 @@ const ROW_PHOTOS: usize = 4;
 /// Height of capitals in the photos of a study.
 const CAP_HEIGHT_PX: f64 = 110.0;
 
-/// Height of capitals in the photos of a ladder, of which there are eight in a row.
-const FAST_CAP_HEIGHT_PX: f64 = 70.0;
+/// Height of capitals in the photos of a ladder, of which there are seven in a row.
+const SMALL_CAP_HEIGHT_PX: f64 = 70.0;
 
 /// A row of a sheet: its title, and photos with their captions.
 type Row = (String, Vec<(Photo, String)>);
@@ -67,9 +67,10 @@ pub fn acuity_sheet(
     records: &[Vec<Record>],
 ) -> Result<Photo> {
     let rows = acuity.limits.iter().map(|limit| {
-        let Estimate { value, low, high } = limit.stroke_speed_m_s;
+        let Estimate { value, low, high } = limit.cap_height_m;
+        let [value, low, high] = [value, low, high].map(|height_m| 1e3 * height_m);
         let title =
-            format!("{}: reads up to {value:.2} m/s ({low:.2} to {high:.2})", limit.contender);
+            format!("{}: reads down to {value:.1} mm ({low:.1} to {high:.1})", limit.contender);
         let mut photos = Vec::new();
         // The first flight of the contender on each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));
@@ -79,9 +80,9 @@ pub fn acuity_sheet(
             let Some((Record { outcome, .. }, trial)) = first else { continue };
             if outcome.flown.is_some() {
                 let scene = &prepared[trial.contender * study.words.len() + trial.word];
-                let photo = scene.photo(trial.seed, FAST_CAP_HEIGHT_PX)?;
-                let (speed_m_s, p) = (rung.stroke_speed_m_s, outcome.probability);
-                photos.push((photo, format!("{speed_m_s:.2} m/s: {p:.2}")));
+                let photo = scene.photo(trial.seed, SMALL_CAP_HEIGHT_PX)?;
+                let (height_mm, share) = (1e3 * rung.cap_height_m, outcome.similarity);
+                photos.push((photo, format!("{height_mm:.0} mm: {share:.2}")));
             }
         }
         Ok((title, photos))

@@ -9,17 +9,18 @@ use noctograph_sim::ControllerKind;
 use rayon::prelude::*;
 
 use super::*;
+use crate::rank::pairs;
 use crate::{Conditions, Record, Study, Trial, evaluate};
 
 /// An interval of a study's values.
-type Interval = fn(&[Vec<f64>]) -> Estimate;
+type Interval<'a> = &'a (dyn Fn(&[Vec<f64>]) -> Estimate + Sync);
 /// Fractions of `n_studies` studies, each with `n` values of a distribution, whose interval holds
 /// the truth, is below it, and is above it.
 fn held(
     law: &(dyn Fn(f64) -> f64 + Sync),
     truth: f64,
     n: u32,
-    (n_studies, interval): (u32, Interval),
+    (n_studies, interval): (u32, Interval<'_>),
 ) -> [f64; 3] {
     let sides = (0..n_studies).into_par_iter().map(|study| {
         let keys = (0..n).map(|k| u64::from(study) << 32 | u64::from(k));
@@ -44,7 +45,7 @@ fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
         let quantiles = (0..points).map(|k| law((f64::from(k) + 0.5) / f64::from(points)));
         let truth = quantiles.sum::<f64>() / f64::from(points);
         for n in [6, 10, 20, 50, 100] {
-            let [inside, below, above] = held(&law, truth, n, (1000, mean_of_probabilities));
+            let [inside, below, above] = held(&law, truth, n, (1000, &mean_of_probabilities));
             println!("{middle} {scale} {n}: {inside:.3} {below:.3} {above:.3}");
             assert!((0.94..=0.99).contains(&inside), "{middle} {scale} {n}: {inside}");
         }
@@ -77,20 +78,46 @@ const FEWER_STUDIES: u32 = 500;
 
 const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
 
-/// Row of a table: how often an interval of n of these values holds the truth, in percent.
-fn row(name: &str, values: &[f64], truth: f64, interval: (u32, Interval)) {
-    let sigma = standard_error(values) * (values.len() as f64).sqrt();
+/// Cells of a row: how often an interval of n of these values holds the truth, in percent.
+fn cells(values: &[f64], truth: f64, interval: (u32, Interval<'_>)) -> String {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let law = |u: f64| values[(u * values.len() as f64) as usize];
     let cells = NUMBERS.map(|n| {
         let [inside, below, above] = held(&law, truth, n, interval).map(|part| 100.0 * part);
         format!("{inside:.1} ({below:.1}, {above:.1})")
     });
-    println!("| {name} | {truth:.3} | {sigma:.3} | {} |", cells.join(" | "));
+    cells.join(" | ")
+}
+
+/// Row of a table.
+fn row(name: &str, values: &[f64], truth: f64, interval: (u32, Interval<'_>)) {
+    let sigma = standard_error(values) * (values.len() as f64).sqrt();
+    println!("| {name} | {truth:.3} | {sigma:.3} | {} |", cells(values, truth, interval));
 }
 
 fn proportion_of_hits(strata: &[Vec<f64>]) -> Estimate {
     proportion(strata.iter().flatten().map(|value| *value > 0.5))
+}
+
+/// Interval of the rank of a contender: from one below those told apart as better to one above
+/// those told apart as worse (Mohamad, Goeman, van Zwet, arXiv:1708.02729). `pool` has the
+/// probabilities of each contender, and `flights` are indices into them.
+fn rank_among(pool: &[Vec<f64>], contender: usize, flights: &[Vec<f64>]) -> Estimate {
+    let names: Vec<String> = (0..pool.len()).map(|index| index.to_string()).collect();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
+    let drawn = pool.iter().map(|values| flights.iter().flatten().map(|k| values[*k as usize]));
+    let drawn = drawn.map(Iterator::collect).zip(&names);
+    let mut drawn: Vec<(Vec<f64>, &String)> = drawn.collect();
+    drawn.sort_by(|(a, _), (b, _)| mean(b).total_cmp(&mean(a)));
+    let named: Vec<_> = drawn.iter().map(|(values, name)| (name.as_str(), &values[..])).collect();
+    let pairs = pairs(&named);
+    let told_apart = pairs.iter().filter(|pair| pair.distinguishable);
+    let [mut low, mut high] = [1.0, pool.len() as f64];
+    for pair in told_apart {
+        low += f64::from(pair.worse == names[contender]);
+        high -= f64::from(pair.better == names[contender]);
+    }
+    Estimate { value: low, low, high }
 }
 
 fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
@@ -134,24 +161,37 @@ fn coverage_of_intervals_on_flights() {
     println!("|---|---|---{}|", "|---".repeat(NUMBERS.len()));
     for records in &pool {
         let (name, values) = (&records[0].contender, probabilities(records));
-        let interval = (STUDIES, mean_of_probabilities as Interval);
+        let interval: (u32, Interval<'_>) = (STUDIES, &mean_of_probabilities);
         row(&format!("P(read): {name}"), &values, mean(&values), interval);
     }
     for records in [&pool[2], &pool[3], &pool[6]] {
         let (name, values) = (&records[0].contender, probabilities(records));
-        row(&format!("worst tenth: {name}"), &values, tail(&values), (FEWER_STUDIES, worst_decile));
+        row(
+            &format!("worst tenth: {name}"),
+            &values,
+            tail(&values),
+            (FEWER_STUDIES, &worst_decile),
+        );
     }
     for records in [&pool[3], &pool[4], &pool[6]] {
         let values: Vec<f64> =
             records.iter().map(|record| f64::from(record.outcome.legible)).collect();
         let name = format!("legible: {}", records[0].contender);
-        row(&name, &values, mean(&values), (STUDIES, proportion_of_hits));
+        row(&name, &values, mean(&values), (STUDIES, &proportion_of_hits));
     }
     for [better, worse] in [[0, 1], [1, 2], [2, 3]] {
         let [a, b] = [better, worse].map(|index: usize| probabilities(&pool[index]));
         let values: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
         let names = [better, worse].map(|index: usize| pool[index][0].contender.as_str());
         let name = format!("pair: {} and {}", names[0], names[1]);
-        row(&name, &values, mean(&values), (FEWER_STUDIES, center_of_differences));
+        row(&name, &values, mean(&values), (FEWER_STUDIES, &center_of_differences));
+    }
+    // Ranks of the first four, whose order is that of their means.
+    let four: Vec<Vec<f64>> = pool[..4].iter().map(|records| probabilities(records)).collect();
+    let flights: Vec<f64> = (0..four[0].len()).map(|k| k as f64).collect();
+    for (contender, rank) in [(1, 2.0), (2, 3.0)] {
+        let interval = |flights: &[Vec<f64>]| rank_among(&four, contender, flights);
+        let cells = cells(&flights, rank, (FEWER_STUDIES, &interval));
+        println!("| rank of four: {} | {rank} | | {cells} |", pool[contender][0].contender);
     }
 }

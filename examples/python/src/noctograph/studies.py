@@ -329,7 +329,8 @@ def rank(
     seed : int
         Seed that all seeds are drawn from.
     acuity : int, optional
-        Also finds the fastest legible strokes: this number of further seeds of each word at each of eight speeds.
+        Also finds the smallest letters that are read: this number of further seeds of each word at each of seven
+        cap heights, with a narrow lamp.
         ``report["acuity"]["limits"]`` has them. Above a P(read) of 0.96 this ranks, and P(read) does not.
     folder : path, optional
         Keeps the flights, so that the next call flies only what is new. Those of a class of your own are kept word
@@ -369,10 +370,10 @@ def rank(
 
         trials = _trials(named, counted, seed) if controllers else []
         flown = flown_by_python([scene for _, scene in named], trials)
-        faster = None
+        smaller = None
         if acuity is not None:
-            faster = (acuity, [flown_by_python(*rung) for rung in _ladder(named, counted, seed, acuity)])
-        return _ranked(named, counted, conditions, seed, folder, flown, {}, show, faster)
+            smaller = (acuity, [flown_by_python(*rung) for rung in _ladder(named, counted, seed, acuity)])
+        return _ranked(named, counted, conditions, seed, folder, flown, {}, show, smaller)
 
 
 def _ranked(*arguments: Any) -> Report:
