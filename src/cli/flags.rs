@@ -9,7 +9,7 @@ use super::output::{drone_number, is_csv};
 use super::terminal::{message, warn};
 use crate::error::{Error, Result};
 use crate::plan::{Plan, Style};
-use crate::preflight::{Profile, fit_within, frame_within, hang_stations};
+use crate::preflight::{Profile, fit_within, frame_within, hang_stations, longer_than_battery};
 use crate::scene::{CarriedScene, NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{DesignCheck, Shoot};
@@ -312,12 +312,15 @@ impl SubjectFlags {
             }
             change(&mut scene)?;
             frame(&mut scene)?;
-            return Shoot::with_plans(scene, read_plans(&plans, carried.as_ref())?);
+            let shoot = Shoot::with_plans(scene, read_plans(&plans, carried.as_ref())?)?;
+            warn(longer_than_battery(&shoot));
+            return Ok(shoot);
         }
         let scene = self.ready(change)?;
         let strokes = scene.strokes()?;
         let shoot = Shoot::of_strokes(scene, strokes, check)?;
         warn_of_fewer_drones(&shoot);
+        warn(longer_than_battery(&shoot));
         if self.design.scene.sets("letters.cap_height_m") {
             warn_of_smaller_letters(&shoot);
         }

@@ -11,6 +11,7 @@ use super::terminal::warn;
 use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::Plan;
+use crate::preflight::longer_than_battery;
 use crate::report::plan_view;
 use crate::shoot::{Planned, Shoot};
 use crate::tracking::{Part, track};
@@ -63,6 +64,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     };
     let shoot = Shoot::of_strokes(scene.clone(), strokes.clone(), &|_| Ok(()))?;
     warn_of_fewer_drones(&shoot);
+    warn(longer_than_battery(&shoot));
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let drawing = file_name(&scene.letters.drawing);
     let title = if strokes.font.is_some() { &strokes.word } else { &drawing };

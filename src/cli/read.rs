@@ -30,7 +30,13 @@ pub(super) struct ReadArgs {
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
-    let reading = read_upright(photo, "").1.of_writing();
+    let reading = read_upright(photo, "").1;
+    if let ([mark], true) = (&reading.letters[..], reading.clone().of_writing().text.is_empty()) {
+        let (letter, p) = (mark.letter, mark.p);
+        let text = format!("a single mark is too unclear to be writing: {letter} with {p:.2}");
+        message("note: ", &text);
+    }
+    let reading = reading.of_writing();
     let text = Some(&reading.text).filter(|text| !text.is_empty());
     let report = Report::with_words(&reading, &json!({ "line": text }), LAYOUT);
     Ok(report.passes(!reading.text.is_empty()))

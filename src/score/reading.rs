@@ -247,7 +247,8 @@ fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
 }
 
 /// Returns the likeliest text of columns and the mean of ln p over its letters, or `None` if no
-/// letter is read.
+/// letter is read. How usual the kinds of words are chooses the text, and is not in ln p: it would
+/// take a clear digit alone for a doubtful letter of another size.
 fn spell(columns: &Columns) -> Option<(String, f64)> {
     // In a word of one kind, each character stands for all characters of its shape.
     let [capitals, small, digits] = ['A'..='Z', 'a'..='z', '0'..='9']
@@ -266,7 +267,8 @@ fn spell(columns: &Columns) -> Option<(String, f64)> {
         let (text, ln_p) = search(columns, first, rest).into_iter().next()?;
         let n_letters = text.chars().count() as f64;
         let has_letter = text.chars().any(|c| c != '?');
-        has_letter.then(|| (text, (ln_p + ln_frequency) / n_letters))
+        has_letter.then(|| (text, ln_p / n_letters, (ln_p + ln_frequency) / n_letters))
     });
-    texts.reduce(|a, b| if b.1 > a.1 { b } else { a })
+    let (text, ln_p, _) = texts.reduce(|a, b| if b.2 > a.2 { b } else { a })?;
+    Some((text, ln_p))
 }

@@ -277,7 +277,10 @@ impl Avionics {
         let Some(fault) = loss(&plant.body(), &self.estimate) else { return Ok(()) };
         let [_, empty_code] = BATTERY;
         if plant.warnings().iter().any(|warning| warning.code == empty_code) {
-            let what = format!("the battery is empty, and the drone {fault} after {time_s:.3} s");
+            let duration_s = plan.duration_s();
+            let what = format!(
+                "the battery is empty, and the drone {fault} after {time_s:.0} of {duration_s:.0} s"
+            );
             return Err(Error::infeasible(what, EMPTY_HELP).coded(empty_code));
         }
         let keys = tuning_keys(self.kinds);
@@ -417,8 +420,8 @@ fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
 }
 
 /// Advice for a drone that is lost with an empty battery.
-const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
-                                hovering; or a larger vehicle.battery";
+const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.style.stroke_speed_m_s, \
+                          shorter plan.style.hover_s, or a larger battery.capacity_ah";
 
 /// How the controller has lost a drone, by its true or its estimated state, if it has.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {

@@ -34,6 +34,19 @@ fn the_papers_letters_are_flagged_and_may_fly() {
 }
 
 #[test]
+fn a_plan_that_outlasts_the_battery_is_named_before_it_is_flown() {
+    let folder = tempfile::tempdir().unwrap();
+    for (charge_frac, warned) in [("1", false), ("0.1", true)] {
+        let charge = format!("battery.charge_frac={charge_frac}");
+        let command = ["plan", "HELLO", "--set", &charge, "-o", "plan.csv"];
+        let assert = noctograph().current_dir(&folder).args(command).assert().success();
+        let stderr = String::from_utf8_lossy(&assert.get_output().stderr).replace("\n         ", " ");
+        let is_named = stderr.contains("s in the air, and the battery hovers for");
+        assert_eq!(is_named, warned, "{stderr}");
+    }
+}
+
+#[test]
 fn an_even_noor_passes_and_a_typed_speed_is_too_fast_for_the_careful() {
     let report = run_json(Path::new("."), &["check", "NOOR", "--style", "even"]);
     let findings = report["findings"].as_array().unwrap();

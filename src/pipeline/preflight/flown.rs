@@ -1,6 +1,7 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
 use super::picture::{Picture, Piece, lit_pieces};
+use super::plans::hovers_s;
 use super::{
     CAP_HEIGHT_M, GRAVITY_M_S2, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if,
 };
@@ -201,6 +202,13 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
 /// Height above which a drone counts as in the air, with its battery under load.
 const AIRBORNE_M: f64 = 0.2;
 
+/// Returns the time from the first to the last sample in the air.
+fn air_s(flight: &Flight) -> f64 {
+    let mut in_air = flight.samples.iter().filter(|sample| sample.position_m.z > AIRBORNE_M);
+    let first_s = in_air.next().map_or(0.0, |first| first.time_s);
+    in_air.next_back().map_or(0.0, |last| last.time_s - first_s)
+}
+
 /// Checks that the battery lasts for the flight, by the rule that exported scripts apply.
 fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     if scene.battery.capacity_ah <= 0.0 {
@@ -210,7 +218,7 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     }
     let low_v =
         platform(scene).map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v());
-    let warning = flight.warnings.iter().find(|w| warning::BATTERY.contains(&w.code));
+    let warning = flight.warnings.iter().rfind(|w| warning::BATTERY.contains(&w.code));
     let load = Battery::new(&scene.battery, flight, low_v);
     let lasts = load.as_ref().is_none_or(Battery::lasts);
     let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
@@ -218,7 +226,14 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     let (voltages, wanted) = match &load {
         None => ("lasts".to_owned(), never),
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
-            let verdict = if lasts { "lasts" } else { "does not last" };
+            // Hovering explains an empty battery better than voltages do.
+            let air_s = air_s(flight);
+            let short_s = hovers_s(scene).filter(|hovers_s| *hovers_s < air_s);
+            let verdict = match short_s {
+                _ if lasts => "lasts".to_owned(),
+                None => "does not last".to_owned(),
+                Some(hovers_s) => format!("does not last {air_s:.0} s, hovers for {hovers_s:.0} s"),
+            };
             let lowest_v = rest_v - sag_v;
             let wanted = match least_rest_v {
                 Some(least_v) => format!("{least_v:.2} V at rest or more: {never}"),
@@ -238,7 +253,8 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     Diagnostic::check("battery", severity, rest_v).within(limit_v).detailed(detail).say(
         actual,
         wanted,
-        "charge it ({battery.charge_frac}), write fewer letters, or share them ({plan.drones=2})",
+        "charge it ({battery.charge_frac}), write fewer letters, hover less \
+         ({plan.style.hover_s}), or share them ({plan.drones=2})",
     )
 }
 

@@ -4,6 +4,9 @@ use nalgebra::Vector3;
 
 use super::Profile;
 use super::{at_time, largest, stop_if, warn_if};
+use crate::scene::Scene;
+use crate::shoot::Shoot;
+use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::geometry::segment_distance;
@@ -260,11 +263,32 @@ fn jumps(plan: &Plan) -> Diagnostic {
     )
 }
 
-/// Checks the time in the air.
-fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
+/// Returns the time in the air.
+fn air_s(plan: &Plan) -> f64 {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
     // The sum of no numbers is -0.0, and adding 0.0 makes it 0.0.
-    let air_s = in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0;
+    in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0
+}
+
+/// Warns of a plan that is longer in the air than the battery can hover.
+pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
+    let hovers_s = hovers_s(&shoot.scene)?;
+    let longest_s = shoot.plans.iter().map(|it| air_s(&it.plan)).fold(0.0, f64::max);
+    let message = format!(
+        "the plan is {longest_s:.0} s in the air, and the battery hovers for {hovers_s:.0} s: \
+         write fewer letters, or set plan.drones=2 or a shorter plan.style.hover_s"
+    );
+    (longest_s > hovers_s).then(|| Diagnostic::warning("battery-short", message))
+}
+
+/// Returns the time for which the battery can hover. `None` without a battery.
+pub(super) fn hovers_s(scene: &Scene) -> Option<f64> {
+    scene.battery.lasts_s(scene.vehicle.mass_kg * GRAVITY_M_S2)
+}
+
+/// Checks the time in the air.
+fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
+    let air_s = air_s(plan);
     let most_s = profile.flight_time_s;
     Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),

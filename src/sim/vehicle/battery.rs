@@ -173,6 +173,23 @@ mod tests {
     }
 
     #[test]
+    fn the_time_to_the_cut_off_is_that_of_a_hovering_drone() {
+        for charge_frac in [1.0, 0.5, 0.0] {
+            let (mut battery, weight_n) = cf21();
+            battery.charge_frac = charge_frac;
+            battery.options.charge_frac = charge_frac;
+            battery.drain(weight_n, 0.0);
+            let mut hovers_s = 0.0;
+            while battery.voltage_v >= battery.options.cut_off_v {
+                battery.drain(weight_n, 0.1);
+                hovers_s += 0.1;
+            }
+            let lasts_s = battery.options.lasts_s(weight_n).unwrap();
+            assert!((lasts_s - hovers_s).abs() < 1.0, "{charge_frac}: {lasts_s} and {hovers_s} s");
+        }
+    }
+
+    #[test]
     fn energy_is_voltage_times_current_times_time() {
         let (mut battery, _) = cf21();
         (battery.options.open_circuit_v, battery.options.resistance_ohm) = ([4.0; 11], 0.5);

@@ -7,6 +7,9 @@ use noctograph_core::settings::settings;
 
 pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
 
+/// Steps of charge in which the time of a battery is measured.
+const EMPTY_STEPS: u16 = 1000;
+
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
     ///
@@ -266,6 +269,17 @@ impl BatteryOptions {
         let fraction = tenths - below as f64;
         let [low, high] = [self.open_circuit_v[below], self.open_circuit_v[below + 1]];
         low + (high - low) * fraction
+    }
+
+    /// Time until the battery falls to its cut-off under a total thrust of all rotors. `None`
+    /// without a battery.
+    pub fn lasts_s(&self, thrust_n: f64) -> Option<f64> {
+        let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
+        let least_v = self.cut_off_v + self.resistance_ohm * current_a;
+        let mut fracs = (0..=EMPTY_STEPS).map(|step| f64::from(step) / f64::from(EMPTY_STEPS));
+        let empty_frac = fracs.find(|frac| self.open_circuit_v(*frac) >= least_v).unwrap_or(1.0);
+        let charge_a_s = 3600.0 * self.capacity_ah * (self.charge_frac - empty_frac).max(0.0);
+        (self.capacity_ah > 0.0).then(|| charge_a_s / current_a)
     }
 
     /// Checks that the open-circuit voltage rises with the charge.
