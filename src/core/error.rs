@@ -176,9 +176,9 @@ impl Error {
         });
         let hint = match source.kind() {
             _ if cfg!(windows) && names.any(|name| is_reserved(&name)) => {
-                "Windows keeps this name for itself: choose another"
+                "Windows reserves this name: choose another"
             }
-            AlreadyExists | NotADirectory => "a file is where a folder is wanted: name another",
+            AlreadyExists | NotADirectory => "a file has this folder's name: choose another name",
             _ => "choose a writable folder with space left on its disk",
         };
         Self::Io { path: path.into(), source, hint: hint.into() }
@@ -256,7 +256,7 @@ mod tests {
     fn a_file_in_the_place_of_a_folder_is_said() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let source = std::fs::create_dir_all(file.path()).unwrap_err();
-        assert!(Error::write(file.path(), source).hint().starts_with("a file is where a folder"));
+        assert!(Error::write(file.path(), source).hint().starts_with("a file has this folder's"));
     }
 
     #[test]

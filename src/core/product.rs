@@ -80,7 +80,7 @@ pub(crate) fn check_length(name: &str, n_rows: usize, n_times: usize) -> Result<
     if n_rows == n_times {
         return Ok(());
     }
-    let wanted = format!("{n_times} rows, as time_s");
+    let wanted = format!("{n_times} rows, as in time_s");
     Err(Error::input(name, format_args!("{n_rows} rows"), wanted, FINITE_HINT))
 }
 
@@ -116,7 +116,7 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result
         None => Ok(()),
         Some(row) => {
             let actual = format!("{} in row {row}", levels[row]);
-            let hint = "1 is the lamp at full: divide bytes by 255";
+            let hint = "1 is full light: divide bytes by 255";
             Err(Error::input(name, actual, "levels from 0 to 1", hint))
         }
     }
@@ -136,7 +136,7 @@ pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> R
         "picture",
         actual,
         wanted,
-        "give the size of the picture that the values have",
+        "give the size of the picture to which the values belong",
     ))
 }
 

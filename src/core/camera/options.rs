@@ -177,7 +177,7 @@ impl CameraOptions {
             return Ok(distance_m);
         }
         let hint = "write something, or set camera.framing to fixed";
-        let wanted = "a word that the camera can be set up for";
+        let wanted = "a word in front of which the camera can be placed";
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
     }
 
@@ -285,7 +285,7 @@ pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
         "camera.width_px",
         "{width_px}x{height_px}",
         "sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels",
-        "choose a size such as 1920x1080, or fewer dots per inch; a film takes 12 bytes a pixel",
+        "choose a size such as 1920x1080, or fewer dots per inch (a film takes 12 bytes per pixel)",
     ))
 }
 

@@ -50,9 +50,9 @@ pub struct Feature {
 impl Feature {
     /// Reset of the PID loops by a new kind of setpoint.
     pub const RESET: Self = Self {
-        what: "all loops of PID begin anew when the kind of setpoint changes",
+        what: "all PID loops are reset when the kind of setpoint changes",
         since: Release::R2026_08,
-        before: "they keep their integrals",
+        before: "the loops keep their integrals",
         source: "`controller_pid.c`; #1645, 5d287434",
         here: "simulator: outages, and landing after full states",
     };
@@ -63,21 +63,21 @@ impl Feature {
         before: "the stored number is multiplied by ten and taken as radians: -90° becomes -142°; 0 \
                  stays 0",
         source: "`pptraj_compressed.c`; #1659, #1661, 7ce8c762",
-        here: "`export`, `preview --as-exported compressed` and the script refuse a heading but 0",
+        here: "`export`, `preview --as-exported compressed` and the script refuse any heading except 0",
     };
     /// Conversion of logged values to half precision (FP16).
     pub const HALF_PRECISION: Self = Self {
         what: "half-precision log values (FP16) keep the carry of their rounding",
         since: Release::R2026_08,
-        before: "what rounds up to 0.5, 2, 8, 32 or another 2·4ⁿ is logged as half of it",
+        before: "values that round up to 0.5, 2, 8, 32 or another 2·4ⁿ are logged as half of that",
         source: "`num.c`, `log.c`; #1647, 887ce819",
         here: "`import`: samples that are half of both neighbors are doubled, with a warning",
     };
     /// Microsecond clock, which timestamps logs on the card and times onboard trajectories.
     pub const CLOCK: Self = Self {
-        what: "the clock of trajectories and of µSD logs is right",
+        what: "the clock of trajectories and µSD logs is correct",
         since: Release::After2026_08,
-        before: "it runs at 84/85 of true time: a timer counts to 85 instead of 84",
+        before: "it runs at 84/85 of true time, because a timer counts to 85 instead of 84",
         source: "`usec_time.c`; #1684, bb58cadf, not merged yet",
         here: "simulator, scripts, `import`",
     };
@@ -93,7 +93,7 @@ impl Feature {
     pub const LEE: Self = Self {
         what: "Lee's controller, number 5",
         since: Release::R2024_10,
-        before: "number 5 is nobody's, or a controller of one's own: PID flies on",
+        before: "number 5 is unassigned or a custom controller, and PID flies on",
         source: "`controller_lee.c`; 1f167ea0, 61b14665",
         here: "exports that choose it are refused",
     };
@@ -101,7 +101,7 @@ impl Feature {
     pub const BRUSHLESS: Self = Self {
         what: "the Crazyflie 2.1 Brushless",
         since: Release::R2024_10,
-        before: "no gains and limits of its own",
+        before: "no separate gains and limits",
         source: "`platform_defaults_cf21bl.h`; 35f5092a",
         here: "exports for it are refused",
     };

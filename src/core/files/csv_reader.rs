@@ -194,7 +194,7 @@ impl Head {
         let notes = bare.into_iter().map(|index| {
             let line = String::from_utf8_lossy(lines[index]);
             let shown: String = line.trim().chars().take(40).collect();
-            format!("line {} stands before the head and is not read: {shown}", index + 1)
+            format!("line {} precedes the head and is not read: {shown}", index + 1)
         });
         let n_cells = separator.cells(lines[row]).count();
         let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
@@ -314,7 +314,8 @@ impl Sheet {
             }
             if needs_line_ends && rows.peek().is_none() {
                 let line = index + 1;
-                let note = format!("line {line} has no end: it may be cut off and is left out");
+                let note =
+                    format!("line {line} has no line end and is left out: it may be cut off");
                 sheet.notes.push(note);
                 continue;
             }
@@ -471,7 +472,7 @@ impl NumberForm {
     fn note(&self) -> Option<String> {
         match self.thousands {
             Some(sign) => {
-                Some(format!("`{}` parts the thousands of its numbers", char::from(sign)))
+                Some(format!("`{}` separates thousands in its numbers", char::from(sign)))
             }
             None => self.has_decimal_commas.then(|| "its numbers have decimal commas".into()),
         }
@@ -529,7 +530,7 @@ fn thousands_separator<'a>(
         return Ok(None);
     }
     let actual = format!("{:?}", String::from_utf8_lossy(first));
-    let wanted = "numbers without thousands separators, or decimal commas that show";
+    let wanted = "numbers without thousands separators, or unambiguous decimal commas";
     let hint = "write them with a decimal point (in a spreadsheet: format the cells as General, and \
                 export again)";
     Err(Error::input("numbers", actual, wanted, hint))

@@ -92,8 +92,8 @@ impl Limit {
         if sum <= self.bytes {
             return Ok(());
         }
-        let actual = format_args!("{n} of {} in all", size(sum));
-        let wanted = format!("at most {} in all", size(self.bytes));
+        let actual = format_args!("{n} of {} in total", size(sum));
+        let wanted = format!("at most {} in total", size(self.bytes));
         Err(Error::input(self.what, actual, wanted, self.hint))
     }
 
@@ -104,7 +104,7 @@ impl Limit {
 
     /// Returns the message for a file beyond the limit, as the value wanted.
     fn wanted(self) -> String {
-        format!("{} of at most that", self.what)
+        format!("{} of at most {}", self.what, size(self.bytes))
     }
 }
 
@@ -209,7 +209,7 @@ mod tests {
         std::fs::copy(path("a"), path("link")).unwrap();
         let error =
             LIMIT.check_all(&[path("a"), path("inner"), path("link")]).unwrap_err().to_string();
-        assert_eq!(error, "a note: found 3 of 2 KiB in all, wanted at most 2 KiB in all");
+        assert_eq!(error, "a note: found 3 of 2 KiB in total, wanted at most 2 KiB in total");
     }
 
     #[test]

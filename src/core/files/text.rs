@@ -23,7 +23,7 @@ impl<'a> Text<'a> {
         if !is_windows_1252(&bytes) {
             return Self { bytes, notes: Vec::new() };
         }
-        let notes = vec!["it is not UTF-8 and is read as Windows-1252".to_owned()];
+        let notes = vec!["the text is not UTF-8 and is read as Windows-1252".to_owned()];
         Self { bytes: Cow::Owned(from_windows_1252(&bytes).into_bytes()), notes }
     }
 

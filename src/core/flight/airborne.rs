@@ -93,16 +93,19 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
     } else if flight.has(Quantity::Motors) {
         let weakest = |s: &FlightSample| s.motors.into_iter().fold(f64::INFINITY, f64::min);
         format!(
-            "the weakest motor's command reaches {:.0} of 65535; flight takes {FLYING_MOTOR_COMMAND}",
+            "the weakest motor's command reaches {:.0} of 65535 (more than {FLYING_MOTOR_COMMAND} in flight)",
             most(weakest)
         )
     } else if flight.has(Quantity::Design) {
-        format!("setpoints reach {:.2} m; flight takes {FLYING_HEIGHT_M} m", most(|s| s.design_m.z))
+        format!(
+            "setpoints reach {:.2} m (more than {FLYING_HEIGHT_M} m in flight)",
+            most(|s| s.design_m.z)
+        )
     } else if !flight.has(Quantity::Position) {
         return None;
     } else {
         let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);
-        format!("the height changes by {climb_m:.2} m; flight takes {FLYING_HEIGHT_M} m")
+        format!("the height changes by {climb_m:.2} m (more than {FLYING_HEIGHT_M} m in flight)")
     })
 }
 

@@ -194,14 +194,16 @@ fn title_notes(table: &Table) -> Result<Vec<String>> {
     let (mut seen, mut notes) = (BTreeSet::new(), Vec::new());
     for (title, _) in table.columns_after("") {
         if !seen.insert(title) && !title.is_empty() {
-            return Err(table.wrong(title, 1, "two columns of one name", "one", REWRITE_HINT));
+            return Err(table.wrong(title, 1, "two columns with this name", "one", REWRITE_HINT));
         }
         let plain = bare(title);
         let is_light = title.to_lowercase().starts_with("light");
         let near = standard.iter().find(|(_, name)| *name == plain).map(|(name, _)| *name);
         let near = near.or(is_light.then_some("light.<channel>"));
         if let Some(near) = near.filter(|_| !is_standard_column(title)) {
-            notes.push(format!("column {title} is kept and not used: a flight's is named {near}"));
+            notes.push(format!(
+                "column {title} is kept but not used: a flight's column is named {near}"
+            ));
         }
     }
     Ok(notes)
@@ -268,11 +270,17 @@ pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
     for (channel, levels) in table.columns_after("light.").chain(bare) {
         if let Some(row) = levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
             let (name, wanted) = (format!("light.{channel}"), "a level from 0 (off) to 1");
-            let hint = "1 is the lamp at full: divide bytes by 255";
+            let hint = "1 is full light: divide bytes by 255";
             return Err(table.wrong(&name, table.line(row), levels[row], wanted, hint));
         }
         if lights.insert(channel.to_owned(), levels.to_vec()).is_some() {
-            return Err(table.wrong(LIGHT, 1, "two columns of headlights", "one", REWRITE_HINT));
+            return Err(table.wrong(
+                LIGHT,
+                1,
+                "two columns for the headlights",
+                "one",
+                REWRITE_HINT,
+            ));
         }
     }
     Ok(lights)

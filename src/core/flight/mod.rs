@@ -100,7 +100,7 @@ impl Rules for FlightData {
             Some(pair) => {
                 let actual = format!("{} before {}", pair[0], pair[1]);
                 let hint = "give each gap its beginning and its end";
-                Err(Error::input("gaps", actual, "finite times in rising order", hint))
+                Err(Error::input("gaps", actual, "finite times in ascending order", hint))
             }
         }
     }

@@ -100,7 +100,8 @@ impl Table {
         if let Some((column, line, cell)) = sheet.first_text(|column| is_needed(&column.title)) {
             let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
             let place = format!("column {}", column.title);
-            let hint = "write numbers, and times in seconds; or let the program write it again";
+            let hint =
+                "write numbers, with times in seconds, or have the program write the file again";
             let error = Error::input(place, format_args!("{cell:?}"), wanted, hint);
             return Err(error.in_file(file, line as u64));
         }
@@ -225,9 +226,9 @@ impl Table {
 pub const MILLISECONDS_HINT: &str =
     "are these milliseconds? Convert them to seconds, or cut the file to one flight";
 
-const SMALLER_HINT: &str = "thin the log out, or cut it into parts";
+const SMALLER_HINT: &str = "reduce the rate of the log, or split it into parts";
 
-pub(super) const REWRITE_HINT: &str = "correct the file, or let the program write it again";
+pub(super) const REWRITE_HINT: &str = "correct the file, or have the program write it again";
 
 /// Writes a table, its header and then each row of numbers, rounded to multiples of 1e-6.
 ///

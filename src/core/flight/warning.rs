@@ -20,7 +20,7 @@ pub fn motor_at_limit(lasts_s: f64) -> Diagnostic {
 
 /// Makes the warning that the battery could not provide the required thrust.
 pub fn battery_weak(lasts_s: f64) -> Diagnostic {
-    let message = format!("the battery could not give the thrust asked for during {lasts_s:.2} s");
+    let message = format!("the battery could not provide the required thrust for {lasts_s:.2} s");
     Diagnostic::warning(BATTERY[0], message).with("lasts_s", lasts_s)
 }
 
@@ -39,7 +39,7 @@ pub fn unseen(lasts_s: f64) -> Diagnostic {
 
 /// Makes the warning that the motors stopped because the host was silent.
 pub fn host_silent(stopped_s: f64) -> Diagnostic {
-    let message = format!("no setpoint came for 2 s and the motors stopped at {stopped_s:.1} s");
+    let message = format!("no setpoint arrived for 2 s, so the motors stopped at {stopped_s:.1} s");
     Diagnostic::warning("host-silent", message).with("time_s", stopped_s)
 }
 

@@ -143,7 +143,7 @@ impl Fixture {
             Drive::Ring(_) | Drive::ColorLed | Drive::Command(_) | Drive::Always => return Ok(()),
             Drive::Blink { .. } | Drive::Flicker { .. } => return Ok(()),
         };
-        let hint = "the printed scene has the rows of every known deck";
+        let hint = "a printed scene contains the rows of every known deck";
         Err(Error::input(place("drive and dies"), actual, wanted, hint))
     }
 
@@ -157,12 +157,13 @@ impl Fixture {
         let is_full_name =
             parameter.split_once('.').is_some_and(|(group, name)| is_name(group) && is_name(name));
         let (wanted, hint) = match self.drive.channel() {
-            _ if !is_full_name => {
-                ("group.name of letters, digits and _", "the firmware's list of parameters has it")
-            }
-            None => ("no parameter: nothing commands this lamp", "set drive.command"),
+            _ if !is_full_name => (
+                "group.name of letters, digits and _",
+                "choose it from the firmware's list of parameters",
+            ),
+            None => ("no parameter, because nothing commands this lamp", "set drive.command"),
             Some(channel) if Channel::named(channel).is_some() => (
-                "no parameter: the channel belongs to a deck",
+                "no parameter, because the channel belongs to a deck",
                 "give the lamp a separate channel: drive.command",
             ),
             Some(_) => return Ok(()),

@@ -83,7 +83,8 @@ impl Plan {
     /// program itself never writes a plan that needs them.
     fn from_table(table: &Table) -> Result<Self> {
         if let Some(note) = table.notes().first() {
-            let (wanted, hint) = ("a plan as the program writes it", "let the program write it");
+            let (wanted, hint) =
+                ("a plan in the program's format", "have the program write the plan");
             return Err(Error::input("text", note, wanted, hint));
         }
         // Times may be Unix timestamps of today, but other quantities are within the range of a

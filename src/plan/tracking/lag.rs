@@ -1,25 +1,26 @@
-//! Lag of a flight behind its design, or its lead.
+//! Lag or lead of a flight relative to its design.
 
 use nalgebra::SVector;
 
 use super::path::DesignPath;
 use noctograph_core::flight::FlightSample;
 
-/// Step of the search over a range of shifts. A letter's strokes last a second and more, so that
-/// the error falls and rises once within a step.
+/// Step in s of the search over a range of shifts. A letter's strokes last a second or more, so
+/// that the error has a single minimum within a step.
 const STEP_S: f64 = 0.02;
-/// Resolution of the shift: at 0.2 m/s, 0.2 µm of path.
+/// Resolution of the shift in s, which at 0.2 m/s is 0.2 µm of path.
 const RESOLUTION_S: f64 = 1e-6;
-/// Most samples of the first search, spread over the flight. The refinement takes all.
+/// Maximum number of samples for the first search. The refinement uses all samples.
 const COARSE_SAMPLES: usize = 2000;
 
-/// Weight of the mean error, squared, against the variance about it. With 1, an L that is flown
-/// 6 cm beside its design with a lag of 0.2 s has one of 0.4 s, with this weight 0.2005 s. With 0,
-/// a straight stroke at an even speed has none, since its lag is an offset along it.
+/// Weight of the squared mean error relative to the variance around it. For an L flown 6 cm beside
+/// its design with a lag of 0.2 s, a weight of 1 would give a lag of 0.4 s, and this weight gives
+/// 0.2005 s. A weight of 0 would give no lag for a straight stroke at constant speed, because its
+/// lag is an offset along it.
 const OFFSET_WEIGHT: f64 = 1e-3;
 
-/// The shift of the design in time, within a range, that leaves the least spread of the error in
-/// the word's plane. The shifted design at time t is the design at t − shift.
+/// Returns the time shift of the design in s, within a range, that leaves the least spread of the
+/// error in the word's plane. The shifted design at time t is the design at t − shift.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
@@ -34,8 +35,8 @@ pub(super) fn best_shift_s(
     minimize(range_s, |shift_s| cost(stride, shift_s), |shift_s| cost(1, shift_s))
 }
 
-/// The variance of errors plus a small part of their squared mean, which prefers a shift in time to
-/// an offset in space. 0 without errors.
+/// Returns the variance of errors plus a small part of their squared mean, which prefers a shift in
+/// time to an offset in space. The result is 0 without errors.
 pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())
@@ -46,14 +47,14 @@ pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>
     squares / n - (1.0 - OFFSET_WEIGHT) * (sum / n).norm_squared()
 }
 
-/// The minimum of a function over a range: a grid search by `coarse`, then a golden-section search
-/// (Kiefer 1953) by `fine` around the best point of the grid.
+/// Returns the minimum of a function over a range, by a grid search with `coarse`, followed by a
+/// golden-section search (Kiefer 1953) with `fine` around the best point of the grid.
 pub fn minimize(
     [low, high]: [f64; 2],
     mut coarse: impl FnMut(f64) -> f64,
     mut fine: impl FnMut(f64) -> f64,
 ) -> f64 {
-    // The best point of the grid. Of equally good points, the nearest to zero.
+    // The best point of the grid is the nearest to zero of equally good points.
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
     let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));
@@ -61,8 +62,8 @@ pub fn minimize(
     let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.abs().total_cmp(&b.1.abs())));
     let (_, best) = best.expect("a grid has a point");
 
-    // Between its neighbors, two inner points a and b. The part beyond the worse one is dropped,
-    // and the better one is an inner point of the rest.
+    // Two inner points a and b lie between the neighbors of that point. The part beyond the worse
+    // one is dropped, and the better one becomes an inner point of the rest.
     let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
     let golden = 0.5 * (f64::sqrt(5.0) - 1.0);
     let reach = golden * (right - left);
