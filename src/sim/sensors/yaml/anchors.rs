@@ -1,4 +1,5 @@
-//! Anchors from the file that cfclient saves: YAML, an index with x, y and z in meters each.
+//! Anchors from the YAML file that cfclient saves, which contains x, y and z in meters under an
+//! index each.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,12 +12,12 @@ use noctograph_core::error::{Result, within};
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
 
-/// Largest file that is read.
+/// Maximum size of a file.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
 
 const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
 
-/// The place of an anchor in the file.
+/// Position of an anchor in the file in m.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Anchor {
@@ -25,18 +26,18 @@ struct Anchor {
     z: f64,
 }
 
-/// Reads the places of the anchors, in the order of their indices.
+/// Reads the positions of the anchors, in the order of their indices.
 ///
 /// # Errors
 ///
-/// [`Error::Io`](noctograph_core::error::Error::Io) for a file that cannot be read.
+/// Returns [`Error::Io`](noctograph_core::error::Error::Io) if the file cannot be read. Returns
 /// [`Error::Input`](noctograph_core::error::Error::Input) with the line of a fault, and for indices
 /// that do not count from 0.
 pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-/// Parses the text of a file of anchors. `file` is its name in messages.
+/// Parses the text of a file of anchors. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
     let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
     let mut places_m: Vec<[f64; 3]> = Vec::new();
