@@ -73,9 +73,8 @@ fn for_axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
 
 /// Returns the plan that sends the position `sent_m` for each row in the air.
 fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
-    let sent = |(row, setpoint): (usize, &Setpoint)| match setpoint.on_floor() {
-        true => plan.sent_m(row),
-        false => sent_m(row).map(on_grid),
+    let sent = |(row, setpoint): (usize, &Setpoint)| {
+        if setpoint.on_floor() { plan.sent_m(row) } else { sent_m(row).map(on_grid) }
     };
     let sent_m = plan.setpoints.iter().enumerate().map(sent).collect();
     Plan::made(PlanData { sent_m, ..plan.clone().into_data() })

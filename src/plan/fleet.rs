@@ -116,10 +116,8 @@ impl Assignment {
         let homes_m = homes_x_m(&parts);
         let mut routes: Vec<Vec<Route>> = Vec::new();
         for (part, home_m) in parts.into_iter().zip(homes_m) {
-            let orders = match is_kept(strokes, style) {
-                true => vec![part],
-                false => orders(&part, options, style),
-            };
+            let orders =
+                if is_kept(strokes, style) { vec![part] } else { orders(&part, options, style) };
             let planned = orders.into_iter().map(|strokes| {
                 let track = Track::new(&even::plan(&strokes, options, style, Some(home_m))?);
                 Ok(Route { strokes, home_m, track })

@@ -78,18 +78,19 @@ fn check_flown(
     }
     // The setpoints write another word, or the same word in another order.
     let near_m = near_m(moves, flight);
-    let (actual, wanted) = match near_m < LEAST_FLOWN * strokes_m {
-        true => (
+    let (actual, wanted) = if near_m < LEAST_FLOWN * strokes_m {
+        (
             format!("setpoints on {ordered_m:.2} m of the {strokes_m:.2} m of its strokes"),
             "a flight that writes this word",
-        ),
-        false => (
+        )
+    } else {
+        (
             format!(
                 "setpoints on {near_m:.2} m of the {strokes_m:.2} m of its strokes, and on \
                  {ordered_m:.2} m in their order"
             ),
             "the strokes in the order of style team, or a log with lights",
-        ),
+        )
     };
     Err(Error::input(format!("word {word}"), actual, wanted, HINT))
 }

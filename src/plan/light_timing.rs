@@ -124,13 +124,11 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
 fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     let drawn_rows = drawn_rows((&plan, levels), (design, &design.commanded()));
     let lights = design.lights.iter().map(|(channel, colors)| {
-        let levels = match design.lamps().any(|(lamp, _)| lamp == channel) {
-            true => levels.to_vec(),
-            false => Vec::from_iter(
-                drawn_rows
-                    .iter()
-                    .map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
-            ),
+        let levels = if design.lamps().any(|(lamp, _)| lamp == channel) {
+            levels.to_vec()
+        } else {
+            let drawn_rows = drawn_rows.iter();
+            drawn_rows.map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])).collect()
         };
         (channel.clone(), levels)
     });

@@ -215,10 +215,12 @@ impl Avionics {
         let mut estimate = turned_ahead(&self.estimate, self.yaw_rad);
         // A change of the kind of setpoint resets the controller before the first setpoint of the
         // new kind.
-        let mode = match self.silent_s(time_s) > LEVEL_OUT_S {
-            true => Mode::Level,
-            false if self.lands_from.is_some_and(|first| row >= first) => Mode::Landing,
-            false => Mode::Sent,
+        let mode = if self.silent_s(time_s) > LEVEL_OUT_S {
+            Mode::Level
+        } else if self.lands_from.is_some_and(|first| row >= first) {
+            Mode::Landing
+        } else {
+            Mode::Sent
         };
         if std::mem::replace(&mut self.mode, mode) != mode {
             self.controller.change_mode(&estimate);

@@ -90,10 +90,9 @@ pub fn fly_watched(
                 rig.avionics.control(plan, time_s);
             }
             let concluded = rig.conclude(plan, tick, time_s, watch);
-            concluded.map_err(|error| match is_fleet {
-                true => error.of_drone(DroneIndex(place)),
-                false => error,
-            })?;
+            concluded.map_err(
+                |error| if is_fleet { error.of_drone(DroneIndex(place)) } else { error },
+            )?;
         }
         // Messages contain the measurements up to this tick, and arrive in a later tick.
         if is_fleet && air.is_due(time_s) {

@@ -115,9 +115,10 @@ fn n_bytes(path: &Path) -> u64 {
         let metadata = std::fs::metadata(path).ok();
         metadata.filter(std::fs::Metadata::is_file).map_or(0, |metadata| metadata.len())
     }
-    match path.is_dir() {
-        true => files_in(path).unwrap_or_default().iter().map(|path| n_file_bytes(path)).sum(),
-        false => n_file_bytes(path),
+    if path.is_dir() {
+        files_in(path).unwrap_or_default().iter().map(|path| n_file_bytes(path)).sum()
+    } else {
+        n_file_bytes(path)
     }
 }
 

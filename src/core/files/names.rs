@@ -34,9 +34,10 @@ pub fn file_name(path: impl AsRef<Path>) -> String {
 /// whose name contains the `\`.
 pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
-    as_spelled(&match !name.contains('\\') || path.exists() {
-        true => path,
-        false => folder.join(name.replace('\\', "/")),
+    as_spelled(&if !name.contains('\\') || path.exists() {
+        path
+    } else {
+        folder.join(name.replace('\\', "/"))
     })
 }
 

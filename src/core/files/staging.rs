@@ -128,10 +128,7 @@ fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
     // The lock fails if the program that locked the file is still running.
     let file = File::open(path)?;
     file.try_lock()?;
-    match is_folder {
-        true => std::fs::remove_dir_all(path),
-        false => std::fs::remove_file(path),
-    }
+    if is_folder { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }
 }
 
 /// Removes the temporary files of programs that have ended.
@@ -176,9 +173,10 @@ impl Place {
         }
         // Opening the file now refuses one without write permission before the long work.
         let file = OpenOptions::new().write(true).open(path)?;
-        Ok(match metadata.is_file() {
-            true => Self::Regular(Some(metadata.permissions())),
-            false => Self::Through(file),
+        Ok(if metadata.is_file() {
+            Self::Regular(Some(metadata.permissions()))
+        } else {
+            Self::Through(file)
         })
     }
 }

@@ -183,10 +183,7 @@ impl Rules for PlanData {
                 }
             }
         }
-        match is_number(self.yaw_rad) {
-            true => Ok(()),
-            false => Err(odd_number("yaw_rad", 0, self.yaw_rad)),
-        }
+        if is_number(self.yaw_rad) { Ok(()) } else { Err(odd_number("yaw_rad", 0, self.yaw_rad)) }
     }
 }
 

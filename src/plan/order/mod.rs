@@ -263,9 +263,8 @@ impl Tour<'_> {
     fn best_ends(&self, visits: &[Visit]) -> Vec<(f64, usize)> {
         let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
         // Every transit is computed once. There is no transit between two ways of the same stroke.
-        let between_s = |a: &Visit, b: &Visit| match a.0 == b.0 {
-            true => f64::INFINITY,
-            false => self.between_s(Some(*a), Some(*b)),
+        let between_s = |a: &Visit, b: &Visit| {
+            if a.0 == b.0 { f64::INFINITY } else { self.between_s(Some(*a), Some(*b)) }
         };
         let between: Vec<Vec<f64>> =
             visits.par_iter().map(|a| visits.iter().map(|b| between_s(a, b)).collect()).collect();

@@ -21,6 +21,10 @@ use noctograph_core::error::Result;
 /// units of the memory. At this step, no loop saturates, and rounding stays below 1e-9 of a gain.
 const STEP: f64 = 1e-4;
 
+/// Numbers of states of the drone and of inputs of the wrench.
+const N_STATES: usize = 12;
+const N_INPUTS: usize = 4;
+
 /// Linear system `u = K x + H m` and `dm/dt = F m + G x`, where u is the wrench's deviation from
 /// hover, `x` the state's deviation, and `m` the memory.
 #[derive(Clone, Debug)]
@@ -39,12 +43,13 @@ impl LinearController {
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
         let n = controller(&options)?.memory().len();
         // Central differences are taken over the states and the memory, column by column.
-        let mut jacobian = DMatrix::zeros(4 + n, 12 + n);
-        for i in 0..12 + n {
+        let mut jacobian = DMatrix::zeros(N_INPUTS + n, N_STATES + n);
+        for i in 0..N_STATES + n {
             let [up, down] = [STEP, -STEP].map(|step| response(&options, n, i, step));
             jacobian.set_column(i, &((up? - down?) / (2.0 * STEP)));
         }
-        let parts = [((0, 0), (4, 12)), ((0, 12), (4, n)), ((4, 12), (n, n)), ((4, 0), (n, 12))];
+        let (x, u) = (N_STATES, N_INPUTS);
+        let parts = [((0, 0), (u, x)), ((0, x), (u, n)), ((u, x), (n, n)), ((u, 0), (n, x))];
         let [k, h, f, g] = parts.map(|(first, size)| jacobian.view(first, size).into_owned());
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
@@ -52,8 +57,7 @@ impl LinearController {
     /// Returns the continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` transforms to this
     /// one.
     fn continuous(self, tick_s: f64) -> Self {
-        // With M = (1 + F)⁻¹, the matrices are F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H
-        // M².
+        // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
         let inverse = (&one + &self.f).try_inverse().expect("no memory alternates for ever");
         Self {
@@ -65,20 +69,20 @@ impl LinearController {
     }
 }
 
-/// Wrench and next memory of a controller with `n` values of memory at hover, for a deviation of
-/// one state (`index` below 12) or of one value of the memory.
+/// Returns the wrench and the next memory of a controller with `n` values of memory at hover, for a
+/// deviation of one state (`index` below [`N_STATES`]) or of one value of the memory.
 fn response(options: &SimOptions, n: usize, index: usize, deviation: f64) -> Result<DVector<f64>> {
-    let mut deviations = vec![0.0; 12 + n];
+    let mut deviations = vec![0.0; N_STATES + n];
     deviations[index] = deviation;
+    let (state, of_memory) = deviations.split_at(N_STATES);
     let mut controller = controller(options)?;
     controller.rest(&State::zeros());
-    let memory = controller.memory().into_iter();
-    memory.zip(&deviations[12..]).for_each(|(value, deviation)| *value = *deviation);
-    let state = State::from_column_slice(&deviations[..12]);
+    controller.memory().into_iter().zip(of_memory).for_each(|(value, change)| *value += change);
+    let state = State::from_column_slice(state);
     let motors = controller.command(&state, &Reference::holding(Vector3::zeros())).motors;
     let wrench = Mixer::new(&options.vehicle).wrench(&motors);
     let next = controller.memory().into_iter().map(|value| *value);
-    Ok(DVector::from_iterator(4 + n, wrench.iter().copied().chain(next)))
+    Ok(DVector::from_iterator(N_INPUTS + n, wrench.iter().copied().chain(next)))
 }
 
 #[cfg(test)]

@@ -168,10 +168,10 @@ impl Cooperative {
     fn carry_peer(&mut self, k: usize, now: Reckoning) {
         let peer = &mut self.peers[k];
         let before = *peer.motions.back().expect("never empty");
-        let Segment { span_s, gained_m_s, moved_m, force_m_s } = now.since(&before);
+        let Segment { span_s, gained_m_s, accelerated_m, force_m_s } = now.since(&before);
         // The estimated tilt rotates the force that the sender has integrated.
         let turned_m_s = peer.tilt_rad.cross(&force_m_s);
-        peer.position_m += peer.velocity_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+        peer.position_m += peer.velocity_m_s * span_s + accelerated_m + turned_m_s * (0.5 * span_s);
         peer.velocity_m_s += gained_m_s + turned_m_s;
         peer.motions.push_back(now);
         if peer.motions.len() > MESSAGES_KEPT {

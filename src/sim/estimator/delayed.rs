@@ -56,11 +56,11 @@ pub(super) fn delayed(
     now: &Reckoning,
     then: &Reckoning,
 ) -> DelayedState {
-    let Segment { span_s, gained_m_s, moved_m, force_m_s } = now.since(then);
+    let Segment { span_s, gained_m_s, accelerated_m, force_m_s } = now.since(then);
     // The tilt of the dead reckoning rotates the force that it has integrated.
     let turned_m_s = tilt_rad.cross(&force_m_s);
     let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
-    let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+    let since_m = velocity_then_m_s * span_s + accelerated_m + turned_m_s * (0.5 * span_s);
     DelayedState { position_m: position_m - since_m, span_s, force_m_s }
 }
 

@@ -191,9 +191,10 @@ fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
         let mut sensors = white(Positioning::Sweeps);
         let planes = vec![[[0.0, 1.2, 0.0], [0.0, -1.0, 0.0]]];
         sensors.lighthouse.people_m = vec![[-1.2, -1.0, 0.25]];
-        match glass {
-            true => sensors.lighthouse.panes_m = planes,
-            false => sensors.lighthouse.mirrors_m = planes,
+        if glass {
+            sensors.lighthouse.panes_m = planes
+        } else {
+            sensors.lighthouse.mirrors_m = planes
         }
         let mut worst_m = 0.0_f64;
         follow(&EkfOptions::default(), &sensors, seed, 20, |_, truth, ekf| {

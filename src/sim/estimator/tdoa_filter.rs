@@ -40,9 +40,10 @@ impl TdoaFilter {
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
         let is_accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
         // The filter has hysteresis, because it opens at a lower level than it closes.
-        self.closed = match self.closed {
-            true => self.integrator_ms >= OPENS_MS,
-            false => self.integrator_ms > CLOSES_MS,
+        self.closed = if self.closed {
+            self.integrator_ms >= OPENS_MS
+        } else {
+            self.integrator_ms > CLOSES_MS
         };
         is_accepted
     }

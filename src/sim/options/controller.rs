@@ -96,9 +96,9 @@ settings! {
 
     /// Altitude hold, which is the regulator of a double integrator, with weights by Bryson's rule.
     pub struct AltitudeHoldOptions {
-        /// Error of the altitude that has the same weight as the other deviation below.
+        /// Error of the altitude with the same weight as `acceleration_m_s2`.
         error_m: f64 = 0.2, in 0.001..=100.0;
-        /// Vertical acceleration that has the same weight.
+        /// Vertical acceleration with the same weight as `error_m`.
         acceleration_m_s2: f64 = 1.6, in 0.001..=100.0;
     }
 

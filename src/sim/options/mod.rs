@@ -134,10 +134,7 @@ impl SimOptions {
     /// Returns the maximum command that the firmware gives a motor, or infinity with compensation
     /// of the battery, which then limits the thrust.
     pub(crate) fn most_command(&self) -> f64 {
-        match self.battery.is_compensated() {
-            true => f64::INFINITY,
-            false => self.vehicle.motor_max,
-        }
+        if self.battery.is_compensated() { f64::INFINITY } else { self.vehicle.motor_max }
     }
 
     /// Returns the hover throttle, 0 to 1, with which the altitude filter begins.

@@ -36,9 +36,10 @@ impl Member {
     ) -> Self {
         let error_m =
             if sensors.positioning.is_by_ranges() { sensors.uwb.start_error_m } else { 0.0 };
-        let start_m = match error_m > 0.0 {
-            true => start_m + Noise::new(seed, index, "start").normals() * error_m,
-            false => start_m,
+        let start_m = if error_m > 0.0 {
+            start_m + Noise::new(seed, index, "start").normals() * error_m
+        } else {
+            start_m
         };
         Self { index, start_m }
     }
@@ -79,7 +80,7 @@ pub(crate) struct Segment {
     pub span_s: f64,
     pub(crate) gained_m_s: Vector3<f64>,
     /// Displacement in m that the acceleration adds to that of the velocity at the beginning.
-    pub moved_m: Vector3<f64>,
+    pub accelerated_m: Vector3<f64>,
     /// Integral of the specific force in the world frame in m/s.
     pub(crate) force_m_s: Vector3<f64>,
 }
@@ -94,7 +95,7 @@ impl Reckoning {
         Segment {
             span_s,
             gained_m_s,
-            moved_m: self.position_m - then.position_m - then.velocity_m_s * span_s,
+            accelerated_m: self.position_m - then.position_m - then.velocity_m_s * span_s,
             force_m_s: gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s),
         }
     }

@@ -83,15 +83,17 @@ impl Errors {
     /// Returns a distance with its errors added. Outliers are exponentially distributed, and for
     /// differences of either sign.
     fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
-        // A Laplace distribution is drawn by inverting its distribution function, whose upper half
-        // is exponential. Both numbers are drawn for every range.
+        // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q in place of
+        // 2 q, which is equally distributed and never zero. Both numbers are drawn for every range.
         let white_m = self.noise.normal() * options.noise_m;
         let [chance, uniform] = [self.outliers.uniform(), self.outliers.uniform()];
         let quantile = if differences { uniform } else { 0.5 + 0.5 * uniform };
-        let outlier_m = match chance < options.outlier_frac {
-            true if quantile < 0.5 => OUTLIER_M * libm::log(1.0 - 2.0 * quantile),
-            true => -OUTLIER_M * libm::log(2.0 * (1.0 - quantile)),
-            false => 0.0,
+        let outlier_m = if chance >= options.outlier_frac {
+            0.0
+        } else if quantile < 0.5 {
+            OUTLIER_M * libm::log(1.0 - 2.0 * quantile)
+        } else {
+            -OUTLIER_M * libm::log(2.0 * (1.0 - quantile))
         };
         distance_m + white_m + outlier_m
     }

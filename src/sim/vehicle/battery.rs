@@ -111,18 +111,18 @@ impl Battery {
         let motors_v = wanted_n.map(|wanted_n| self.motor_v(wanted_n));
         let excess_v = motors_v.max() - self.voltage_v;
         let idle_n = self.idle_n();
-        motors_v.map(|motor_v| match motor_v > excess_v {
-            true => self.thrust_n(motor_v - excess_v).max(idle_n),
-            false => idle_n,
+        motors_v.map(|motor_v| {
+            if motor_v > excess_v { self.thrust_n(motor_v - excess_v).max(idle_n) } else { idle_n }
         })
     }
 
     /// Returns the thrust of an idling motor at the present voltage in N.
     #[inline(always)]
     fn idle_n(&self) -> f64 {
-        match self.options.idle_frac > 0.0 {
-            true => self.thrust_n(self.options.idle_frac * self.voltage_v),
-            false => 0.0,
+        if self.options.idle_frac > 0.0 {
+            self.thrust_n(self.options.idle_frac * self.voltage_v)
+        } else {
+            0.0
         }
     }
 

@@ -81,10 +81,8 @@ impl Jet {
         // Along the axis, the speed decreases as 1/z from the virtual origin, up to the largest
         // loss.
         let from_origin = below_m / self.size_m - ORIGIN;
-        let lost_frac = match from_origin > 0.0 {
-            true => (LOSS_SIZES / from_origin).min(MOST_LOST),
-            false => MOST_LOST,
-        };
+        let lost_frac =
+            if from_origin > 0.0 { (LOSS_SIZES / from_origin).min(MOST_LOST) } else { MOST_LOST };
         let each_n = 0.25 * lost_frac * (self.thrust_n * thrust_n).max(0.0).sqrt();
         // Across the axis, the speed is a Gaussian. The fraction is that of a drone on the axis,
         // whose rotors are all an arm's diagonal away from it.
