@@ -50,8 +50,7 @@ pub struct Avionics {
     streamed: bool,
     /// Time in s at which the motors stopped permanently because the host was silent.
     stopped_s: Option<f64>,
-    /// Index of the first setpoint of the firmware's landing, if those before it are of another
-    /// kind.
+    /// Index of the first setpoint of the firmware's landing, if others precede it.
     lands_from: Option<usize>,
     mode: Mode,
     short_steps: u32,
@@ -148,9 +147,9 @@ impl Avionics {
         self.kinds.estimator = None;
     }
 
-    /// Begins a tick by reading the sensors and updating the estimate. `fleet_m` contains the true
-    /// positions of the fleet, between which ranges are measured. Returns true if the motors are to
-    /// be commanded.
+    /// Begins a tick by measuring and updating the estimate. `fleet_m` contains the true positions
+    /// of the fleet, between which ranges are measured. Returns true if the motors are to be
+    /// commanded.
     pub(super) fn sense(
         &mut self,
         plan: &Plan,
@@ -213,7 +212,7 @@ impl Avionics {
         // Controllers are designed for a drone whose nose points along world x.
         let mut reference = reference.turned(-self.yaw_rad);
         let mut estimate = turned_ahead(&self.estimate, self.yaw_rad);
-        // A change of the kind of setpoint resets the controller before the first setpoint of the
+        // If the kind of setpoint changes, the controller is reset before the first setpoint of the
         // new kind.
         let mode = if self.silent_s(time_s) > LEVEL_OUT_S {
             Mode::Level
@@ -250,8 +249,7 @@ impl Avionics {
     fn reference_time_s(&self, plan: &Plan, time_s: f64) -> f64 {
         let holds = self.kinds.controller == ControllerKind::Geometric;
         let from_s = plan.setpoints[self.followed_setpoint()].time_s;
-        // The motion of a late setpoint begins when it is received, and ends when the next one is
-        // due.
+        // The motion of a late setpoint begins at its reception, and ends when the next one is due.
         let now_s = match self.link.as_ref().filter(|_| self.streamed) {
             None => time_s,
             Some(link) => {
@@ -350,8 +348,8 @@ impl Avionics {
             motors: self.motors().map(on_grid),
             letter: setpoint.letter,
         };
-        // The normalized squared error over three axes is eᵀ P⁻¹ e / 3, which is 1 on average for a
-        // consistent filter.
+        // The normalized squared error of three axes, eᵀ P⁻¹ e / 3, is 1 on average if the filter
+        // is consistent.
         let covariance_m2 = self.estimator.covariance_m2().filter(|_| self.logs_covariance);
         let error_m = estimate_m - body.position_m;
         let nees = covariance_m2.map(|covariance_m2| {
@@ -403,8 +401,7 @@ pub(super) fn turned_ahead(state: &State, yaw_rad: f64) -> State {
     if yaw_rad == 0.0 {
         return *state;
     }
-    // Only position and yaw change. Velocity and rate are in the body frame, and therefore stay the
-    // same.
+    // Only position and yaw change. Velocity and rate are in the body frame and stay the same.
     let mut ahead = *state;
     ahead.fixed_rows_mut::<3>(0).copy_from(&turned(&state.fixed_rows::<3>(0).into(), -yaw_rad));
     let (sin, cos) = libm::sincos(state[3] - yaw_rad);
@@ -426,14 +423,13 @@ fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
 }
 
 /// Hint for a drone that is lost with an empty battery.
-const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
-                                hovering; or a larger vehicle.battery";
+const EMPTY_HELP: &str = "shorten the flight (a shorter word, a larger \
+                          plan.stroke_speed_m_s, shorter hovering), or enlarge vehicle.battery";
 
-/// Returns how a drone was lost, according to its true or its estimated state, or `None` if it was
-/// not.
+/// Returns how a drone was lost, according to its true or its estimated state, or `None`.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
-    // The check has no branch per value, which a processor would have to predict. NaN counts as out
-    // of bounds.
+    // The check is free of branches, which a processor would have to predict. NaN counts as out of
+    // bounds.
     fn are_bounded(values: &[f64]) -> bool {
         values.iter().fold(true, |are_bounded, x| are_bounded & (x.abs() < LOST))
     }

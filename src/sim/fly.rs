@@ -56,8 +56,7 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// Does the same as [`fly_fleet`], but calls `watch` for every drone after the commands of every
-/// tick.
+/// Does the same as [`fly_fleet`], and calls `watch` for every drone after the commands of a tick.
 pub fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
@@ -159,8 +158,7 @@ impl Rig {
         })
     }
 
-    /// Ends a tick by checking that the drone is not lost, calling `watch`, logging, and moving the
-    /// drone.
+    /// Ends a tick by checking that the drone is not lost, calling `watch`, logging and moving it.
     pub(super) fn conclude(
         &mut self,
         plan: &Plan,
@@ -240,14 +238,13 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     ))
 }
 
-/// Returns the number of control ticks to the last setpoint. Returns an error for a plan longer
-/// than an hour.
+/// Returns the number of control ticks to the last setpoint. Fails for a plan longer than an hour.
 fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
         return Err(Error::infeasible(
-            format!("the plan lasts {duration_s} s, the longest flight {MAX_DURATION_S} s"),
-            "write a shorter word, or draw faster",
+            format!("the plan lasts {duration_s} s, but the longest flight is {MAX_DURATION_S} s"),
+            "write a shorter word, or raise plan.stroke_speed_m_s",
         )
         .coded(FLIGHT_LONG));
     }

@@ -61,8 +61,8 @@ pub struct Design {
     /// controllers.
     #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
-    /// Names of the columns of `K`, which are the first of [`STATES`], followed by the states of
-    /// the rotors.
+    /// Names of the columns of `K`, which are the first of [`STATES`], and then those of the
+    /// rotors.
     pub states: Vec<&'static str>,
     /// Number of states of the controller in addition to the twelve of the drone, which are
     /// integrals, last measurements, filters and modeled rotors.
@@ -162,8 +162,8 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     let dragged_a = a + drag(vehicle);
     let (feedback, states) = feedback_loop(options, [&a, &dragged_a], &b)?;
 
-    // Poles and margins are those of the loop without and with lag, and the longest lag is found by
-    // bisection.
+    // Poles and margins are those of the loop without and with lag. Bisection finds the longest
+    // lag.
     let lagging = feedback.lagging(motor_lag_s);
     let [regulator_poles, lagging_poles] = [&feedback, &lagging].map(|l| poles(&l.closed()));
     let lagging_margins = lagging.margins();
@@ -294,22 +294,22 @@ fn warnings(
     });
     let mut warnings = Vec::new();
     if !is_stable && without <= 0.0 {
-        let longest = longest_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"));
+        let longest = longest_s.map_or(String::new(), |s| format!(" (only up to {s:.3} s)"));
         warnings.push(Diagnostic::warning(
             "lag-unstable",
-            format!("the loop is stable only without motor lag: with {lag_s} s it is not{longest}"),
+            format!("the loop is stable without motor lag, but not with {lag_s} s{longest}"),
         ));
     } else if !is_stable {
         let message = format!(
-            "the loop is unstable: a pole at {without:+.2} 1/s without motor lag, {with:+.2} 1/s \
-             with {lag_s} s. Is the gain meant for u = u_hover - K (x - x_des), with its signs \
-             and units (rad, m)?"
+            "the loop is unstable, with a pole at {without:+.2} 1/s without motor lag, and at \
+             {with:+.2} 1/s with {lag_s} s. Is the gain meant for u = u_hover - K (x - x_des), \
+             with its signs and units (rad, m)?"
         );
         warnings.push(Diagnostic::warning("loop-unstable", message));
     }
     if options.controller.kind == ControllerKind::Altitude {
-        let message = "the loop at f_z is the loop of lqr-feedforward: `noctograph hold` shows \
-                       the loop of the altitude";
+        let message = "the results at f_z are those of lqr-feedforward, and `noctograph hold` \
+                       shows the loop of the altitude controller";
         warnings.push(Diagnostic::warning("altitude-loop", message));
     }
     warnings
@@ -334,8 +334,7 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     drag
 }
 
-/// Returns the longest stable lag in s, by bisection. Returns `None` if even [`MAX_LAG_S`] is
-/// stable.
+/// Returns the longest stable lag in s by bisection, or `None` if even [`MAX_LAG_S`] is stable.
 fn longest_lag_s(is_stable: impl Fn(f64) -> bool) -> Option<f64> {
     if is_stable(MAX_LAG_S) {
         return None;

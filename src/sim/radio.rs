@@ -59,14 +59,14 @@ impl Link {
         Some(link)
     }
 
-    /// Returns the index of the setpoint that the drone has received by `time_s`, while the host
-    /// sends `newest`.
+    /// Returns the index of the setpoint that is received by `time_s`, while the host sends
+    /// `newest`.
     pub(super) fn hear(&mut self, time_s: f64, newest: usize) -> usize {
         while self.turn_s <= time_s {
             while self.turn_s >= self.outage[1] {
                 self.next_outage();
             }
-            // The random number is drawn first, at every turn, so that outages do not change its
+            // The random number is drawn first, at every turn, because outages must not change its
             // stream.
             let is_lost =
                 self.chance.uniform() < self.options.loss_frac || self.turn_s >= self.outage[0];
@@ -141,8 +141,7 @@ mod tests {
 
     #[test]
     fn losses_and_outages_have_their_fractions_and_outages_are_common_to_all() {
-        // If a fraction p of packets is lost, a fraction p² of the turns is the second lost one in
-        // a row.
+        // If a fraction p of packets is lost, p² of the turns are the second lost one in a row.
         let lossy = longer_frac(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
         assert!((lossy - 0.25).abs() < 0.02, "{lossy}");
         let [one, other] =

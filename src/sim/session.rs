@@ -20,8 +20,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// Makes a drone that waits for its first command. `set_up` may change its avionics before
-    /// that.
+    /// Makes a drone that waits for its first command, after `set_up` has changed its avionics.
     pub fn new(plan: Plan, drone: &Drone<'_>, set_up: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         set_up(&mut rig.avionics);
@@ -38,8 +37,7 @@ impl Session {
         Ok(())
     }
 
-    /// Commands the motors with the drone's controller, and flies until the next command or
-    /// landing.
+    /// Commands the motors with the drone's controller, and flies to the next command or landing.
     pub fn control(&mut self) -> Result<()> {
         if self.has_landed {
             return Ok(());

@@ -29,8 +29,7 @@ pub(crate) fn written(word: &str, options: &PlanOptions) -> Plan {
     plan(&write(word, &LetterOptions::default()).unwrap(), options).unwrap()
 }
 
-/// Returns a plan in which the drone hovers at one place from the start, and writes with its
-/// headlights.
+/// Returns a plan in which the drone hovers at one place, and writes with its headlights.
 pub(crate) fn hover(position_m: [f64; 3], end_s: f64) -> Plan {
     let (position_m, letter) = (Vector3::from(position_m), Some(0));
     let setpoints =

@@ -5,16 +5,15 @@ use nalgebra::{SMatrix, SVector};
 use super::Matrix;
 
 /// Step of the central differences, relative to `max(1, |x|)`. The error decreases with the square
-/// of the step (1.7e-9 of the derivative of a sine). A hundredth of the step would lose as much to
+/// of the step (sine: 1.7e-9 of the derivative). A hundredth of the step would lose as much to
 /// rounding.
 const STEP: f64 = 1e-4;
 /// Smaller of the two extrapolated steps. The error decreases with the fourth power of the step.
 const FINE_STEP: f64 = 1e-3;
 /// Pivot relative to the largest below which a direction counts as unobservable.
 const RANK_TOLERANCE: f64 = 1e-9;
-/// Maximum number of squarings, after which a power that neither vanishes nor grows counts as not
-/// stable. Only a pole within 1e-17 of the stability boundary, relative to the largest, gets that
-/// far.
+/// Maximum number of squarings, after which a power that neither vanishes nor grows is not stable.
+/// Only a pole within 1e-17 of the stability boundary, relative to the largest, gets that far.
 const MAX_SQUARINGS: usize = 60;
 
 /// Returns the linear model `(A, B)` of `ẋ = f(x, u)` at a point, `A = ∂f/∂x` and `B = ∂f/∂u`, by
@@ -73,9 +72,8 @@ pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Mat
     joined
 }
 
-/// Returns the number of independent observable directions of `ẋ = A x`, `y = C x`, which is the
-/// rank of `[C; CA; CA²; …]` (Kalman). The system is observable if this equals the number of
-/// states.
+/// Returns the rank of `[C; CA; CA²; …]` (Kalman), the number of observable directions of `ẋ = A
+/// x`, `y = C x`. If it equals the number of states, the system is observable.
 pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }
@@ -94,8 +92,7 @@ fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     columns
 }
 
-/// Returns the rank of a matrix with no more rows than columns, by LU decomposition with full
-/// pivoting.
+/// Returns the rank of a matrix with no more rows than columns, by LU with full pivoting.
 fn rank(columns: Matrix) -> usize {
     let n = columns.nrows();
     let upper = columns.full_piv_lu().u();

@@ -4,8 +4,7 @@ use super::Matrix;
 use super::riccati::care;
 use noctograph_core::error::{Error, Result};
 
-/// Returns the gain `K` of the feedback `u = −K x` that minimizes `∫ xᵀQx + uᵀRu dt` for `ẋ = A x +
-/// B u`.
+/// Returns the gain `K` of `u = −K x` that minimizes `∫ xᵀQx + uᵀRu dt` for `ẋ = A x + B u`.
 ///
 /// `K = R⁻¹ Bᵀ X` with the solution `X` of the continuous algebraic Riccati equation. Only the
 /// ratio of `Q` to `R` affects the gain.
@@ -33,8 +32,8 @@ pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`lqr`], for states that no output shows in place of states that no input
-/// reaches.
+/// Returns the errors of [`lqr`], for states that no output shows instead of states without an
+/// input.
 pub fn observer_gain(
     a: &Matrix,
     c: &Matrix,
@@ -53,8 +52,8 @@ mod tests {
     use super::*;
     use crate::control::is_hurwitz;
 
-    /// Returns the error relative to the closed form for `ẍ = b u`, `k₁ = √(q₁/r)`, `k₂ = √(q₂/r +
-    /// 2 k₁/b)`.
+    /// Returns the error relative to the exact `k₁ = √(q₁/r)`, `k₂ = √(q₂/r + 2 k₁/b)` for `ẍ = b
+    /// u`.
     fn double_integrator_error(b: f64, q1: f64, q2: f64, r: f64) -> f64 {
         let k = lqr(
             &dmatrix![0.0, 1.0; 0.0, 0.0],
@@ -74,8 +73,7 @@ mod tests {
         assert!(double_integrator_error(1.0 / 3.32e-5, 40.0, 1.0, 38_586_096.0) < 1e-12, "yaw");
     }
 
-    /// Returns the matrices of the reference flight's hover and its weights, written out as
-    /// numbers.
+    /// Returns the matrices of the reference flight's hover, and its weights, as numbers.
     fn hover() -> [DMatrix<f64>; 4] {
         let (mut a, mut b) = (DMatrix::zeros(12, 12), DMatrix::zeros(12, 4));
         let ones = [(0, 6), (1, 7), (2, 8), (3, 11), (4, 10), (5, 9)];
@@ -205,8 +203,7 @@ mod tests {
             let k = lqr(&a, &b, &q, &r).unwrap_or_else(|e| panic!("case {case}: {e}"));
             let closed = &a - &b * &k;
             assert!(is_hurwitz(&closed), "case {case} is unstable");
-            // X of the closed loop's Lyapunov equation follows from K only, independently of the
-            // solver.
+            // X of the closed loop's Lyapunov equation depends on K only, and not on the solver.
             let x = lyapunov(&closed, &(q + k.transpose() * &r * &k));
             let again = r.try_inverse().unwrap() * b.transpose() * x;
             assert!((again - &k).norm() < 1e-7 * k.norm(), "case {case}: K is no fixed point");

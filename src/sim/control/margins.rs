@@ -7,10 +7,9 @@ use nalgebra::{Complex, DVector};
 use super::Matrix;
 use super::linear::{is_hurwitz, with_states};
 
-/// Lowest and highest frequency of the sweep in rad/s, far below a drone's slowest loop and far
-/// above its fastest.
+/// Lowest and highest frequency of the sweep in rad/s, far outside the range of a drone's loops.
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
-/// Number of steps of the sweep. A step of 0.4 % finds every crossing except two within the same
+/// Number of steps of the sweep. A step of 0.4 % separates all crossings except two within one
 /// step.
 const SWEEP_STEPS: u32 = 4000;
 /// Number of bisections of the step around a crossing, which narrow 0.4 % to 1e-12.
@@ -19,14 +18,12 @@ const HALVINGS: u32 = 30;
 /// Margins of one loop, opened at its input, with the others closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Margins {
-    /// Largest factor above 1 on the input up to which the loop is stable. It is `None` if any
-    /// factor is stable.
+    /// Largest factor above 1 on the input up to which the loop is stable, or `None` if there is no
+    /// limit.
     pub gain_up: Option<f64>,
-    /// Smallest factor below 1 down to which the loop is stable. It is `None` if any factor is
-    /// stable.
+    /// Smallest factor below 1 down to which the loop is stable, or `None` if there is no limit.
     pub gain_down: Option<f64>,
-    /// Phase in rad that can be lost before the loop is unstable. It is `None` if any phase can be
-    /// lost.
+    /// Phase in rad that can be lost before the loop is unstable, or `None` if there is no limit.
     pub phase_rad: Option<f64>,
     /// Frequency in rad/s at which that phase is smallest.
     pub crossover_rad_s: Option<f64>,
@@ -176,8 +173,7 @@ mod tests {
         let (a, one) = (dmatrix![1.0], dmatrix![1.0]);
         let [lagging, b, k] = with_input_lag(&a, &one, &dmatrix![2.0], 0.1);
         let actual = margins(&lagging, &b, &k).unwrap()[0];
-        // The polynomial 0.1 s² + 0.9 s + (2g − 1) is stable above g = ½, which L reaches only at ω
-        // = 0.
+        // The polynomial 0.1 s² + 0.9 s + (2g − 1) is stable above g = ½, and L is ½ only at ω = 0.
         assert_eq!(actual.gain_up, None, "{actual:?}");
         assert!(is_hurwitz(&(&lagging - &b * &k)), "as it is");
         assert!(!is_hurwitz(&(lagging - b * k * 0.49)), "with half of it");

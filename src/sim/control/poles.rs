@@ -11,8 +11,7 @@ const MAX_ITERATIONS: usize = 10_000;
 /// such as that of four equal rotors, converges to between one and sixteen units.
 const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 
-/// Returns the eigenvalues of `A` (1/s) by descending real part, and then by descending imaginary
-/// part.
+/// Returns the eigenvalues of `A` (1/s) by descending real part, then by descending imaginary part.
 ///
 /// Returns `None` if the QR iteration does not converge or the matrix is not finite. Well-separated
 /// poles are accurate to 1e-9 of the largest. An n-fold pole spreads by the n-th root of the

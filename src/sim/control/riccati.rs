@@ -12,15 +12,13 @@ const MAX_DOUBLINGS: usize = 60;
 /// Relative change of the solution at which the doubling has converged, which is a few units in the
 /// last place. A smaller value would wait for rounding noise.
 const CONVERGED: f64 = 1e-15;
-/// Maximum residual of an accepted solution, relative to the sizes from which its terms are formed
-/// (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, of which the rounding of `X` causes 1e-16). Well-posed problems
-/// leave 1e-12 or less.
+/// Maximum residual of an accepted solution, relative to its terms (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, of
+/// which the rounding of `X` causes 1e-16). Well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
 /// flight's problem leaves 1e-15. Weights that differ by six decades leave up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Maximum number of refinement steps. Each step squares the error. After two steps, only rounding
-/// remains.
+/// Maximum number of refinement steps. Each step squares the error, and two leave only rounding.
 const MAX_REFINEMENTS: usize = 2;
 /// Maximum number of shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the
 /// previous one. A second shift is needed only if the first is an eigenvalue of `A`.
@@ -30,8 +28,7 @@ const SHIFT_GROWTH: f64 = 1.3;
 /// shift is exact. A shift near the poles takes the fewest doublings.
 const LYAPUNOV_SHIFT: f64 = 0.25;
 
-/// Returns the stabilizing solution `X` of the continuous equation `AᵀX + XA − XGX + Q = 0`, where
-/// `G = B R⁻¹ Bᵀ`.
+/// Returns the stabilizing solution `X` of `AᵀX + XA − XGX + Q = 0`, where `G = B R⁻¹ Bᵀ`.
 ///
 /// `G` and `Q` must be symmetric and positive semidefinite. The solution is accepted only if its
 /// residual is below 1e-10 of the sizes of the equation's terms, if it is positive definite, and if

@@ -66,8 +66,7 @@ pub(super) struct AltitudeHold {
 }
 
 impl AltitudeHold {
-    /// Makes the controller of the options, with the vehicle's thrust map until another one is
-    /// given.
+    /// Makes the controller of the options, with the vehicle's thrust map until one is given.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {
@@ -101,7 +100,7 @@ impl Controller for AltitudeHold {
         let acceleration_m_s2 = reference.acceleration_m_s2.z
             - k_z * error_m
             - k_v * (velocity_m_s - reference.velocity_m_s.z);
-        // The throttle follows from the map, and is higher for a tilted drone. The regulator
+        // The throttle follows from the map, and is higher if the drone is tilted. The regulator
         // commands the torques.
         let cos_tilt = up[2].max(LEAST_COS_TILT);
         let throttle = (self.map.throttle(acceleration_m_s2) / cos_tilt).min(1.0);

@@ -87,8 +87,7 @@ impl Controller for Geometric {
         let error = attitude_error(&wanted, &world_from_body);
         self.attitude_sum += error * self.tick_s;
 
-        // The desired body rate is that of the desired attitude, in the body frame. Without thrust
-        // it is zero.
+        // The desired body rate is that of the desired attitude, and zero without thrust.
         let w = rate(estimate);
         let wanted_rate = match thrust_n {
             0.0 => Vector3::zeros(),

@@ -1,5 +1,4 @@
-//! Linearization of a controller with memory at hover, by finite differences of the controller's
-//! code.
+//! Linearization at hover of a controller with memory, by finite differences of its code.
 //!
 //! One call of [`Controller::command`] maps the estimate's deviation from hover and the memory
 //! (integrals, last measurements, filters) to motor commands and to the next memory. Central
@@ -54,8 +53,7 @@ impl LinearController {
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
-    /// Returns the continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` transforms to this
-    /// one.
+    /// Returns the continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` makes this one.
     fn continuous(self, tick_s: f64) -> Self {
         // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
@@ -147,8 +145,7 @@ mod tests {
         let remaining = libm::exp(-0.1 * tick_s / lag_s);
         let (mut state, hover) = (State::zeros(), vehicle.hover());
         controller.rest(&state);
-        // At rest, the cascade does not command hover, because its integral provides the difference
-        // in flight.
+        // At rest, the cascade does not command hover, because in flight its integral does so.
         let base = mixer.wrench(&controller.command(&state, &at_rest).motors);
         controller.rest(&state);
         let mut rotors = hover;

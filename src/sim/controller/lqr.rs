@@ -43,11 +43,10 @@ pub(super) struct Lqr {
 }
 
 impl Lqr {
-    /// Makes the regulator of the options, from the model at hover with the center of mass in the
-    /// middle.
+    /// Makes the regulator of the options from the hover model with a centered mass.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
-        // The model is linearized at hover and augmented by integrals, and the gain is split into
-        // its columns.
+        // The model is linearized at hover and augmented by integrals, and the gain is split by
+        // columns.
         let vehicle = &options.vehicle;
         let hover = vehicle.hover();
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
@@ -105,8 +104,7 @@ impl Lqr {
         reference: &Reference,
         thrust_n: Option<f64>,
     ) -> Command {
-        // The modeled rotors follow the motor commands after clamping instead of the desired
-        // wrench.
+        // The modeled rotors follow the motor commands after clamping, not the desired wrench.
         let (mut wrench, error_m) = self.wrench(estimate, reference);
         wrench[3] = thrust_n.unwrap_or(wrench[3]);
         let (motors, saturated) = self.mixer.motors(&wrench);

@@ -1,6 +1,6 @@
 //! Controllers, which convert an estimate and a setpoint to motor commands.
 //!
-//! One trait has four implementations, which [`ControllerKind`] selects. A controller runs
+//! The trait has four implementations, which [`ControllerKind`] selects. A controller runs
 //! `rates.attitude_hz` times per second, and its command is held between two runs as in the
 //! firmware.
 

@@ -30,7 +30,7 @@ const THRUST_MIN: f64 = 20_000.0;
 const TILT_MAX: f64 = 20.0;
 /// Maximum desired speed for each axis in m/s (`PID_POS_VEL_X_MAX` …).
 const SPEED_MAX: f64 = 1.0;
-/// Maximum output of a loop relative to `TILT_MAX` and `SPEED_MAX` (`velMaxOverhead`,
+/// Maximum output of a loop relative to `TILT_MAX`, `SPEED_MAX` (`velMaxOverhead`,
 /// `rpLimitOverhead`).
 const OVERHEAD: f64 = 1.1;
 /// Default bound of an integral (`DEFAULT_PID_INTEGRATION_LIMIT`).
@@ -98,8 +98,7 @@ impl Pid {
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
-    /// Returns the output for an error from the setpoint, and the measurement on which the error is
-    /// based.
+    /// Returns the output for an error from the setpoint and the measurement that it is based on.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
         // The derivative is that of the measurement, so that a step of the setpoint causes no kick.
         let [kp, ki, kd] = self.gains;
@@ -196,8 +195,7 @@ impl PidCascade {
 
     /// Runs the position and velocity loops, which set the desired roll, pitch and thrust.
     fn run_position_loops(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
-        // Setpoint, position and velocity are converted to axes along the nose, to the left, and
-        // up.
+        // Setpoint, position and velocity are rotated to axes along the nose, to the left, and up.
         let attitude = attitude(estimate);
         let (sin, cos) = libm::sincos(attitude.yaw_rad);
         let velocity_m_s = attitude.world_from_body() * velocity(estimate);

@@ -47,8 +47,7 @@ struct Apart {
     states: [f64; 3],
     /// Largest ratio of standard deviations, minus 1.
     worst_sigma: f64,
-    /// Mean ratio of the position's standard deviations, minus 1. Single ratios differ more, by
-    /// chance.
+    /// Mean ratio of the position's standard deviations, minus 1. A single ratio may differ more.
     mean_sigma: f64,
 }
 

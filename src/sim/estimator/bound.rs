@@ -79,8 +79,7 @@ fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec
     let steps = (end_s / step_s) as u32;
     for step in 0..=steps {
         let time_s = f64::from(step) * step_s;
-        // The inertial noise increases the covariance, and each measurement that is due decreases
-        // it.
+        // The inertial noise increases the covariance, and each due measurement decreases it.
         fleet.carry(plans, time_s, step_s);
         while let Some(k) = ranges.due(time_s) {
             fleet.correct_by_range(turns[k % turns.len()]);
@@ -150,8 +149,7 @@ impl<'a> Fleet<'a> {
             rate: variance_rate(imu.gyro_noise_rad_s_sqrt_hz),
         };
         for (drone, plan) in plans.iter().enumerate() {
-            // The lever is R [f]× of the specific force of a level drone with the planned
-            // acceleration.
+            // The lever is R [f]× of the specific force of a level drone during the planned motion.
             let planned =
                 plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
             let lever = -(planned + Vector3::z() * GRAVITY_M_S2).cross_matrix();
@@ -198,8 +196,7 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Returns the root mean square of bounds over the lit strokes of all letters or of one, if any are
-/// lit.
+/// Returns the RMS of bounds over the lit strokes of all letters or of one, if any are lit.
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0_u32);
     for (sigma_m, written) in bounds.iter().flat_map(|b| b.sigma_m.iter().zip(&b.letter)) {
@@ -217,8 +214,7 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
 ///
 /// Returns the errors of [`bounds`].
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
-    // The box around all setpoints and anchors has the smallest and largest coordinate on each
-    // axis.
+    // The box around setpoints and anchors has the smallest and largest coordinates.
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let points_m: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
     let infinity = Vector3::repeat(f64::INFINITY);
@@ -273,8 +269,7 @@ mod tests {
         options.observer.cooperative.start_tilt_rad = 1e-5;
         let plan = hover([0.0, 0.0, 1.0], 1.0);
         let bound = bounds(&[&plan], &options).unwrap().remove(0);
-        // The velocity is known to 1 cm/s, which in 0.1 s moves the drone by less than the ranges
-        // resolve.
+        // The velocity is known to 1 cm/s, and 1 mm in 0.1 s is less than the ranges resolve.
         let row = bound.time_s.iter().position(|t| *t >= 0.1).unwrap();
         let n = ((bound.time_s[row] * 180.0).floor() + 1.0) / 3.0;
         let want_m = (3.0 * 0.06 * 0.06 / n).sqrt();

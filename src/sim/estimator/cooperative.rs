@@ -16,8 +16,7 @@
 //! S. Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
 //!
 //! Biases of ranges, of the inertial sensors and of air pressure are not estimated. The noise of
-//! the motion between a range and the present is neglected, which is below 1 mm for a quarter of a
-//! second.
+//! the motion between a range and the present is neglected, which is below 1 mm in 0.25 s.
 
 use std::collections::VecDeque;
 
@@ -37,8 +36,7 @@ use crate::vehicle::State;
 const TWO_WAY: usize = 1;
 /// Time in s after which ranges that wait for messages are dropped.
 const LONGEST_WAIT_S: f64 = 2.0;
-/// Specific force along the body's z axis in m/s² above which a drone with its motors off is on the
-/// floor.
+/// Specific force along body z in m/s² above which a drone with its motors off is on the floor.
 const ON_FLOOR_M_S2: f64 = 0.8 * GRAVITY_M_S2;
 /// Number of messages of each drone that are kept.
 const MESSAGES_KEPT: usize = 64;
@@ -50,8 +48,7 @@ pub(crate) struct Cooperative {
     /// Filter over all drones, of which this drone is the first, followed by the others in the
     /// order of `peers`.
     joint: Ekf,
-    /// Attitude, velocity and position from the inertial sensors only, which the other drones
-    /// receive.
+    /// Attitude, velocity and position by the inertial sensors only, which other drones receive.
     inertial: Inertial,
     /// Velocity and position from the inertial sensors with the estimated attitude.
     dead_reckoning: Reckoning,
@@ -83,8 +80,8 @@ struct Peer {
     motions: VecDeque<Reckoning>,
 }
 
-/// Returns the standard deviations of position (m), velocity (m/s) and tilt (rad) of each drone at
-/// the start.
+/// Returns the standard deviations of position (m), velocity (m/s) and tilt (rad) of a drone at the
+/// start.
 pub(super) fn start_sigmas(options: &CooperativeOptions) -> [f64; 3] {
     [options.start_sigma_m, START[1], options.start_tilt_rad]
 }
@@ -100,8 +97,7 @@ impl Cooperative {
         let start_m = fleet.members[fleet.place].start_m;
         let sigmas = start_sigmas(&options.cooperative);
         let normal = Normal::of_drones(fleet.members.len(), sigmas, &[]);
-        // Each of the other drones begins with a message at time zero, to which the next one is
-        // compared.
+        // Each other drone begins with a message at time zero, to which the next one is compared.
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
         let peers = others.map(|(place, member)| Peer {
             place,
@@ -188,8 +184,7 @@ impl Cooperative {
         self.gate.correct(&mut self.joint.normal, link, &measurement);
     }
 
-    /// Returns the state of peer `k` at a time up to its last message, or `None` if its motion is
-    /// not known.
+    /// Returns the state of peer `k` at a time up to its last message, or `None` if it is unknown.
     fn delayed_state_of_peer(&self, k: usize, time_s: f64) -> Option<DelayedState> {
         let peer = &self.peers[k];
         let now = peer.motions.back()?;
@@ -215,8 +210,7 @@ impl Cooperative {
         }
     }
 
-    /// Corrects the estimate with waiting ranges from this drone to peer `k`, up to its last
-    /// message.
+    /// Corrects the estimate with waiting ranges to peer `k`, up to the peer's last message.
     fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
@@ -231,8 +225,8 @@ impl Cooperative {
             let link = (self.place, Target::Drone(place));
             let variance = self.joint.model.range[TWO_WAY];
             if self.share == Share::Estimates {
-                // The peer is assumed to be at its own estimate, whose variance is added to that of
-                // the range.
+                // The peer is assumed to be at its own estimate, whose variance the range's
+                // includes.
                 let (position_m, velocity_m_s, covariance) = message.estimate;
                 let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
@@ -263,8 +257,7 @@ impl Cooperative {
             let [Some(i), Some(j)] = [from, other].map(|place| self.index_of(place)) else {
                 continue;
             };
-            // Both drones report the range, but it is used once. A range that is too old is
-            // dropped.
+            // Both drones report the range, which is used once, or dropped if it is too old.
             let (first, second) = (from.min(other), from.max(other));
             let key = (range.time_s, first, second);
             if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
@@ -290,8 +283,7 @@ impl Cooperative {
         }
     }
 
-    /// Returns the index among the peers of the drone at a place in the fleet, or `None` for this
-    /// drone.
+    /// Returns the index among the peers of a drone of the fleet, or `None` for this drone.
     fn index_of(&self, place: usize) -> Option<usize> {
         self.peers.iter().position(|peer| peer.place == place)
     }

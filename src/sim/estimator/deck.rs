@@ -7,8 +7,7 @@
 //! The sources are `pulse_processor_v2.c` (pairing of sweeps), `lighthouse_core.c` (use of the
 //! second sweep) and `lighthouse_throttle.c` of firmware 2026.08.
 //!
-//! The driver's mistaking of a sweep and its reflection for the two sweeps of one rotation is not
-//! modeled.
+//! That the driver may take a sweep and its reflection for one rotation is not modeled.
 
 use crate::options::FirmwareOptions;
 use crate::sensors::{Generation, SensorOptions, Sweep};
@@ -95,8 +94,7 @@ impl Deck {
         None
     }
 
-    /// True if a rotation is kept. The rotation is counted for the rate, of which a fraction is
-    /// dropped.
+    /// True if a rotation is kept, which also counts it for the rate of rotations.
     fn keeps(&mut self, time_s: f64) -> bool {
         if self.rotations_hz == 0.0 {
             return true;

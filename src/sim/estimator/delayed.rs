@@ -10,8 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
 use crate::sensors::{Reckoning, Segment};
 
-/// Maximum time in s between two messages over which the motion is interpolated, because letters
-/// have curves.
+/// Maximum time in s between messages over which motion is interpolated, because letters curve.
 const LONGEST_GAP_S: f64 = 0.3;
 /// Time in s from a message within which the motion is interpolated in any case.
 const NEAR_S: f64 = 0.05;
@@ -75,8 +74,7 @@ pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option
     if gap_s > LONGEST_GAP_S && to_nearest_s > NEAR_S {
         return None;
     }
-    // The polynomial is x(s) = a + v_a s + c₂ s² + c₃ s³ for s from 0 to 1, with velocities per
-    // unit of s.
+    // The polynomial is a + v_a s + c₂ s² + c₃ s³ for s from 0 to 1, with velocities per unit of s.
     let s = (time_s - a.time_s) / gap_s;
     let step_m = b.position_m - a.position_m;
     let (va, vb) = (a.velocity_m_s * gap_s, b.velocity_m_s * gap_s);

@@ -104,8 +104,8 @@ impl Ekf {
         }
     }
 
-    /// Makes a filter over the errors of a fleet, of which this drone is the first, over a level
-    /// floor.
+    /// Makes a filter over the errors of a fleet over a level floor, of which this drone is the
+    /// first.
     pub(super) fn of_fleet(
         options: &EkfOptions,
         sensors: &SensorOptions,
@@ -230,16 +230,15 @@ impl Model {
     ) -> ([Part; 2], f64, f64) {
         let crossing =
             self.stations[station].crossing(plane, &(position_m + world_from_body * lever));
-        // A rotation θ of the body moves the sensor by R (θ × lever), so that the gradient is lever
-        // × Rᵀ g.
+        // A rotation θ of the body moves the sensor by R (θ × lever), and the gradient is lever ×
+        // Rᵀ g.
         let position = crossing.gradient_rad_m;
         let turn = lever.cross(&world_from_body.tr_mul(&position));
         let jacobian = [Part::Three(0, position), Part::Three(TURN, turn)];
         (jacobian, angle_rad - crossing.angle_rad, crossing.radius_m)
     }
 
-    /// Returns the Jacobian, error and variance of a range, or of a difference of ranges, at a
-    /// position.
+    /// Returns the Jacobian, error and variance of a range or difference of ranges at a position.
     pub(super) fn range(&self, range: &Range, position_m: &Vector3<f64>) -> (Part, f64, f64) {
         let from_anchor = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from_anchor(range.anchor);
@@ -299,9 +298,8 @@ impl Model {
             if !sensor.looks_down() {
                 each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
             } else if cos_tilt >= LEAST_COS_TILT {
-                // The expected distance is d = (z − floor) / cos tilt. A rotation changes the
-                // cosine by the other two entries of its row. The step test requires the floor to
-                // be last.
+                // The expected distance is d = (z − floor) / cos tilt. Rotation changes the cosine
+                // by the other two entries of its row. The step test requires the floor to be last.
                 let expected_m = (position_m.z - self.floor_m) / cos_tilt;
                 let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
                 let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);

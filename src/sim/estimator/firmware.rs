@@ -130,7 +130,7 @@ impl Firmware {
         let (r, v) = (self.world_from_body, self.velocity_m_s);
         let up = r.row(2).transpose();
 
-        // The covariance is advanced first, at the old state. With ṗ = R v and v̇ = f − ω × v − g
+        // The covariance is advanced first, with the old state. With ṗ = R v and v̇ = f − ω × v − g
         // Rᵀ e_z, a rotation θ of the attitude changes R v by −R [v]× θ and the acceleration by −g
         // [up]× θ.
         let drift = Drift {
@@ -163,8 +163,7 @@ impl Firmware {
 
     /// Corrects the state with the angles of a rotation at each of the deck's sensors.
     fn correct_by_sweeps(&mut self, rotation: &Rotation) {
-        // If the attitude is not corrected, the second part of the Jacobian, over the rotation, is
-        // left out.
+        // If the attitude is not corrected, the part of the Jacobian over the rotation is left out.
         let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
         let variance = self.model.sweep_variance(rotation.station);
         for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
@@ -219,8 +218,7 @@ impl Firmware {
         self.correct(&[Part::One(TURN + 2, 1.0)], error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
     }
 
-    /// Corrects the state with a range, or with a difference of ranges that is possible and no
-    /// outlier.
+    /// Corrects the state with a range, or with a difference that is possible and no outlier.
     fn correct_by_range(&mut self, range: &Range) {
         let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus {
@@ -270,8 +268,7 @@ impl Firmware {
         self.bound();
     }
 
-    /// Ends a tick that changed the state, and rotates the attitude by its error if that is large
-    /// enough.
+    /// Ends a tick that changed the state, and rotates the attitude if its error is large enough.
     fn settle(&mut self) {
         let turn_rad = std::mem::take(&mut self.turn_rad);
         if turn_rad.amax() > LEAST_TURN_RAD {
@@ -353,8 +350,7 @@ impl Estimator for Firmware {
     }
 }
 
-/// Blocks of `Φ − 1` through which errors of velocity and attitude change those of position and
-/// velocity.
+/// Blocks of `Φ − 1` by which errors of velocity and attitude change position and velocity.
 struct Drift {
     position: [Matrix3<f64>; 2],
     velocity: [Matrix3<f64>; 2],

@@ -1,5 +1,5 @@
-//! Estimators, which determine the drone's motion from its measurements. Each estimator has a file
-//! of its own.
+//! Estimators, which determine the drone's motion from measurements. Each estimator has a file of
+//! its own.
 //!
 //! Input: the [`Readings`] of a tick. Output: all twelve states, which are the controller's input.
 
@@ -86,8 +86,7 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     }
 }
 
-/// Returns the true motion as the estimate, which separates the controller's error from the
-/// estimator's.
+/// Returns the true motion as the estimate, so that all errors are those of the controller.
 impl Estimator for RigidBody {
     fn update(&mut self, readings: &Readings<'_>, _: f64) {
         *self = *readings.truth;

@@ -40,7 +40,7 @@ impl SweepFilter {
         self.closed_ms -= 1e3 * time_s;
     }
 
-    /// True if a sweep with this error is used. The call also sets the time for which the filter is
+    /// True if a sweep with this error is used, which also sets the time for which the filter is
     /// closed.
     pub(super) fn accepts(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;

@@ -34,8 +34,7 @@ fn fly_default(plan: &Plan) -> Result<Flight> {
     flown(plan, &SimOptions::default(), 1)
 }
 
-/// Returns the time at which the host had been silent for too long, for a flight with no other
-/// warning.
+/// Returns the time at which the host was silent for too long, in a flight with no other warning.
 fn silent_s(flight: &Flight) -> Option<f64> {
     match &flight.warnings[..] {
         [silent] if silent.code == "host-silent" => silent.number("time_s"),
@@ -176,8 +175,7 @@ fn each_index_has_its_own_noise_and_the_first_is_the_default() {
     }
 }
 
-/// Returns the flights of two hovering drones, the second of which is below the first and beside
-/// it, in m.
+/// Returns the flights of two hovering drones, the second at an offset in m from the first.
 fn hovering(below_m: f64, beside_m: f64, options: &SimOptions) -> Vec<Flight> {
     let [upper, lower] =
         [(0.0, 2.0), (beside_m, 2.0 - below_m)].map(|(x, z)| plan(&[(0.0, x, z), (20.0, x, z)]));
@@ -326,8 +324,7 @@ fn a_plan_through_the_floor_is_refused_and_one_from_table_to_table_flies() {
     let from_table = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.7), (2.0, 0.2, 0.7), (4.0, 0.5, 0.7)];
     let mut there = from_table.to_vec();
     there.extend([(6.0, 0.5, 0.4), (8.0, 0.5, 0.0)]);
-    // On ramps the drone would rest on the table, and within a letter it would be drawn through the
-    // table.
+    // On ramps, the drone would rest on the table, but a letter would be drawn through it.
     let mut ramps = plan(&there);
     let error = flown(&ramps, &options, 1).unwrap_err().to_string();
     assert!(error.starts_with("plan, setpoint 4: found a height of 0.4 m"), "{error}");

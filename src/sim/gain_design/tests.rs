@@ -6,8 +6,7 @@ fn default_design(motor_lag_s: f64) -> Design {
     design(&SimOptions::default(), motor_lag_s).unwrap()
 }
 
-/// The references have sixty digits, as in `control::lqr`, and for L the same script was run on
-/// (Aᵀ, Cᵀ).
+/// The references have sixty digits, as in `control::lqr`, and that for L used (Aᵀ, Cᵀ).
 #[test]
 fn both_gains_are_those_of_sixty_digits() {
     let mut design = default_design(MOTOR_LAG_S);
@@ -72,7 +71,7 @@ fn the_teams_gain_tolerates_a_lag_of_a_tenth_of_a_second() {
     let design = default_design(0.12);
     assert!(design.lagging_margins.is_none());
     assert_eq!(design.warnings[0].code, "lag-unstable");
-    assert!(design.warnings[0].message.contains("stable only without motor lag"));
+    assert!(design.warnings[0].message.contains("stable without motor lag, but not with"));
 }
 
 #[test]

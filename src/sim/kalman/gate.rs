@@ -85,9 +85,9 @@ impl StepTest {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }
 
-    /// Corrects the states with a range to a floor, whose state is the last part of the Jacobian.
+    /// Corrects the states with a range to a floor, whose state the Jacobian's last part is about.
     /// If the floor steps, its state and variance are changed instead. A range beyond `gate_sq` is
-    /// not used.
+    /// ignored.
     ///
     /// # Panics
     ///

@@ -107,8 +107,7 @@ impl Inertial {
         acceleration
     }
 
-    /// True if the covariance is to be propagated now, for a measurement or after 10 ms without
-    /// one.
+    /// True if the covariance is to be propagated now, for a measurement or 10 ms after the last.
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }

@@ -3,14 +3,13 @@
 //! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` of
 //! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`. With the gain `k =
 //! P h / √s`, the correction is `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction
-//! subtracts one square from the matrix, which stays exactly symmetric. At the ratios of variance
+//! subtracts a square from the matrix, which remains exactly symmetric. At the ratios of variance
 //! that occur here (1e-6 or more), this is as safe as Joseph's form and takes half the work.
 //! Independent measurements are used one after the other, which is equivalent to using them
 //! together.
 //!
-//! Jacobians are sparse, because a measurement depends on a position, a rotation and at most a few
-//! biases. All loops run over plain columns, so that no product selects another kernel on another
-//! CPU.
+//! Jacobians are sparse, because a measurement depends on few of the states. All loops run over
+//! plain columns, so that no product selects another kernel on another CPU.
 //!
 //! Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation*, Wiley 2001, sections 5.2 and 5.4 (normalized innovation squared).
@@ -28,8 +27,7 @@ pub struct Normal {
     gain: Vec<f64>,
 }
 
-/// Part of a measurement's Jacobian, which is its derivative with respect to one or three of the
-/// states.
+/// Part of a measurement's Jacobian, the derivative with respect to one or three of the states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
     /// Derivative with respect to the state of an index.
@@ -67,8 +65,8 @@ impl Innovation {
         self.value.abs() / self.variance.sqrt()
     }
 
-    /// Returns the normalized innovation squared (NIS), which is 1 on average for a consistent
-    /// filter.
+    /// Returns the normalized innovation squared (NIS), which is 1 on average if the filter is
+    /// consistent.
     pub fn nis(&self) -> f64 {
         self.value * self.value / self.variance
     }
@@ -155,7 +153,7 @@ impl Normal {
         }
         Innovation {
             value: value - product(jacobian, self.mean.as_slice()),
-            // Rounding may make the sum negative if the states are known far better than the
+            // Rounding can make the sum negative if the states are far better known than the
             // measurement.
             variance: product(jacobian, &self.gain).max(0.0) + variance,
         }
@@ -173,8 +171,7 @@ impl Normal {
         if !gate(&innovation) {
             return false;
         }
-        // `innovation` has stored P h in the gain. Scaled by 1/√s, the gain corrects mean and
-        // covariance.
+        // `innovation` has stored P h in the gain. Scaled by 1/√s, it corrects mean and covariance.
         let scale = 1.0 / innovation.variance.sqrt();
         self.gain.iter_mut().for_each(|gain| *gain *= scale);
         let states = self.mean.as_mut_slice().iter_mut();
@@ -355,7 +352,7 @@ mod tests {
 
     #[test]
     fn a_steady_filter_has_the_covariance_of_the_riccati_equation() {
-        // The states are position and velocity with acceleration noise, of which the position is
+        // The states are position and velocity with acceleration noise, and the position is
         // measured.
         let (t, q, r) = (0.1, 0.04, 0.0025);
         let (transition, h) = ([(0, 1, t)], [Part::One(0, 1.0)]);

@@ -44,15 +44,15 @@ settings! {
         "lqr-integral" => LqrIntegral,
         /// The firmware's default cascade of PID loops, on held position setpoints.
         "pid" => Pid,
-        /// Geometric tracking on SE(3) (Lee, Leok, `McClamroch` 2010) with full states, as in the
+        /// Geometric tracking on SE(3) (Lee, Leok, `McClamroch` 2010) with full states, as in
         /// firmware.
         "geometric" => Geometric,
         /// Altitude control with the estimated thrust map, and lqr-feedforward for everything else.
         "altitude" => Altitude,
     }
 
-    /// Linear-quadratic regulators that minimize `∫ sᵀQs + iᵀRi dt` around the setpoint, with
-    /// diagonal Q and R.
+    /// Linear-quadratic regulators that minimize `∫ sᵀQs + iᵀRi dt` around the setpoint (Q, R
+    /// diagonal).
     ///
     /// The defaults are the team's weights, from Bryson's rule and manual tuning, with integrals
     /// that remove a constant error in about two seconds.
@@ -133,8 +133,8 @@ settings! {
         yaw_rate: [f64; 3] = [120.0, 16.7, 0.0], in 0.0..=1e5;
         /// Assumed hover command of 65535 (`PID_VEL_THRUST_BASE`).
         ///
-        /// The loops' integrals compensate for the difference, which is why a heavy drone leaves
-        /// the floor late.
+        /// The loops' integrals compensate the difference, so that a heavy drone leaves the floor
+        /// late.
         thrust_base: f64 = 36_000.0, in 0.0..=65_535.0;
     }
 
@@ -172,14 +172,14 @@ impl ControllerOptions {
         }
         let n_columns = lengths.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
         let given = format!("{} rows of {n_columns} numbers", k.len());
-        let more = if rotors_lag { ", or 4 more for the rotors" } else { "" };
+        let more = if rotors_lag { ", or 4 more numbers for the rotors" } else { "" };
         let wanted = format!("4 rows of {n_states} numbers for {}{more}", kind.name());
-        let hint = "rows are torque x y z and thrust, columns the states in the order of lqr.q";
+        let hint = "the rows are torque x y z and thrust, and the columns are the states in the \
+                    order of controller.lqr.q";
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
 
-    /// Returns the kind of setpoint that the host sends while the drone writes, and that checks fly
-    /// with.
+    /// Returns the kind of setpoint that the host sends during writing, and that checks fly with.
     pub fn sends(&self) -> SetpointKind {
         match self.kind {
             ControllerKind::Pid => self.setpoints,
@@ -190,8 +190,8 @@ impl ControllerOptions {
 }
 
 impl PidOptions {
-    /// Returns the gains P, I, D of all loops, for position, velocity, attitude and rate on three
-    /// axes each.
+    /// Returns the gains P, I, D of all loops, for position, velocity, attitude and rate on each
+    /// axis.
     pub fn gains(&self) -> [[[f64; 3]; 3]; 4] {
         [
             [self.pos_x, self.pos_y, self.pos_z],

@@ -1,5 +1,4 @@
-//! Drones of the presets, for tests, from the simulator's tables of the scene files that `pipeline`
-//! ships.
+//! Drones of the presets, for tests, made from the scene files that `pipeline` ships.
 
 use super::{ControllerKind, EstimatorKind, SimOptions};
 use crate::sensors::Positioning;

@@ -142,7 +142,7 @@ impl SimOptions {
         self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
     }
 
-    /// Returns the options of an undisturbed flight with still air, a centered mass, and ideal
+    /// Returns the options of an undisturbed flight with still air, centered mass, and ideal
     /// sensors and radio.
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
@@ -174,8 +174,7 @@ impl SimOptions {
 }
 
 impl RateOptions {
-    /// Returns the number of motor commands per second, which is `attitude_hz`, but at most one per
-    /// tick.
+    /// Returns the number of motor commands per second, which is `attitude_hz` or one per tick.
     pub fn attitude_hz(&self) -> u32 {
         self.attitude_hz.min(self.control_hz)
     }

@@ -110,9 +110,9 @@ settings! {
         /// Outlier gate, which rejects a position, range or height if its innovation exceeds this
         /// number of standard deviations. The firmware has no such gate.
         ///
-        /// The square of the gate is a threshold of χ² with one degree of freedom. If the gate is
-        /// too low, it rejects measurements that disagree by several times the σ above, as they do
-        /// in real rooms.
+        /// The square of the gate is a χ² threshold with one degree of freedom. If the gate is too
+        /// low, it rejects measurements that disagree by several times the σ above, as they do in
+        /// real rooms.
         gate_sigmas: f64 = 10.0, in 1.0..=1e6,
             for "observer.kind" = "ekf-improved" | "altitude" | "cooperative";
         /// True to allow steps of the floor below the ranger, such as the edge of a table.
@@ -168,8 +168,7 @@ settings! {
     pub struct FirmwareOptions {
         /// Specific force across the body's z axis in flight.
         horizontal_force: HorizontalForce = HorizontalForce::Zero;
-        /// Number of predictions per second, each from the mean of the inertial readings since the
-        /// last.
+        /// Number of predictions per second, each from the mean of the newest inertial readings.
         prediction_hz: f64 = 100.0, in 1.0..=2000.0;
         /// Attitude information that is taken from sweep angles.
         sweep_attitude: SweepAttitude = SweepAttitude::YawError,
@@ -186,8 +185,8 @@ settings! {
 
     /// Specific force across the body's z axis in flight, in the firmware's filter.
     pub enum HorizontalForce {
-        /// No force, as on a drone without drag. With drag, this makes the estimates of tilt and
-        /// velocity wrong.
+        /// No force, as on a drone without drag. With drag, the estimated tilt and velocity are
+        /// wrong.
         "zero" => Zero,
         /// Readings of the accelerometer.
         "measured" => Measured,
@@ -211,13 +210,13 @@ impl ObserverOptions {
         // The Kalman filters use any measurement, but the others require certain ones.
         let (kind, wanted) = match self.kind {
             EstimatorKind::Altitude if !measures_altitude => {
-                ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")
+                ("altitude without a sensor of altitude", "satellites, a ranger or a barometer")
             }
             EstimatorKind::Luenberger if !gives_positions => {
-                ("luenberger, which needs positions, with a positioning that gives none", "ekf")
+                ("luenberger with a positioning that gives no positions", "ekf")
             }
             EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
-                ("cooperative, which needs ranges to anchors and drones, without uwb-twr", "ekf")
+                ("cooperative without the ranges to anchors and drones of uwb-twr", "ekf")
             }
             EstimatorKind::Altitude
             | EstimatorKind::Luenberger
@@ -230,8 +229,8 @@ impl ObserverOptions {
             "observer.kind",
             kind,
             wanted,
-            "set observer.kind = \"ekf\", or sensors.positioning to position, crossing-beams or \
-             gnss for luenberger, to uwb-twr for cooperative",
+            "set observer.kind = \"ekf\", or set sensors.positioning to uwb-twr for cooperative, \
+             or to position, crossing-beams or gnss for luenberger",
         ))
     }
 }

@@ -1,5 +1,5 @@
-//! Coverage, which is the visibility of Lighthouse base stations, and the accuracy of a position
-//! determined from them.
+//! Coverage: how many Lighthouse base stations are seen from a point, and how accurate its position
+//! is.
 //!
 //! Input: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
 //! y). Output: [`Coverage`], a grid. Each plane of light of each station that sees a level drone
@@ -47,13 +47,11 @@ pub struct CoveredPoint {
     pub error_m: Option<f64>,
 }
 
-/// Returns the coverage of a rectangle `[left, bottom, right, top]` in the plane at `y_m`, every
-/// `step_m`.
+/// Returns the coverage of `[left, bottom, right, top]` in the plane at `y_m`, every `step_m`.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for a rectangle or a step that makes no grid, and without base
-/// stations.
+/// Returns [`Error::Input`] without base stations, and if rectangle and step make no grid.
 pub fn coverage(
     options: &SensorOptions,
     bounds_m: [f64; 4],
@@ -83,12 +81,17 @@ pub fn coverage(
 fn check_grid([left, bottom, right, top]: [f64; 4], step_m: f64) -> Result<()> {
     if left >= right || bottom >= top {
         let bounds = format!("{left},{bottom},{right},{top}");
-        let hint = "name left, bottom, right and top in meters, such as -1,0,1,2";
-        return Err(Error::input("bounds", bounds, "left below right, bottom below top", hint));
+        let hint = "give left, bottom, right and top in meters, such as -1,0,1,2";
+        return Err(Error::input(
+            "bounds",
+            bounds,
+            "left less than right, and bottom less than top",
+            hint,
+        ));
     }
     if (right - left) / step_m * (top - bottom) / step_m > MAX_POINTS {
-        let wanted = format!("a step that makes at most {MAX_POINTS} places");
-        return Err(Error::input("step", format!("{step_m} m"), wanted, "take a larger step"));
+        let wanted = format!("a step that makes at most {MAX_POINTS} points");
+        return Err(Error::input("step", format!("{step_m} m"), wanted, "use a larger step"));
     }
     Ok(())
 }
@@ -133,7 +136,7 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
             continue;
         }
         n_stations += 1;
-        // The errors of an angle are independent, and an offset of the station matters less at a
+        // The errors of an angle are independent, and offsets of the station matter less at a
         // distance.
         let distance_m = (point_m - pose.position_m).norm();
         let sigmas_rad = [
@@ -163,8 +166,7 @@ mod tests {
     use super::*;
     use crate::sensors::Station;
 
-    /// Returns two stations 3 m from (0, 0, 0), whose lines of sight are at right angles, 0.6 m
-    /// above it.
+    /// Returns two stations 3 m from (0, 0, 0) at right angles, each of them 0.6 m above it.
     fn square_stations() -> LighthouseOptions {
         let height = 0.6;
         let stations = [[-3.0, 0.0, height], [0.0, -3.0, height]]
@@ -178,9 +180,9 @@ mod tests {
 
     #[test]
     fn error_is_that_of_geometry_by_hand() {
-        // Seen along x and y from 3 m with 1 mrad, the error is 3 mm across each line of sight, and
-        // both determine z. The stations are 0.6 m above the point, which tilts each line of sight
-        // by atan(0.2).
+        // Seen along x and y from 3 m with 1 mrad, the error across each beam is 3 mm, and both
+        // determine z. The stations are 0.6 m above the point, which tilts each line of sight by
+        // atan(0.2).
         let place = covered_point(&square_stations(), &Vector3::zeros());
         assert_eq!(place.n_stations, 2);
         let level = covered_point(&square_stations(), &Vector3::new(0.0, 0.0, 0.0));

@@ -1,5 +1,4 @@
-//! Positions from crossing beams, which are the points nearest to the rays of all stations received
-//! recently.
+//! Positions from crossing beams, which are the points nearest to the rays of all recent stations.
 //!
 //! For each sensor of the deck, the point solves `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays
 //! from `o` along `d`. For two rays, this is the middle of their shortest connection, as in the
@@ -12,8 +11,7 @@ use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
 
-/// Maximum age of an angle in s, 1.5 turns of the slowest rotor, so that a lost sweep costs one
-/// fix.
+/// Maximum age of an angle in s, 1.5 turns of the slowest rotor (a lost sweep costs one fix).
 const FRESH_S: f64 = 0.03;
 
 /// Combination of sweeps to positions.

@@ -1,7 +1,6 @@
 //! Noise densities of recorded series at several time scales, for the tests of the sensors.
 
-/// Lengths in samples of the blocks that are compared, of which the longest is 128 times the
-/// shortest.
+/// Lengths in samples of the compared blocks, of which the longest is 128 times the shortest.
 const BLOCKS: [usize; 3] = [1, 16, 128];
 
 /// Returns the one-sided density (unit/√Hz) of white noise at three time scales, from the Allan

@@ -45,8 +45,8 @@ impl TimeOfFlight {
         }
     }
 
-    /// Returns the distance to the floor in m, or `None` if none is due, if it is too long, or if
-    /// the ranger looks up.
+    /// Returns the distance to the floor in m, or `None` if not due, too long, or if the ranger
+    /// looks up.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -103,8 +103,7 @@ impl Barometer {
     }
 }
 
-/// Satellite fixes with a base station, which have white noise on every axis and periods without a
-/// fix.
+/// Satellite fixes with a base station, which have white noise and periods without a fix.
 #[derive(Debug)]
 pub(super) struct Gnss {
     clock: Clock,

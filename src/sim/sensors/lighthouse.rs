@@ -32,11 +32,11 @@ const V2_PERIODS: [u32; 16] = [
 /// Number of sweeps per second of all first-generation stations together.
 const V1_SWEEPS_HZ: f64 = 120.0;
 
-/// Interval in s at which the common distortion is computed. At 0.5 m/s, the distortion changes by
-/// 0.1 mm in this time.
+/// Interval in s at which the common distortion is computed. At 0.5 m/s, it changes by 0.1 mm in
+/// this time.
 const BEND_S: f64 = 0.02;
-/// Time in s after which an unseen station counts as hidden, because five turns in a row are hardly
-/// ever lost by chance.
+/// Time in s after which an unseen station counts as hidden (five turns are hardly ever lost by
+/// chance).
 const BLIND_S: f64 = 0.1;
 /// Change of direction in rad over which the error of a station's calibration changes.
 const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
@@ -74,8 +74,8 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    /// Standard deviations in rad of the noise common to the deck's sensors, and of the noise of
-    /// each sensor.
+    /// Standard deviations in rad of the noise common to the deck's sensors, and of that of each
+    /// sensor.
     sigmas_rad: [f64; 2],
     /// Distortion over the direction from the station, with one component per plane.
     distortion: Field<2>,
@@ -109,8 +109,7 @@ impl Lighthouse {
         }
     }
 
-    /// Returns the sweeps that arrive by `time_s` at a deck at `position_m`, among drones at
-    /// `fleet_m`.
+    /// Returns the sweeps that reach a deck at `position_m` by `time_s`, among drones at `fleet_m`.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -127,8 +126,8 @@ impl Lighthouse {
         let bent_m = turn * position_m * self.scale + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
-                // Noise is drawn for every sweep, seen or not, so that no sweep changes the noise
-                // of another.
+                // Noise is drawn for unseen sweeps too, so that no sweep changes the noise of
+                // another.
                 let is_lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
@@ -162,8 +161,7 @@ impl Lighthouse {
         &self.sweeps
     }
 
-    /// Returns the number of ticks at which fewer than two stations were seen within the last 0.1
-    /// s.
+    /// Returns the number of ticks at which fewer than two stations were seen in the last 0.1 s.
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
@@ -215,8 +213,8 @@ impl Rotor {
         }
     }
 
-    /// Returns the next plane if it passes by `time_s`, else `None`. The returned plane then counts
-    /// as passed.
+    /// Returns the next plane if it passes by `time_s`, and counts it as passed. Else returns
+    /// `None`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;
         let turns = f64::from(self.passed / 2) + self.phases[plane];
@@ -233,8 +231,7 @@ impl Rotor {
         std::array::from_fn(|_| common_rad + separate * self.noise.next())
     }
 
-    /// Returns the angles at which a sweep meets the four sensors of a deck, with distortion and
-    /// noise.
+    /// Returns the angles at which a sweep meets a deck's four sensors, with distortion and noise.
     fn angles_rad(
         &self,
         plane: usize,

@@ -51,8 +51,7 @@ pub(crate) use self::uwb::{PeerRange, Turn, turns};
 #[cfg(not(target_family = "wasm"))]
 pub use self::yaml::{read_anchors, read_lighthouse_config};
 
-/// Readings of one tick. Inertial readings are available at every tick, the others when they are
-/// due.
+/// Readings of one tick. Inertial readings are available at each tick, others when due.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings<'a> {
     /// True motion, used only by the estimator `truth`.

@@ -49,8 +49,7 @@ settings! {
         /// Lighthouse without stations, with a position at every tick that has white jitter and a
         /// smooth distortion, as in the log of the reference flight.
         "position" => Position,
-        /// Lighthouse with positions from the crossing of two stations' beams (lighthouse.method
-        /// 0).
+        /// Lighthouse with positions from crossing beams of two stations (lighthouse.method 0).
         "crossing-beams" => CrossingBeams,
         /// Lighthouse with raw sweep angles (lighthouse.method 1).
         "sweeps" => Sweeps,
@@ -154,8 +153,7 @@ settings! {
             /// Standard deviation in m, for each axis, of the error of a station's believed
             /// position, in addition to the common distortion.
             station_position_error_m: f64 = 0.0015;
-            /// Standard deviation in rad, for each axis, of the error of a station's believed
-            /// attitude.
+            /// Standard deviation in rad, per axis, of the error of a station's believed attitude.
             station_rotation_error_rad: f64 = 0.0007;
             /// Standard deviation in rad of the smooth error of a sweep angle that the station's
             /// calibration leaves.
@@ -197,8 +195,7 @@ settings! {
         bias_m: f64 = 0.2, in 0.0..=10.0;
         /// Fraction of ranges that are outliers.
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
-        /// Standard deviation of the error of a drone's believed position at the start for each
-        /// axis.
+        /// Standard deviation per axis of the error of a drone's believed position at the start.
         start_error_m: f64 = 0.0, in 0.0..=10.0;
     }
 
@@ -285,8 +282,7 @@ impl Station {
         Self::facing(generation, position_m, &forward, 0.0)
     }
 
-    /// Makes a station at `position_m` that faces along `forward` and is rolled about that
-    /// direction.
+    /// Makes a station at `position_m` that faces along `forward`, and is rolled about it.
     pub(crate) fn facing(
         generation: Generation,
         position_m: [f64; 3],
@@ -379,7 +375,7 @@ impl UwbOptions {
                 let (n, drone) = (self.heard.len(), drone + 1);
                 Err(input_error!(
                     "sensors.uwb.heard",
-                    "{n} lists, and a drone {drone}",
+                    "{n} lists for at least {drone} drones",
                     "a list for each drone, or none",
                     "list the anchors that each drone hears"
                 ))
@@ -394,9 +390,9 @@ impl UwbOptions {
             if self.anchors_m[..i].contains(anchor) {
                 return Err(input_error!(
                     "",
-                    "{anchor:?}, the place of another anchor",
-                    "each anchor once",
-                    "list every anchor at a different place"
+                    "{anchor:?}, which is also the position of another anchor",
+                    "a different position for each anchor",
+                    "list each anchor once"
                 )
                 .of_item("sensors.uwb.anchors_m", i));
             }
@@ -415,7 +411,7 @@ impl UwbOptions {
                     "",
                     "{anchor}",
                     "each index once, from 0 to {most}",
-                    "indices count the list sensors.uwb.anchors_m from 0"
+                    "an index is a place in the list sensors.uwb.anchors_m, counted from 0"
                 )
                 .of_item("", i)
                 .of_item(list, drone));
@@ -491,13 +487,13 @@ impl SensorOptions {
             let wanted = if from_s >= to_s {
                 "an end after its beginning".to_owned()
             } else if *from_s < heard_from_s {
-                format!("a beginning after the end of the silence before, {heard_from_s} s")
+                format!("a beginning not before {heard_from_s} s, the end of the previous period")
             } else {
                 heard_from_s = *to_s;
                 continue;
             };
-            let hint =
-                "write each silence as [from, to], in order of time, and join those that meet";
+            let hint = "write each period as [from, to], in chronological order, and join \
+                        overlapping periods";
             let error = Error::input("", format!("{from_s} to {to_s} s"), wanted, hint);
             return Err(error.of_item("sensors.gnss.silent_s", i));
         }
@@ -511,9 +507,9 @@ impl SensorOptions {
         let hint = "list the room's base stations";
         let place = "sensors.lighthouse.stations";
         check_count(place, stations.len(), [least_stations, MAX_STATIONS], hint)?;
-        let hint = "the first generation takes turns: one or two stations; use v2 for more";
+        let hint = "at most two v1 stations take turns, so use v2 for more stations";
         check_count(&format!("{place}, generation v1"), count_v1(stations), [0, 2], hint)?;
-        let (place, hint) = ("sensors.uwb.anchors_m", "list the places of the anchors");
+        let (place, hint) = ("sensors.uwb.anchors_m", "list the positions of the anchors");
         check_count(place, self.uwb.anchors_m.len(), [least_anchors, MAX_ANCHORS], hint)?;
         if least_anchors == 0 { Ok(()) } else { self.uwb.check_anchors(least_anchors) }
     }

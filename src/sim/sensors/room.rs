@@ -82,8 +82,7 @@ impl Room {
             (axis_m - level_m * fraction).norm() < *radius
                 && station_m.z + path_m.z * fraction < PERSON_M
         });
-        // A drone blocks the light if the path's point nearest to the ball's center is within the
-        // ball.
+        // A drone blocks the light if the path's point nearest to the ball's center is in the ball.
         let by_drone = drones_m.iter().any(|drone_m| {
             let to_m = drone_m - station_m;
             let fraction = to_m.dot(&path_m) / path_m.norm_squared();

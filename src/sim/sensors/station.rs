@@ -1,5 +1,5 @@
-//! Lighthouse base station, with its pose, its field of view, and the angles at which its planes of
-//! light cross a point.
+//! Lighthouse base station, with pose, field of view, and the angles at which its light planes
+//! cross a point.
 //!
 //! In a station's frame, x points forward (out of the front), y left and z up. Angles are those of
 //! the firmware after the factory calibration, so that the calibrations of a configuration file
@@ -160,15 +160,14 @@ mod tests {
     fn angles_are_those_of_geometry_by_hand() {
         let [v1, v2] = [Generation::V1, Generation::V2]
             .map(|generation| looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]));
-        // A point 2 m ahead and 2 m to the left at the same height is at 45° on every plane of
-        // either generation.
+        // A point 2 m ahead and 2 m to the left at the same height is at 45° on each plane of both
+        // generations.
         let point = Vector3::new(2.0, 2.0, 1.0);
         for plane in [0, 1] {
             let angle_rad = v2.crossing(plane, &point).angle_rad;
             assert!((angle_rad - PI / 4.0).abs() < 1e-15, "plane {plane}: {angle_rad}");
         }
-        // For a point 1 m ahead and √3/2 m up, a plane slanted by 30° leads by asin(√3/2 / √3) =
-        // 30°.
+        // For a point 1 m ahead and √3/2 m up, a 30° plane leads by asin(√3/2 / √3) = 30°.
         let above = Vector3::new(1.0, 0.0, 1.0 + 0.75_f64.sqrt());
         for (plane, want) in [(0, -PI / 6.0), (1, PI / 6.0)] {
             let angle_rad = v2.crossing(plane, &above).angle_rad;

@@ -44,8 +44,7 @@ impl Clock {
         Self { rate_hz, n: 0 }
     }
 
-    /// Counts the next event if it is due by `time_s`, and returns its number from 0, or `None`
-    /// otherwise.
+    /// Counts the next event if it is due by `time_s`, and returns its number from 0, or `None`.
     pub(crate) fn due(&mut self, time_s: f64) -> Option<usize> {
         (f64::from(self.n) <= time_s * self.rate_hz).then(|| {
             self.n += 1;

@@ -15,8 +15,7 @@ use noctograph_core::random::{Field, Noise};
 
 /// Distance in m over which a link's bias changes, assumed to be the size of furniture.
 const BIAS_LENGTH_M: f64 = 1.5;
-/// Mean error of an outlier in m, which is positive for two-way ranging, and of either sign for
-/// differences.
+/// Mean error of an outlier in m, which is positive for two-way ranging, else of either sign.
 const OUTLIER_M: f64 = 1.0;
 
 /// Measured distance to an anchor, or difference of two distances.
@@ -83,8 +82,8 @@ impl Errors {
     /// Returns a distance with its errors added. Outliers are exponentially distributed, and for
     /// differences of either sign.
     fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
-        // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q in place of
-        // 2 q, which is equally distributed and never zero. Both numbers are drawn for every range.
+        // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q instead of
+        // 2 q, which is equally distributed and never zero. Both numbers are drawn for each range.
         let white_m = self.noise.normal() * options.noise_m;
         let [chance, uniform] = [self.outliers.uniform(), self.outliers.uniform()];
         let quantile = if differences { uniform } else { 0.5 + 0.5 * uniform };
@@ -153,7 +152,7 @@ impl Uwb {
         }
     }
 
-    /// Returns the ranges that are due by `time_s`, to anchors and to the drones of the fleet at
+    /// Returns the ranges that are due by `time_s`, to anchors and to the fleet's drones at
     /// `fleet_m`.
     pub(super) fn read(
         &mut self,
@@ -175,8 +174,7 @@ impl Uwb {
                 Turn::Drones(i, j) if i == self.place || j == self.place => {
                     let drone = if i == self.place { j } else { i };
                     let (bias, errors) = &mut self.peers[drone];
-                    // The bias is that at the midpoint, so that the readings at both ends are
-                    // equal.
+                    // The bias is that at the midpoint, so that both ends read the same range.
                     let middle_m = (position_m + fleet_m[drone]) * 0.5;
                     let true_m = (position_m - fleet_m[drone]).norm();
                     let biased_m = true_m + bias.component(0, &middle_m);
@@ -236,8 +234,8 @@ mod tests {
                 }
                 bias_sq += bias * bias / 8.0;
             }
-            // With eight draws, the value is between half and one and a half of 0.2 m in all but a
-            // few percent of cases.
+            // With eight draws, the value is almost always between half and one and a half of 0.2
+            // m.
             assert!((0.1..0.3).contains(&bias_sq.sqrt()), "bias {}", bias_sq.sqrt());
         }
     }

@@ -36,7 +36,7 @@ impl RigidBody {
         }
     }
 
-    /// Returns a body at the same position, level and at rest, with its nose turned from world x
+    /// Returns a body at the same place, level and at rest, with its nose turned from world x
     /// toward y.
     pub fn facing(&self, yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
@@ -73,8 +73,7 @@ impl RigidBody {
         [2.0 * (q.w * q.k + q.i * q.j), 1.0 - 2.0 * (q.j * q.j + q.k * q.k)]
     }
 
-    /// Returns the twelve states of the design model, with yaw and roll within ±π, and pitch within
-    /// ±π/2.
+    /// Returns the twelve states of the design model, with yaw and roll in ±π, and pitch in ±π/2.
     pub fn state(&self) -> State {
         let q = &self.world_from_body;
         let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
@@ -139,8 +138,8 @@ impl Inertia {
         }
     }
 
-    /// Returns the reading of an accelerometer in the air in the body frame, which is thrust and
-    /// drag per mass.
+    /// Returns the reading of an accelerometer in the air in the body frame (thrust and drag per
+    /// mass).
     #[inline(always)]
     pub(super) fn specific_force_m_s2(
         &self,
@@ -163,8 +162,8 @@ impl Inertia {
         -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
     }
 
-    /// Returns the result of one step of the classical Runge–Kutta method, with loads at the step's
-    /// start, middle and end.
+    /// Returns the result of one classical Runge–Kutta step with loads at the step's start, middle
+    /// and end.
     #[inline(always)]
     pub(super) fn step(
         &self,
@@ -188,8 +187,7 @@ impl Inertia {
     /// Returns the derivative of the body's state under a load and wind.
     #[inline(always)]
     fn derivative(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
-        // The velocity through the air is rotated to the body frame by the matrix of the
-        // quaternion.
+        // The velocity through the air is rotated to the body frame by the quaternion's matrix.
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
         let world_from_body = rotation([w, x, y, z]);
         let air = world_from_body.tr_mul(&(Vector3::new(s[3], s[4], s[5]) - wind_m_s));
@@ -202,8 +200,7 @@ impl Inertia {
         let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
         let m_u = self.airspeed_moment_n_s;
         let (roll, pitch) = (torque.x + m_u * air.y, torque.y - m_u * air.x);
-        // The equations are ẋ = v, v̇ = R f / m − g, q̇ = ½ q ω, and Euler's equations for the
-        // rate.
+        // The equations are ẋ = v, v̇ = R f / m − g, q̇ = ½ q ω, and Euler's for the rate.
         Row::from([
             s[3],
             s[4],
@@ -215,7 +212,7 @@ impl Inertia {
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
             (w * o + x * q - y * p) * 0.5,
-            // The angular momentum of the rotors turns with the body, which causes the gyroscopic
+            // The angular momentum of the rotors turns with the body, which makes a gyroscopic
             // torque.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
@@ -297,8 +294,7 @@ mod tests {
 
     #[test]
     fn a_free_spinning_top_precesses_as_the_closed_form() {
-        // With two equal moments, w_z stays constant, and (w_x, w_y) rotates at (J_z − J_x) w_z /
-        // J_x.
+        // With two equal moments, w_z is constant, and (w_x, w_y) rotates at (J_z − J_x) w_z / J_x.
         let options =
             VehicleOptions { inertia_kg_m2: [1.2e-5, 1.2e-5, 3.3e-5], ..Default::default() };
         let end = fly(&options, tumbling(), Load::default(), 0.001, 1000);

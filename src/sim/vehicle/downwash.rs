@@ -1,5 +1,4 @@
-//! Downwash, which is the stream of air below a drone, and the thrust that another drone loses in
-//! it.
+//! Downwash, the stream of air below a drone, and the thrust that another drone loses in it.
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
 //! A rotor in the jet lifts less, depending on the speeds of the stream and of the rotor. Unequal
@@ -32,8 +31,7 @@ use nalgebra::{Vector3, Vector4};
 use super::body::RigidBody;
 use noctograph_core::crazyflie::MOTOR_SIGNS;
 
-/// Largest fraction of the thrust that is lost, 10 g of 34 g at 0.2 m, which is the nearest
-/// measurement.
+/// Largest fraction of the thrust that is lost, 10 g of 34 g in the nearest measurement (0.2 m).
 const MOST_LOST: f64 = 10.0 / 34.0;
 /// Product of the lost fraction and the distance from [`ORIGIN`] in sizes, since a drone of 34 g
 /// and 46 mm loses 1.9 g m. It is within 10 % of the measurements from 0.3 to 0.5 m.
@@ -61,15 +59,15 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// Makes the stream below a drone whose rotors, `size_m` from its middle, lift `thrust_n`
+    /// Makes the stream of a drone whose rotors, `size_m` from its middle, lift `thrust_n`
     /// together.
     pub(super) fn new(body: &RigidBody, thrust_n: f64, size_m: f64) -> Self {
         let along = body.world_from_body * -Vector3::z();
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Returns the thrust that each rotor of another drone, with a total of `thrust_n`, loses in
-    /// the stream.
+    /// Returns the thrust that each rotor of another drone with `thrust_n` in all loses in the
+    /// stream.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);
@@ -78,8 +76,7 @@ impl Jet {
         if below_m <= 0.0 || self.squared_offset_m2(&apart_m) > reach_m * reach_m {
             return Vector4::zeros();
         }
-        // Along the axis, the speed decreases as 1/z from the virtual origin, up to the largest
-        // loss.
+        // On the axis, the speed decreases as 1/z from the virtual origin, up to the largest loss.
         let from_origin = below_m / self.size_m - ORIGIN;
         let lost_frac =
             if from_origin > 0.0 { (LOSS_SIZES / from_origin).min(MOST_LOST) } else { MOST_LOST };
@@ -94,8 +91,7 @@ impl Jet {
         })
     }
 
-    /// Returns the squared distance from the jet's axis of a point that is `apart_m` from the jet's
-    /// drone.
+    /// Returns the squared distance of a point from the jet's axis, given `apart_m` from the drone.
     fn squared_offset_m2(&self, apart_m: &Vector3<f64>) -> f64 {
         (apart_m - self.along * apart_m.dot(&self.along)).norm_squared()
     }

@@ -85,8 +85,8 @@ impl FloorOptions {
             if let Some(j) = self.steps[..i].iter().position(|other| step.overlaps(other)) {
                 let FloorStep { x_m: [left, right], y_m: [near, far], .. } = step;
                 let extent = format!("x {left} to {right} m, y {near} to {far} m");
-                let wanted = format!("a place that floor.steps[{j}] leaves free");
-                let hint = "divide the steps so that each place has one height";
+                let wanted = format!("an area that floor.steps[{j}] does not cover");
+                let hint = "divide the steps so that each point has one height";
                 let error = Error::input("", extent, wanted, hint);
                 return Err(error.of_item("floor.steps", i));
             }

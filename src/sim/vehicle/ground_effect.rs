@@ -30,8 +30,7 @@ impl Floor {
     /// formulas.
     #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
-        // The images are that of the rotor itself, and those of its two neighbors and of the
-        // opposite rotor.
+        // The images are those of the rotor itself, of its two neighbors and of the opposite rotor.
         let radius = self.radius_m;
         let z = (height_m + self.rotor_height_m).max(radius * MIN_HEIGHT_RADII);
         let image = radius / (z * 4.0);
@@ -66,8 +65,7 @@ mod tests {
 
     #[test]
     fn the_other_rotors_images_add_to_it() {
-        // Computed by hand for z = 0.1 and d = 0.3, the sum is 1/16 + 0.01·0.1·(0.13^-1.5 +
-        // 0.22^-1.5 / 2).
+        // By hand for z = 0.1 and d = 0.3, the sum is 1/16 + 0.01·0.1·(0.13^-1.5 + 0.22^-1.5 / 2).
         let sum = 0.0625 + 0.001 * (libm::pow(0.13, -1.5) + 0.5 * libm::pow(0.22, -1.5));
         let ratio = floor(GroundEffect::SanchezCuevas).thrust_ratio(0.08);
         assert!((ratio - 1.0 / (1.0 - sum)).abs() < 1e-14, "{ratio}");

@@ -115,8 +115,7 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
     let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
     let across = [(level_m_s, level_m), (vertical_m_s, vertical_m)];
-    // Across the wind, σ/√2 (1 + √3 τ s) / (1 + τ s)² is split into a part with one stage and a
-    // part with two.
+    // Across the wind, σ/√2 (1 + √3 τ s) / (1 + τ s)² is a part with one stage and one with two.
     let [level, vertical] = across.map(|(sigma_m_s, length_m)| {
         let sigma = sigma_m_s / f64::sqrt(2.0);
         let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
@@ -142,8 +141,7 @@ struct Filter {
 impl Filter {
     /// Makes a filter with the time constant `time_s` in steps of `dt_s`, with both stages at zero.
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
-        // The rows of F are (decay 0, coupling decay), exact for the step, and Q = P − F P Fᵀ has
-        // these entries.
+        // The rows of F are (decay 0, coupling decay), and Q = P − F P Fᵀ has these entries.
         let decay = libm::exp(-dt_s / time_s);
         let coupling = decay * dt_s / time_s;
         let q11 = 1.0 - decay * decay;
@@ -201,8 +199,7 @@ mod tests {
         spectra_of(options, |gust| gust.wind_m_s - mean_m_s)
     }
 
-    /// Returns the one-sided densities of three components at [`BINS`], from Hann-windowed
-    /// segments.
+    /// Returns the one-sided densities of three components at [`BINS`], by Hann-windowed segments.
     fn spectra_of(
         options: &AirOptions,
         part: impl Fn(Gust) -> Vector3<f64>,

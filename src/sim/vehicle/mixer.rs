@@ -19,8 +19,7 @@ impl Mixer {
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // The rows of MOTOR_SIGNS are orthogonal with length 2, so that the inverse is the
-        // transpose / 4.
+        // MOTOR_SIGNS has orthogonal rows of length 2, and a fourth of the transpose is the inverse.
         Self {
             wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
             motors_from_wrench: MOTOR_SIGNS.transpose()
@@ -34,8 +33,8 @@ impl Mixer {
         self.motors_from_wrench
     }
 
-    /// Returns the commands m1…m4 for a wrench, each clamped to the motors' range, and true if any
-    /// was clamped.
+    /// Returns the commands m1…m4 of a wrench, clamped to the motors' range, and true if one was
+    /// clamped.
     pub fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
@@ -59,8 +58,7 @@ impl Mixer {
         capped(&(MOTOR_SIGNS.transpose() * commands), most)
     }
 
-    /// Returns the wrench of four commands, with immediate motors and the center of mass in the
-    /// middle.
+    /// Returns the wrench of four commands, with immediate motors and a centered mass.
     pub(crate) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }

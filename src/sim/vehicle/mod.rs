@@ -1,8 +1,7 @@
 //! Vehicle, which consists of rotors, body and battery, and the air and floor around them.
 //!
 //! Input: four motor commands and the time step. Output: the drone's motion. [`Plant`] is the
-//! simulated drone. The private model of twelve states serves the design of gains, and as the
-//! reference in tests.
+//! simulated drone. The private model of twelve states is for gain design and for tests.
 //!
 //! Rotor speeds follow their commands by the exact exponential. Position, velocity, unit quaternion
 //! and body rate take one classical Runge–Kutta step of order 4. Slow quantities (voltage, ground

@@ -47,13 +47,11 @@ pub(crate) fn motion_derivative(
     let (sin_pitch, cos_pitch) = libm::sincos(motion[4]);
     let (sin_roll, cos_roll) = libm::sincos(motion[5]);
     let v = Vector3::new(motion[6], motion[7], motion[8]);
-    // The velocity is rotated by roll, pitch and yaw in turn, which is cheaper than the matrix and
-    // equivalent.
+    // The velocity is rotated by roll, pitch and yaw in turn, which costs less than the matrix.
     let across = cos_roll * v.y - sin_roll * v.z;
     let down = sin_roll * v.y + cos_roll * v.z;
     let ahead = cos_pitch * v.x + sin_pitch * down;
-    // The rates of the Euler angles follow from the body rate, and the velocity rotates with the
-    // body.
+    // The rates of the Euler angles follow from the body rate, by which the velocity rotates too.
     let yaw_rate = (rate.y * sin_roll + rate.z * cos_roll) / cos_pitch;
     let coriolis = v.cross(rate);
     Motion::from([
@@ -112,15 +110,14 @@ mod tests {
     use super::*;
 
     impl VehicleOptions {
-        /// Returns the motors' wrench about the center of mass, from which the thrust acts at `−(x,
-        /// y)`.
+        /// Returns the motors' wrench about the center of mass, from which thrust is at `−(x, y)`.
         pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
             let ([x, y], f) = (self.center_of_mass_m, motors[3]);
             motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
         }
 
-        /// Returns the state after `dt_s` under a constant wrench, by one step of the classical
-        /// Runge–Kutta method.
+        /// Returns the state after `dt_s` under a constant wrench, by one classical Runge–Kutta
+        /// step.
         pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
             let k1 = self.derivative(state, wrench);
             let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
@@ -148,7 +145,7 @@ mod tests {
 
     #[test]
     fn attitude_turns_with_the_body_rate() {
-        // The test checks Ṙ = R [w]× with a difference of world_from_body along the Euler angles'
+        // The test checks Ṙ = R [w]× by a difference of world_from_body along the angles'
         // derivative.
         let state = tumbling();
         let slope = VehicleOptions::default().derivative(&state, &Wrench::zeros());

@@ -238,7 +238,7 @@ impl VehicleOptions {
             return Ok(());
         }
         Err(Error::infeasible(
-            format!("the motors lift {lift_n:.3} N, the drone weighs {weight_n:.3} N"),
+            format!("the motors lift {lift_n:.3} N, but the drone weighs {weight_n:.3} N"),
             "lower vehicle.mass_kg, or raise vehicle.k_f_n",
         ))
     }

@@ -13,8 +13,7 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::warning;
 
-/// Options of a plant, which are those of the drone and its battery, and of the air and the floor
-/// around it.
+/// Options of a plant, which are those of the drone, its battery, and the air and floor around it.
 #[derive(Clone, Copy, Debug)]
 pub struct PlantOptions<'a> {
     /// Options of the drone.
@@ -53,8 +52,7 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
-    /// Fraction of its thrust that each motor provides. The fraction is less than 1 for a damaged
-    /// motor.
+    /// Fraction of its thrust that each motor provides. It is less than 1 for a damaged motor.
     thrust_frac: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
@@ -109,8 +107,7 @@ impl Plant {
         Jet::new(&self.body(), self.rotors.thrust_n(), size_m)
     }
 
-    /// Sets the downwash of other drones, which reduces the thrust of the rotors until the next
-    /// call.
+    /// Sets the downwash of other drones, which reduces the rotors' thrust until the next call.
     pub fn enter<'a>(&mut self, jets: impl Iterator<Item = &'a Jet>) {
         let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
         let lost_n: Vector4<f64> = jets.map(|jet| jet.lost_n(&body, thrust_n, self.arm_m)).sum();
@@ -123,7 +120,7 @@ impl Plant {
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
-        // The ground effect changes slowly and is therefore constant during the step, at the middle
+        // The ground effect changes slowly, and is taken as constant during the step, at middle
         // height.
         let floor_m = self.floor_m(self.row[0], self.row[1]);
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
@@ -167,8 +164,8 @@ impl Plant {
         self.short_steps
     }
 
-    /// Returns the reading of an ideal accelerometer in the body frame, which is all forces except
-    /// gravity, per mass.
+    /// Returns the reading of an ideal accelerometer in the body frame, all forces but gravity per
+    /// mass.
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
@@ -182,7 +179,7 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// Returns the vertical acceleration at full throttle and the present voltage, far from the
+    /// Returns the vertical acceleration at full throttle, at the present voltage, far from a
     /// floor.
     pub fn gain_m_s2(&self) -> f64 {
         let battery_gain = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
@@ -197,8 +194,7 @@ impl Plant {
         weak.into_iter().chain(is_empty.then(warning::battery_empty)).collect()
     }
 
-    /// Returns the thrust toward which each motor is driven by a command, within the battery's
-    /// limits.
+    /// Returns the thrust toward which a command drives each motor, within the battery's limits.
     #[inline(always)]
     pub(crate) fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;

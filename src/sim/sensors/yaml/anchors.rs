@@ -1,5 +1,4 @@
-//! Anchors from the YAML file that cfclient saves, which contains x, y and z in meters under an
-//! index each.
+//! Anchors from cfclient's YAML file, which contains x, y and z in meters under each index.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,9 +12,10 @@ use noctograph_core::files::Limit;
 use noctograph_core::input_error;
 
 /// Maximum size of a file.
-const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "an anchor file", hint: HINT };
 
-const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
+const HINT: &str = "save the anchors with cfclient as `0:` and, indented below it, `x: 1.0`, \
+                    `y: 2.0`, `z: 0.2`";
 
 /// Position of an anchor in the file in m.
 #[derive(Deserialize)]
@@ -37,7 +37,7 @@ pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-/// Parses the text of a file of anchors. `file` is the file's name in messages.
+/// Parses the text of an anchor file. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
     let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
     let mut places_m: Vec<[f64; 3]> = Vec::new();
@@ -51,7 +51,12 @@ fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
             within(&format!("{place}, {name}"), coordinate_m, -1e4, 1e4)?;
         }
         if let Some(first) = places_m.iter().position(|other_m| *other_m == place_m) {
-            return Err(input_error!(place, "the place of key {first}", "another", "{HINT}"));
+            return Err(input_error!(
+                place,
+                "the position of anchor {first}",
+                "a different one",
+                "{HINT}"
+            ));
         }
         places_m.push(place_m);
     }
@@ -73,7 +78,7 @@ mod tests {
             (file.replacen("  x: 0.99\n", "", 1), ":", "missing field `x`"),
             (file.replacen("z: 1.8", "z: 1.8\n  w: 2", 1), ":5", "unknown field `w`"),
             (file.replace("1.49", ".nan"), ":2: anchor 0, y", "NaN"),
-            (file.replace("3.29", "1.49"), ":6: anchor 1", "the place of key 0"),
+            (file.replace("3.29", "1.49"), ":6: anchor 1", "the position of anchor 0"),
         ] {
             let error = parse(&broken, "a.yaml").unwrap_err().to_string();
             assert!(error.contains(&format!("a.yaml{place}")) && error.contains(wanted), "{error}");

@@ -25,12 +25,11 @@ use noctograph_core::files::Limit;
 
 /// Maximum size of a file. Sixteen stations take about 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
-/// Largest error of a rotation matrix, because files contain single precision, and some are
-/// rounded.
+/// Largest error of a rotation matrix, because files have single precision or are rounded.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
-const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, with the base \
-                    stations' geometry estimated";
+const HINT: &str = "estimate the base stations' geometry in cfclient's Lighthouse tab, and save \
+                    the configuration again";
 
 /// Known keys of the file and of a station's geometry. A warning names other keys.
 const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
@@ -106,7 +105,7 @@ fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
     unknown.extend(geometries.geos.values().flat_map(|keys| unknown_keys(keys, &GEOMETRY)));
     let mut warnings = calibration_warnings(&config);
     if !unknown.is_empty() {
-        warnings.push(format!("{file}: {} is not known and has no effect", unknown.join(", ")));
+        warnings.push(format!("{file}: unknown keys without effect: {}", unknown.join(", ")));
     }
     Ok(Warned { product, warnings: Diagnostic::warnings("base-stations", warnings) })
 }
@@ -172,7 +171,8 @@ fn calibration_warnings(config: &Config) -> Vec<String> {
     }
     if !unplaced.is_empty() {
         warnings.push(format!(
-            "base station {unplaced} is left out: its place is not known, only its calibration"
+            "base station {unplaced} is left out, because the file contains its calibration but \
+             not its position"
         ));
     }
     warnings
@@ -185,8 +185,8 @@ mod tests {
     use super::*;
     use crate::sensors::StationPose;
 
-    /// Configuration in block style, as cflib writes it with its YAML library from 5.1 on, with one
-    /// line in flow style.
+    /// Configuration in block style as cflib's YAML library writes it from 5.1 on, with one line in
+    /// flow style.
     const BLOCK: &str = "\
 calibs:
   0:
@@ -243,7 +243,7 @@ version: '1'
         let unplaced = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
         assert!(unplaced.warnings[0].message.contains("station 7 is left out"), "{unplaced:?}");
         let other = parse(&format!("{BLOCK}wind: 3\n"), "lh.yaml").unwrap();
-        assert!(other.warnings[1].message.contains("wind (line 36) is not known"), "{other:?}");
+        assert!(other.warnings[1].message.contains("effect: wind (line 36)"), "{other:?}");
     }
 
     #[test]
