@@ -241,8 +241,7 @@ impl Serialize for Diagnostic {
     /// `drone` if there are several drones. `value` and `limit` are always present.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut map = to.serialize_map(None)?;
-        // Members that are always present are written first, followed by other figures and by
-        // texts.
+        // Members that are always present are written first, then other figures and texts.
         if let Some(Segment::Drone(drone)) = self.place.0.first() {
             map.serialize_entry("drone", drone)?;
         }

@@ -16,7 +16,7 @@ impl Digest {
 
     /// Adds the bits of numbers, lowest byte first.
     pub fn add_numbers(&mut self, numbers: &[f64]) {
-        // The numbers are added in chunks, because a call for each would take as long as the digest
+        // The numbers are added in chunks, because a call for each takes as long as the digest
         // itself.
         const CHUNK: usize = 64;
         let mut buffer = [0; 8 * CHUNK];

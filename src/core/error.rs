@@ -12,8 +12,7 @@ const LONGEST_FOUND: usize = 160;
 
 /// Error type of all crates.
 ///
-/// The text names the place, the value found and the value wanted. [`Error::hint`] says how to fix
-/// it.
+/// The text names the place, the found and the wanted value. [`Error::hint`] says how to fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

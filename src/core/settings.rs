@@ -177,8 +177,7 @@ pub fn suggestion<'a>(
 /// Returns the candidate with the smallest edit distance from an unknown name, or `None` if that
 /// distance is greater than a quarter of the candidate's length plus one.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // The edit distance is at least the difference in length, so that a very long name costs
-    // nothing.
+    // The edit distance is at least the difference in length, and a very long name costs nothing.
     let n_letters = name.chars().count();
     let distances = candidates.into_iter().filter_map(|candidate| {
         let max_distance = 1 + candidate.len() / 4;

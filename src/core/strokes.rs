@@ -26,13 +26,11 @@ pub struct StrokesData {
     pub glyphs: Vec<Glyph>,
     /// Freedom to reorder the strokes.
     pub order: StrokeOrder,
-    /// Red, green and blue of each glyph of a drawing that is written in colors, or empty
-    /// otherwise.
+    /// Red, green and blue of each glyph of a drawing in colors, or empty otherwise.
     pub colors: Vec<[u8; 3]>,
     /// Strokes of a drawing that are left out because of its detail (`letters.detail`).
     pub left_out: LeftOut,
-    /// Numbers of a drawing's strokes (`letters.ink`, `letters.without`), each with one point of
-    /// its stroke.
+    /// Numbers of a drawing's strokes (`letters.ink`, `letters.without`), each with a point on it.
     pub numbers: Vec<(usize, [f64; 2])>,
     /// Drawing as the file contains it.
     pub source: Source,
@@ -119,8 +117,7 @@ pub struct Move {
 }
 
 impl Rules for StrokesData {
-    /// Checks that all glyphs or none have a color, that numbers are finite, and that paces are
-    /// above 0.
+    /// Checks that all glyphs or none have a color, numbers are finite, and paces above 0.
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {

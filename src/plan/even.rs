@@ -136,7 +136,7 @@ impl Course<'_> {
         if let Some(home_x_m) = self.home_x_m {
             self.go_by(&gentle, None, &rest(home_x_m, OVER_HOME_M))?;
         }
-        // The hover is behind the stroke, so that the drone has the stroke's speed at its
+        // The hover is behind the stroke, and the drone reaches the stroke's speed at its
         // beginning.
         if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
             let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
@@ -358,7 +358,7 @@ mod tests {
                 **level > 0.0 && pair.iter().all(|setpoint| setpoint.velocity_m_s.norm() == 0.0)
             });
             let still_s: f64 = still.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum();
-            // The first dark setpoint after the stroke is also at rest, so that the whole stroke
+            // The first dark setpoint after the stroke is at rest too, so that all of the stroke
             // counts.
             let wanted_s = 0.2 * f64::from(dots);
             assert!((still_s - wanted_s).abs() < 1e-4, "{word} in {font}: {still_s} s");

@@ -17,7 +17,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::Strokes;
 
-/// Minimum horizontal distance in m between two drones, unless one is [`MIN_VERTICAL_M`] above the
+/// Minimum horizontal distance in m of two drones, unless one is [`MIN_VERTICAL_M`] above the
 /// other. Both are the radii of the firmware's collision avoidance (`collision_avoidance.c`: 0.3,
 /// 0.3 and 0.9 m).
 pub const MIN_HORIZONTAL_M: f64 = 0.3;
@@ -111,8 +111,7 @@ impl Assignment {
                 "draw fewer strokes, lower letters.detail, or fly one drone",
             ));
         }
-        // All routes are planned before drones are assigned, so that they can be compared step by
-        // step.
+        // All routes are planned before drones are assigned, and are compared step by step.
         let homes_m = homes_x_m(&parts);
         let mut routes: Vec<Vec<Route>> = Vec::new();
         for (part, home_m) in parts.into_iter().zip(homes_m) {
@@ -229,8 +228,7 @@ impl Conflicts<'_> {
         let [track_a, track_b] = [(a, start_a), (b, start_b)]
             .map(|(drone, start)| &self.routes[drone][start.route].track);
         let n_steps = [track_a, track_b].map(|track| track.places.len());
-        // Only the delay between the starts matters, up to that at which the other drone has
-        // landed.
+        // Only the delay between the starts matters, up to the landing of the other drone.
         let offset = (start_a.delay + n_steps[0]).saturating_sub(start_b.delay);
         let offset = offset.min(n_steps[0] + n_steps[1]);
         let left = &mut self.n_comparisons_left;
@@ -298,8 +296,7 @@ impl Track {
             if aside_m < TOO_NEAR_M && a.apart_m(b).is_some() {
                 return true;
             }
-            // Steps are skipped in which the drones cannot meet even if they fly straight at each
-            // other.
+            // Steps are skipped in which the drones are too far apart to meet.
             let n_safe = (aside_m - MIN_HORIZONTAL_M) / (self.step_m + other.step_m);
             #[expect(clippy::cast_possible_truncation, reason = "saturates")]
             let n_safe = n_safe.max(0.0) as usize;
@@ -352,8 +349,7 @@ fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<V
     vec![backward(&shortest), shortest, backward(&across), across]
 }
 
-/// Returns the x in m at which each drone starts and lands, below its part's middle and clear of
-/// others.
+/// Returns the x in m where each drone starts and lands, below its part's middle, clear of others.
 fn homes_x_m(parts: &[Vec<PenStroke>]) -> Vec<f64> {
     let middles_m: Vec<f64> = parts.iter().map(|part| middle_x_m(part)).collect();
     let mut homes_m = middles_m.clone();
@@ -446,8 +442,7 @@ mod tests {
         assert!((together - alone.full_light_s()).abs() < 0.2, "all of the word, once");
         let longest_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
         assert!(longest_s < 0.7 * alone.duration_s(), "{longest_s} s");
-        // The letters are neighbors, so that the second drone may not begin where the first one
-        // ends.
+        // The letters are neighbors, and the second drone may not begin where the first one ends.
         for plans in [plans, fleet(&strokes("OO"), &options).unwrap()] {
             assert_eq!(plans.len(), 2);
             assert_eq!(conflict(&plans[0], &plans[1]), None);

@@ -15,8 +15,7 @@ use noctograph_core::strokes::{Move, Strokes};
 /// setpoints, whereas strokes are centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
-/// Fraction of the word's strokes that setpoints must run along, since words have strokes in
-/// common.
+/// Fraction of the word's strokes along which setpoints must run, since words have common strokes.
 const LEAST_FLOWN: f64 = 0.6;
 
 const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \

@@ -27,14 +27,12 @@ const SAME_S: f64 = 1e-4;
 /// Minimum time in s between two light commands.
 const LEAST_APART_S: f64 = 0.001;
 
-/// Moves the light commands of a plan so that light begins and ends at the strokes' ends in
-/// `flight`. Returns the plan, whose [`PlanData::lit`] keeps the design's light, and the remaining
-/// errors.
+/// Moves the light commands of a plan to the times at which `flight` passes the strokes' ends.
+/// Returns the plan, whose [`PlanData::lit`] keeps the design's light, and the remaining errors.
 ///
 /// # Errors
 ///
-/// Returns [`noctograph_core::error::Error::Input`] for a flight without samples or without a
-/// design.
+/// Returns [`noctograph_core::error::Error::Input`] for a flight without samples or design.
 pub fn time_lights(
     plan: &Plan,
     flight: &Flight,

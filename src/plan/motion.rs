@@ -2,8 +2,7 @@
 //!
 //! A pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). The
 //! motion is that of the pen after two moving averages ([`super::smoothing`]). These are
-//! differences of the pen's integrals, so that position, velocity and acceleration are always
-//! exact.
+//! differences of the pen's integrals, so that position, velocity and acceleration are exact.
 
 use nalgebra::Vector2;
 

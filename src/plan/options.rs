@@ -56,8 +56,7 @@ settings! {
 
     /// The reference team's style of flying, with the figures of their flight of December 2022.
     pub struct TeamStyle {
-        /// Distance to the right of a letter's box to which the drone steps when the letter is
-        /// done.
+        /// Distance to the right of a letter's box to which the drone steps after the letter.
         step_m: f64 = 0.1, in 0.0..=10.0;
         /// Wait in the dark after that step.
         letter_wait_s: f64 = 2.0, in 0.0..=600.0;
@@ -79,11 +78,9 @@ settings! {
         ///
         /// Firmware issue 882 (whoenig) calls 2 m/s² at 0.5 m/s conservative.
         acceleration_m_s2: f64 = 2.0, in 0.01..=100.0;
-        /// Maximum jerk of the design. A higher one takes corners faster but requires quicker
-        /// tilts.
+        /// Maximum jerk of the design. A higher one takes corners faster but requires fast tilts.
         ///
-        /// For example, 30 m/s³ is a tilt of 11.5° in 0.07 s, a third of what the attitude loop can
-        /// do.
+        /// For example, 30 m/s³ is a tilt of 11.5° in 0.07 s, a third of the attitude loop's limit.
         jerk_m_s3: f64 = 30.0, in 0.1..=10_000.0;
         /// Maximum distance of a rounded corner from the drawn corner.
         corner_error_m: f64 = 0.01, in 0.0001..=1.0;
@@ -101,8 +98,7 @@ settings! {
 
     /// Order and direction of strokes.
     pub enum Order {
-        /// The least time in the dark, exact for up to ten strokes, and by 2-opt and Or-opt for
-        /// more.
+        /// The least time in the dark, exact for up to ten strokes, else by 2-opt and Or-opt.
         "shortest" => Shortest,
         /// Letter by letter in reading order, if the flight takes at most a tenth longer.
         "reading" => Reading,
@@ -112,7 +108,7 @@ settings! {
 
     /// Light level on a lit stroke that is flown more slowly than others.
     pub enum LightLevel {
-        /// On or off only, as for the headlights of the LED-ring deck, so that slow corners are
+        /// On or off only, as headlights of the LED-ring deck are, so that slow corners are
         /// brighter.
         "switched" => Switched,
         /// Dimmed in proportion to the speed, so that every millimeter receives the same light, for

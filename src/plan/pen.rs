@@ -58,8 +58,7 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
                 is_down &= step.lit || is_short;
                 continue;
             }
-            // A lit move continues a run that ends at its beginning. After a jump, it begins
-            // another.
+            // A lit move continues a run that ends at its beginning. After a jump, another begins.
             let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
             if !is_down || !runs.last().is_some_and(ends_here) {
                 runs.push(PenStroke { letter, points_m: vec![from], paces: Vec::new() });
@@ -123,7 +122,7 @@ impl PenStroke {
     pub(super) fn along(&self, way: usize) -> Self {
         let Self { letter, mut points_m, mut paces } = self.clone();
         if way >= 2 {
-            // A closed stroke repeats its first point at its end, so that the old repetition is
+            // A closed stroke repeats its first point at its end, and the old repetition is
             // replaced.
             let begin = way / 2 * paces.len() / self.n_starts();
             points_m.pop();

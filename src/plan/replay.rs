@@ -155,8 +155,8 @@ mod tests {
 
     #[test]
     fn lost_setpoints_are_restored_and_waits_and_jumps_are_not() {
-        // The steps are 0.02 m every 0.1 s. Two setpoints, at 0.3 and 0.4 s, are lost. A wait and a
-        // jump follow.
+        // The steps are 0.02 m every 0.1 s. A wait and a jump follow. Two setpoints, at 0.3 and 0.4
+        // s, are lost.
         let sent = [
             (0.0, 0.0, 0.0),
             (0.1, 0.02, 0.0),

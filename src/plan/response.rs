@@ -39,8 +39,7 @@ impl StepResponse {
         unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
-    /// Returns the approximate number of multiplications in [`Self::inverse`] for evenly spaced
-    /// inputs.
+    /// Returns the approximate number of multiplications in [`Self::inverse`] for regular inputs.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
@@ -52,8 +51,8 @@ impl StepResponse {
     /// `ridge` weights the square of `input − wanted` relative to the square of the output's error
     /// (Tikhonov regularization). A ridge of 0.01 reproduces corners sharply, and 1 hardly at all.
     ///
-    /// The method is a Cholesky decomposition of the normal equations, which are banded because the
-    /// response settles.
+    /// The method is a Cholesky decomposition of the normal equations, banded because the response
+    /// settles.
     ///
     /// # Panics
     ///
@@ -120,8 +119,7 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// Sets `weights` to the row of W for an output's time, and returns the index of its first
-    /// input.
+    /// Sets `weights` to the row of W for an output's time, and returns its first input's index.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;

@@ -22,8 +22,7 @@ const MAX_NODES: f64 = 100_000.0;
 /// Multiple of the longer average for which a corner's speed is held before and after it, because
 /// only the corner may change the velocity within the average.
 const NEAR: f64 = 1.05;
-/// Factor of each step that slows a corner, and maximum number of steps, which leaves 1 % of the
-/// speed.
+/// Factor of each step that slows a corner, and maximum number of steps (down to 1 %).
 const SLOWDOWN: f64 = 0.95;
 const MAX_SLOWDOWNS: usize = 90;
 /// Relative slack of the permitted turn, for rounding.

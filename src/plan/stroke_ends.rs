@@ -1,7 +1,6 @@
 //! Errors of the light at the beginnings and ends of strokes in a flight.
 //!
-//! The flight's lag and mean error are removed first, which leaves the error between light and
-//! drone.
+//! The flight's lag and mean error are removed first, which leaves that of light to drone.
 
 use nalgebra::Vector3;
 
@@ -28,8 +27,7 @@ pub struct StrokeEnd {
 
 /// Range in s around the flight's lag in which the lag at an edge is sought.
 const SEARCH_S: f64 = 0.3;
-/// Cost in m per second of a lag that differs from the flight's, since the drone may wait at an
-/// edge.
+/// Cost in m per second of a lag that differs from the flight's (the drone may wait at an edge).
 const LAG_COST_M_S: f64 = 0.03;
 /// Maximum number of samples that determine the lag of a flight.
 const MAX_SAMPLES: usize = 2000;
@@ -38,8 +36,7 @@ const MAX_SAMPLES: usize = 2000;
 ///
 /// # Errors
 ///
-/// Returns [`noctograph_core::error::Error::Input`] for a flight without samples or without a
-/// design.
+/// Returns [`noctograph_core::error::Error::Input`] for a flight without samples or design.
 pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Vec<StrokeEnd>> {
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }

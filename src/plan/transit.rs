@@ -41,8 +41,8 @@ impl Transit {
     /// does, the one that exceeds it least. The duration of the path is a multiple of `tick_s`.
     /// Returns `None` if there is no path, which has not occurred for states within the limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
-        // Each axis is allowed the acceleration of either end, so that both axes together may
-        // exceed the limit.
+        // Each axis is allowed the acceleration of either end, so that both together may exceed
+        // the limit.
         let mut gentlest: Option<(f64, Self)> = None;
         for fraction in ACCELERATION_FRACTIONS {
             let acceleration_m_s2 = fraction * style.acceleration_m_s2;

@@ -168,8 +168,7 @@ impl Camera {
         (1.0 - self.vignetting * (x * x + y * y) / corner_sq).max(0.0)
     }
 
-    /// Returns the diameter of the circle of confusion on the sensor, `f² / N · |d - d_f| / (d
-    /// d_f)`.
+    /// Returns the diameter of the circle of confusion on the sensor, `f²/N · |d - d_f| / (d d_f)`.
     pub fn defocus_m(&self, depth_m: f64) -> f64 {
         let f = self.focal_length_m;
         self.focus_m.map_or(0.0, |focus_m| {
@@ -177,8 +176,7 @@ impl Camera {
         })
     }
 
-    /// Returns the luminous exposure in lx s of 1 cd/m² at the middle of the picture, `π τ t / (4
-    /// N²)`.
+    /// Returns the exposure in lx s by 1 cd/m² at the middle of the picture, `π τ t / (4 N²)`.
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
         std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s

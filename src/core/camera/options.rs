@@ -152,8 +152,7 @@ impl CameraOptions {
         Ok(())
     }
 
-    /// Returns the fraction of the light that vignetting removes at the picture's corner at an
-    /// aperture.
+    /// Returns the fraction of the light that vignetting removes at the picture's corner.
     pub fn vignetting_at(&self, f_number: f64) -> f64 {
         let aspect = f64::from(self.height_px) / f64::from(self.width_px);
         let corner_m = 0.5 * self.body.figures().sensor_width_m * (1.0 + aspect * aspect).sqrt();
@@ -199,8 +198,7 @@ impl CameraOptions {
         }
     }
 
-    /// Returns the camera for a word within `[left, bottom, right, top]` and a flight until
-    /// `end_s`.
+    /// Returns the camera for a word in `[left, bottom, right, top]` and a flight until `end_s`.
     ///
     /// # Errors
     ///

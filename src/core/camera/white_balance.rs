@@ -50,8 +50,7 @@ impl WhiteBalance {
     }
 }
 
-/// Returns the linear sRGB of a black body by the cubics of Kang et al. 2002 (within 0.0003 in x,
-/// y).
+/// Returns the linear sRGB of a black body by the cubics of Kang et al. 2002 (to 0.0003 in x, y).
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
     fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
         ((a * t + b) * t + c) * t + d

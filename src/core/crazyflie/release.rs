@@ -133,8 +133,7 @@ impl Feature {
 }
 
 impl Release {
-    /// Oldest release that can fly exported scripts. It has every variable that they read
-    /// (`supervisor.info`).
+    /// Oldest release that can fly exported scripts. Its firmware has every variable they read.
     pub const OLDEST: Self = Self::R2023_11;
     /// Release that contains [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
@@ -169,15 +168,13 @@ impl Release {
         Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
-    /// Returns the rate of the clock for logs on the card and onboard trajectories, in true s per
-    /// s.
+    /// Returns the rate of the clock of card logs and onboard trajectories, in true s per s.
     pub fn clock(self) -> f64 {
         if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
     }
 }
 
-/// Returns year and month of a version such as `2025.12` or `2025.12.1`, or `None` for another
-/// text.
+/// Returns year and month of a version such as `2025.12` or `2025.12.1`, or `None`.
 fn year_and_month(name: &str) -> Option<(u32, u32)> {
     let parts: Vec<&str> = name.splitn(3, '.').collect();
     let (year, month) = (parts[0], parts.get(1)?);

@@ -54,8 +54,7 @@ pub struct RowRules<'a> {
     pub budget: &'a Budget,
     /// Hint for a broken table.
     pub hint: &'a str,
-    /// True if a last line without a line end is left out, because a cut number looks like a
-    /// number.
+    /// True if a last line without a line end is left out, because a cut number is also a number.
     pub needs_line_ends: bool,
 }
 
@@ -201,8 +200,7 @@ impl Head {
         Self { titles, n_columns, separator, row, notes: notes.collect() }
     }
 
-    /// Returns the head of a table without rows, which is its first line unless that has mostly
-    /// numbers.
+    /// Returns the head of a table without rows, its first line unless that is mostly numbers.
     fn without_rows(lines: &[&[u8]]) -> Self {
         let filled = lines.iter().enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
         let bare = filled.clone().find(|(_, line)| !is_comment(line));
@@ -283,8 +281,7 @@ impl Sheet {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] for a row with too few or too many cells, or if the table is too
-    /// large.
+    /// Returns [`Error::Input`] for a row with too few or many cells, or if the table is too large.
     pub fn read(
         text: &Text<'_>,
         head: Head,
@@ -372,8 +369,7 @@ impl Sheet {
         self.lines.len()
     }
 
-    /// Returns the first column with a text among those that need numbers, the text's line and the
-    /// text.
+    /// Returns the first text in a column that needs numbers, with its column and its line.
     pub fn first_text(
         &self,
         is_needed: impl Fn(&SheetColumn) -> bool,
@@ -502,8 +498,7 @@ fn thousands_separator<'a>(
     head: &Head,
     sign: u8,
 ) -> Result<Option<u8>> {
-    // The flags of a column say if it has whole numbers of two or three digits, and if it has the
-    // sign.
+    // A column's flags say if it has whole numbers of two or three digits, and if it has the sign.
     let mut columns = vec![[false; 2]; head.n_columns];
     let (mut first, mut is_clear) = (None, false);
     for line in rows {

@@ -60,7 +60,7 @@ impl OutputFolder {
         names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
             let writable = match path.metadata() {
                 Ok(there) if there.is_dir() => Err(std::io::ErrorKind::IsADirectory.into()),
-                // Only regular files are opened. Opening a pipe blocks, and closing it ends its
+                // Only regular files are opened. Opening a pipe blocks, and closing it stops its
                 // reader.
                 Ok(there) if there.is_file() => {
                     OpenOptions::new().write(true).open(&path).map(|_| ())

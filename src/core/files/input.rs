@@ -66,8 +66,7 @@ impl Limit {
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`Self::read`], or [`Error::Input`] with the first byte not in
-    /// Unicode.
+    /// Returns the errors of [`Self::read`], or [`Error::Input`] with the first invalid byte.
     pub fn read_text(self, path: &Path) -> Result<String> {
         let bytes = self.read(path)?;
         let text = Text::of_unicode(&bytes).into_owned();

@@ -40,7 +40,7 @@ impl<'a> Text<'a> {
     }
 }
 
-/// Converts UTF-16 to UTF-8. `unit` makes a code unit of two bytes. Unpaired surrogates become
+/// Converts UTF-16 to UTF-8. `unit` makes a code unit of two bytes, and unpaired surrogates become
 /// U+FFFD.
 fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));

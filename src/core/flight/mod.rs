@@ -1,7 +1,6 @@
 //! Flights: motion, estimate, setpoints, motor commands and lights of one drone over time.
 //!
-//! Both the simulator and the readers of real logs make flights. Later stages do not depend on
-//! which.
+//! Both the simulator and the readers of real logs make flights, and later stages treat both alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 

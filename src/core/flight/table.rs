@@ -78,8 +78,7 @@ impl Table {
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a head. If `is_needed` is true for a column's title, it must contain
-    /// only numbers.
+    /// Reads the rows below a head. A column for whose title `is_needed` is true must have numbers.
     ///
     /// # Errors
     ///

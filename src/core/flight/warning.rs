@@ -52,8 +52,7 @@ pub fn grounded(largest_command: f64) -> Diagnostic {
     Diagnostic::warning("grounded", message).with("motors", largest_command)
 }
 
-/// Makes the warning that a log lacks quantities, which are 0 in the samples, or `None` without
-/// any.
+/// Makes the warning that a log lacks quantities, which are 0 in the samples, or returns `None`.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
     let message = format!("not in the log: {}", names.join(", "));

@@ -39,7 +39,7 @@ pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
     points_m.windows(2).map(|ends| distance(ends[0], ends[1])).sum()
 }
 
-/// Returns the indices of the points that a line simplified to within `error` keeps (Ramer, Douglas
+/// Returns the indices of the points that simplification to within `error` keeps (Ramer, Douglas
 /// and Peucker).
 pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {

@@ -14,7 +14,7 @@ pub struct Channel {
     /// pin.
     pub colors: &'static [&'static str],
     /// Name of the deck, and the firmware parameters `deck.*`, one of which is set if it is
-    /// attached.
+    /// present.
     pub deck: (&'static str, &'static [&'static str]),
     /// Parameters that make the lamp ready and dark before a flight in which it is lit.
     pub ready: &'static [(&'static str, u32)],

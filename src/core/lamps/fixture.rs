@@ -71,8 +71,7 @@ pub enum Drive {
         /// Start of the first flash in s.
         phase_s: f64,
     },
-    /// Random flashes too short to be distinguished, whose number gives the mean level of every 0.1
-    /// s.
+    /// Random flashes too short to be distinguished, whose number gives the level of every 0.1 s.
     Flicker {
         /// Mean number of flashes per second.
         flashes_hz: f64,

@@ -6,8 +6,7 @@
 //! WS2812B on a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
 //! `color_led_deck.h`). WS2812B data sheets give 390–420, 660–720 and 180–200 mcd at 620, 522 and
 //! 466 nm, respectively, a beam 120° wide, and pulse width modulation at 400 Hz or more. The
-//! chromaticities are those of Gaussian spectra 20, 35 and 25 nm wide, respectively, at these
-//! wavelengths.
+//! chromaticities are of Gaussian spectra 20, 35 and 25 nm wide at these wavelengths.
 
 use super::{COLOR_LED, Die, Drive, Fixture, HEADLIGHTS, RING_LEDS};
 use crate::settings::settings;
@@ -51,7 +50,7 @@ const RED: [f64; 2] = [0.694, 0.306];
 const GREEN: [f64; 2] = [0.151, 0.758];
 /// Chromaticity of the ring's blue, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Chromaticity of the board's blue, 475 nm, whose green in the team's photograph has 0.14 of its
+/// Chromaticity of the board's blue (475 nm), whose green in the team's photograph is 0.14 of its
 /// light.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// Chromaticity of white, that of D65.
@@ -113,8 +112,7 @@ pub fn crazyflie() -> Vec<Fixture> {
     rows
 }
 
-/// Returns a part of the drone that an LED of the board lights and that reflects a fraction of its
-/// light.
+/// Returns a part of the drone that an LED of the board lights and that reflects some light.
 ///
 /// In the team's photograph, a fainter strand runs beside each blue one, and a fainter dot appears
 /// beside each red one, 13 to 15 mm farther from the middle of the drone. In the fainter strand,
@@ -150,8 +148,7 @@ fn lit_by(
 /// its side, arms, mounts and propellers reflect 0.13 cd of both headlights, and a motor reflects
 /// 0.03 cd of each.
 ///
-/// The deck and the battery are assumed to hide a headlight and its light beyond 120° from its
-/// beam.
+/// The deck and the battery are assumed to hide a headlight beyond 120° from its beam.
 ///
 /// Seen from the side, the white packages of the ring's LEDs glow. In a public photograph of a
 /// flower (docs/photograph.md), strokes are ribbons with brighter edges, which are as wide as the

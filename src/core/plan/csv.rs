@@ -87,8 +87,7 @@ impl Plan {
                 ("a plan in the program's format", "have the program write the plan");
             return Err(Error::input("text", note, wanted, hint));
         }
-        // Times may be Unix timestamps of today, but other quantities are within the range of a
-        // drone.
+        // Times may be Unix timestamps of today, but other quantities are in the range of a drone.
         table.times_s(COLUMNS[0])?;
         let columns = COLUMNS.map(|name| match name {
             "time_s" => table.column(name),

@@ -36,8 +36,7 @@ pub struct PlanData {
     pub yaw_rad: f64,
 }
 
-/// Packet to the drone, which contains its desired state now and determines how the design
-/// continues.
+/// Packet to the drone, which contains the desired state and determines how the design continues.
 ///
 /// Until the next setpoint, the design position is `position + velocity Δt + acceleration Δt² / 2`.
 /// A controller that reads only positions holds `position` instead, and lags.
@@ -92,8 +91,7 @@ impl PlanData {
         self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
     }
 
-    /// Returns the setpoint in force at a time, or the first one before it, or `None` in an empty
-    /// plan.
+    /// Returns the setpoint at a time, or the first one before it, or `None` in an empty plan.
     pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
         self.setpoints.get(self.row_at(time_s))
     }

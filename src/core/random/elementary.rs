@@ -66,14 +66,12 @@ const C: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// Returns sine and cosine of an angle from 0 to 2π that is not hard (`s_sincos.c`,
-/// `e_rem_pio2.c`).
+/// Returns sine and cosine of an angle in 0 to 2π that is not hard (`s_sincos.c`, `e_rem_pio2.c`).
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
-    // The nearest multiple of a quarter turn is subtracted in two parts, which leaves a and its
-    // rounding error b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun
-    // compares them.
+    // The nearest multiple of a quarter turn is subtracted in two parts, to a and a rounding error
+    // b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun compares them.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
     let z = x - quarters * QUARTER[0];

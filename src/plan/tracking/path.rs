@@ -182,7 +182,7 @@ fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
             kept.push(corner);
             continue;
         };
-        // If no velocity passes all samples, the segment ends at the previous sample, and another
+        // If no velocity passes all samples, the segment ends at the previous sample and another
         // begins.
         let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
         let (step_m, lasts_s) = since(&kept[kept.len() - 1]);

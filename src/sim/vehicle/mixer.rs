@@ -19,7 +19,7 @@ impl Mixer {
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // MOTOR_SIGNS has orthogonal rows of length 2, and a fourth of the transpose is the inverse.
+        // MOTOR_SIGNS has orthogonal rows of length 2, so that its inverse is its transpose / 4.
         Self {
             wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
             motors_from_wrench: MOTOR_SIGNS.transpose()
