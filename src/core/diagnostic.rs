@@ -51,7 +51,7 @@ macro_rules! figure_from {
 }
 figure_from! { f64 => Number, usize => Count, [f64; 3] => Position, String => Text, &str => Text, }
 
-/// A problem, a doubt, or a possible improvement.
+/// Result of a check or an event: a problem, a doubt, or a possible improvement.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Diagnostic {
     /// Code, which is the name of a check (`lit transit`) or of an event (`shutter-closes`).
@@ -64,8 +64,8 @@ pub struct Diagnostic {
     pub message: String,
     /// Sentence that states what is wanted. The text may be empty.
     pub wanted: String,
-    /// Figures by name. A check has `value` and `limit` in the same unit, `count`, `time_s`,
-    /// `position_m`, and `detail`, which is its subject or a reason.
+    /// Figures by name. A check has the figures `value` and `limit` in the same unit, `count`,
+    /// `time_s`, `position_m`, and `detail`, which is its subject or a reason.
     pub figures: BTreeMap<&'static str, Figure>,
     /// Suggested action. The help may be empty.
     pub help: Help,
@@ -355,7 +355,7 @@ impl From<&'static str> for Help {
 }
 
 impl From<String> for Help {
-    /// Takes a text as words without keys. Braces in the text have no meaning.
+    /// Takes a text as words without keys. Braces in the text have no special meaning.
     fn from(words: String) -> Self {
         Self(if words.is_empty() { Vec::new() } else { vec![Part::Words(words)] })
     }

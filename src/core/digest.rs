@@ -97,7 +97,8 @@ pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32
     keyed_sha256(OPAD, key, &keyed_sha256(IPAD, key, &message))
 }
 
-/// Returns the 64-bit FNV-1a hash (Fowler, Noll, Vo). It identifies streams of random numbers.
+/// Returns the 64-bit FNV-1a hash (Fowler, Noll, Vo). The digest identifies streams of random
+/// numbers.
 pub fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
     const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
     const PRIME: u64 = 0x0100_0000_01b3;

@@ -1,4 +1,5 @@
-//! Photos, which are rendered or real pictures. The reader cannot distinguish them.
+//! Photos: pictures that were rendered, or that come from a real camera. The reader of letters
+//! cannot distinguish them.
 
 use crate::error::Result;
 use crate::product::{Rules, Valid, check_picture};

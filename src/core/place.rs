@@ -83,7 +83,7 @@ impl From<std::path::Display<'_>> for Place {
     }
 }
 
-/// Index of one of several drones. Texts and JSON count drones from 1, as people do.
+/// Index of one of several drones. Messages and JSON count drones from 1, as people do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DroneIndex(pub usize);
 

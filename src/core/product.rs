@@ -18,7 +18,7 @@ pub trait Rules {
     fn check(&self) -> Result<()>;
 }
 
-/// Data that follows its rules. Its fields can be read, but changed only through [`Self::edit`].
+/// Data that follows its rules. The fields can be read, but changed only through [`Self::edit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Valid<T>(T);
 

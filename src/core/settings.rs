@@ -1,4 +1,5 @@
-//! Declarations of settings. Each contains a setting's documentation, type, default and range.
+//! Declarations of settings. Each declaration contains a setting's documentation, type, default and
+//! range.
 //!
 //! The macro [`settings!`] declares groups of settings, choices by name, and choices with settings
 //! of their own. Each declaration produces the Rust type with its `Default`, its form in a scene
@@ -36,8 +37,8 @@
 //! ```
 //!
 //! `for KEY = NAMES` and `unless KEY = NAMES` restrict the effect of a setting to some values of
-//! another key, which may be names, members of its list, or numbers. Without names, they restrict
-//! the effect to whether that key is set and not 0. Settings without effect keep their values, so
+//! another key, which may be names, members of its list, or numbers. Without names, a restriction
+//! depends only on whether that key is set and not 0. Settings without effect keep their values, so
 //! that a preset's gains survive when another choice is tried and undone.
 //!
 //! A group may end with `fixed { ... }`, which declares constants that tests and conditions can
@@ -70,7 +71,8 @@ pub struct Setting {
 pub struct Need {
     /// Dotted key of the other setting in the scene file.
     pub key: &'static str,
-    /// Values of the other setting that satisfy the condition. If empty, all values except 0 do.
+    /// Values of the other setting that satisfy the condition. If this list is empty, all values
+    /// except 0 satisfy it.
     pub names: &'static [&'static str],
     /// True if the other setting must have such a value, false if it must not.
     pub holds: bool,
@@ -83,7 +85,7 @@ pub struct Variant {
     pub name: &'static str,
     /// Documentation of the name, line by line.
     pub doc: &'static [&'static str],
-    /// Settings that exist only with this name.
+    /// Settings that exist only if this name is chosen.
     pub settings: &'static [Setting],
 }
 

@@ -84,12 +84,12 @@ pub struct Glyph {
     pub character: char,
     /// Box of the character.
     pub cell: Cell,
-    /// Moves of the pen, in order. Between two moves that do not meet, the pen jumps. A dark move
-    /// of zero length at the beginning means that the pen arrives in the dark.
+    /// Moves of the pen, in order. The pen jumps between two moves that do not meet. A dark move of
+    /// zero length at the beginning means that the pen arrives in the dark.
     pub moves: Vec<Move>,
 }
 
-/// Box of a character in the plane of the word. Tails and accents may extend beyond it.
+/// Box of a character in the plane of the word. Tails and accents may extend beyond the box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
     /// Left edge in m.

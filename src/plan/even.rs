@@ -15,7 +15,7 @@ use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 
-/// Number of steps of a dimmed light. Finer ones would be invisible and need more commands.
+/// Number of steps of a dimmed light. Finer levels would be invisible and need more commands.
 const LEVEL_STEPS: f64 = 50.0;
 /// Minimum light level, so that a slow corner does not become dark.
 const LEAST_LEVEL: f64 = 0.04;
@@ -31,9 +31,9 @@ const RUN_IN_S: f64 = 0.3;
 /// goes off, so that the drone is equally far off the curve at both. Only loops longer than three
 /// of these delays have one.
 const LEAD_S: f64 = 0.4;
-/// Length in m by which a loop's light overlaps itself. Its beginning and end are uncertain by half
-/// a tick of the lamps' timer, which is 5 mm each at 0.2 m/s, and the drone may be off along the
-/// curve by as much.
+/// Length in m by which a loop's light overlaps itself. The beginning and end of the light are
+/// uncertain by half a tick of the lamps' timer, which is 5 mm each at 0.2 m/s, and the drone may
+/// be off along the curve by as much.
 const OVERLAP_M: f64 = 0.015;
 /// Wait in s at the first letter if only the letters are planned.
 const LETTERS_WAIT_S: f64 = 0.5;
@@ -180,7 +180,7 @@ impl Course<'_> {
         self.push(None, Path::Still(home), self.options.floor_wait_s)
     }
 
-    /// Returns the motion along a stroke. A loop continues over its beginning.
+    /// Returns the motion along a stroke. A loop continues beyond its end over its beginning.
     fn motion(&self, stroke: &PenStroke) -> Motion {
         let more_m = if stroke.is_loop() { OVERLAP_M + self.lead_m(stroke) } else { 0.0 };
         let stroke = stroke.overlapped(more_m);

@@ -3,8 +3,8 @@
 //! Each drone writes a part of the word, from left to right, with about the same length of lit
 //! strokes. Four routes through each part are tried, which are the shortest, the one across from
 //! left to right, and both backward, because routes across keep simultaneous drones apart. The
-//! drones are assigned one after the other. Each receives the route and the wait on the floor that
-//! end first without a conflict with the drones before it.
+//! drones are assigned one after the other. Each drone receives the route and the wait on the floor
+//! that end first without a conflict with the drones before it.
 
 use std::collections::HashMap;
 
@@ -18,8 +18,8 @@ use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::Strokes;
 
 /// Minimum horizontal distance in m of two drones, unless one is [`MIN_VERTICAL_M`] above the
-/// other. Both are the radii of the firmware's collision avoidance (`collision_avoidance.c`: 0.3,
-/// 0.3 and 0.9 m).
+/// other. Both distances are the radii of the firmware's collision avoidance
+/// (`collision_avoidance.c`: 0.3, 0.3 and 0.9 m).
 pub const MIN_HORIZONTAL_M: f64 = 0.3;
 /// Reach in m of the downwash below a drone.
 pub const MIN_VERTICAL_M: f64 = 0.9;
@@ -215,10 +215,11 @@ fn assign(
 /// Cache of conflicts between two drones, which all orders of assignment use.
 struct Conflicts<'a> {
     routes: &'a [Vec<Route>],
-    /// Results by the first drone and its route, the second drone and its route, and the delay
-    /// between the starts.
+    /// Cached results by the first drone and its route, the second drone and its route, and the
+    /// delay between the starts.
     cache: HashMap<[usize; 5], bool>,
-    /// Number of comparisons that may still be made. When it is 0, all drones count as in conflict.
+    /// Number of comparisons that may still be made. If none are left, all drones count as in
+    /// conflict.
     n_comparisons_left: u64,
 }
 

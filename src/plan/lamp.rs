@@ -8,7 +8,8 @@ const GRID_S: f64 = 1e-5;
 pub struct LampTiming {
     /// Mean time in s from sending to arrival.
     pub delay_s: f64,
-    /// Period in s of the timer that a change waits for. It is 0 without a timer.
+    /// Period in s of the timer that a change waits for. The period is 0 for a lamp without a
+    /// timer.
     pub tick_s: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Letters of commanded light, found for each lit stretch.
 //!
 //! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond the stroke if
-//! the drone lags. The light keeps the color of that stroke.
+//! the drone lags. The light keeps the color of its stroke.
 
 use std::ops::Range;
 
@@ -22,7 +22,8 @@ pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
 }
 
 /// Returns the rows of `design` from the beginning of the lit stretch up to the drawn row, for each
-/// lit setpoint of `sent`. Both are plans of the same strokes with a light level for each setpoint.
+/// lit setpoint of `sent`. `sent` and `design` are plans of the same strokes with a light level for
+/// each setpoint.
 pub(super) fn drawn_rows(
     (sent, commanded): (&Plan, &[f64]),
     (design, lit): (&Plan, &[f64]),

@@ -16,9 +16,9 @@ use noctograph_core::flight::table::on_grid;
 /// Reference that a controller follows between two setpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Between {
-    /// The position that was sent is held.
+    /// Position as sent, which is held until the next setpoint.
     Held,
-    /// The design continues to move.
+    /// Position of the design, which continues to move.
     Design,
 }
 

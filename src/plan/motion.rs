@@ -1,7 +1,7 @@
 //! Motion along a lit stroke, as fast as the limits permit, with rounded corners.
 //!
 //! A pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). The
-//! motion is that of the pen after two moving averages ([`super::smoothing`]). These are
+//! motion is that of the pen after two moving averages ([`super::smoothing`]). The averages are
 //! differences of the pen's integrals, so that position, velocity and acceleration are exact.
 
 use nalgebra::Vector2;

@@ -9,7 +9,7 @@ settings! {
         /// Light channels that are switched on along lit strokes: `headlights`, `ring`, `color-led`
         /// (the default if `light.deck` is set to it), or those of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
-        /// Speed along every segment. In style `even`, it applies only to lit strokes.
+        /// Speed along every segment. In style `even`, this speed applies only to lit strokes.
         stroke_speed_m_s: f64 = 0.2, in 0.001..=100.0;
         /// Time between two setpoints on a segment. The drone holds each setpoint until the next.
         setpoint_interval_s: f64 = 0.1, in 0.001..=10.0;
@@ -18,7 +18,8 @@ settings! {
         /// Height after the last letter at which the drone returns (`team`) or stops its motors
         /// (`even`).
         landing_height_m: f64 = 0.15, in 0.001..=1000.0;
-        /// Number of drones that write the strokes together. Only style `even` allows several.
+        /// Number of drones that write the strokes together. Only style `even` allows more than one
+        /// drone.
         drones: u32 = 1, in 1.0..=16.0;
         /// Position that is sent to the controller.
         reference: ReferenceKind = ReferenceKind::Design;
@@ -28,8 +29,8 @@ settings! {
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;
         /// Heading of the nose from take-off to landing, from world x toward y. The drone must be
-        /// placed with this heading. The headlights shine in this direction. At -π/2 they face the
-        /// audience side by side.
+        /// placed with this heading. The headlights shine in this direction. At -π/2, the
+        /// headlights face the audience side by side.
         yaw_rad: f64 = 0.0, in -3.15..=3.15;
         /// Style of flying. The style also sets the defaults of the other keys in this table.
         style: Style = Style::default();
@@ -78,7 +79,7 @@ settings! {
         ///
         /// Firmware issue 882 (whoenig) calls 2 m/s² at 0.5 m/s conservative.
         acceleration_m_s2: f64 = 2.0, in 0.01..=100.0;
-        /// Maximum jerk of the design. A higher one takes corners faster but requires fast tilts.
+        /// Maximum jerk of the design. A higher jerk takes corners faster but requires fast tilts.
         ///
         /// For example, 30 m/s³ is a tilt of 11.5° in 0.07 s, a third of the attitude loop's limit.
         jerk_m_s3: f64 = 30.0, in 0.1..=10_000.0;
@@ -90,19 +91,20 @@ settings! {
 
     /// A part of a flight.
     pub enum Extent {
-        /// From the floor to the floor.
+        /// The whole flight, from the floor to the floor.
         "whole" => Whole,
-        /// From rest at the first letter to the end of the last wait.
+        /// The letters only, from rest at the first letter to the end of the last wait.
         "letters" => Letters,
     }
 
     /// Order and direction of strokes.
     pub enum Order {
-        /// The least time in the dark, exact for up to ten strokes, else by 2-opt and Or-opt.
+        /// The order with the least time in the dark, exact for up to ten strokes, else by 2-opt
+        /// and Or-opt.
         "shortest" => Shortest,
         /// Letter by letter in reading order, if the flight takes at most a tenth longer.
         "reading" => Reading,
-        /// As drawn, so that handwriting keeps its order and directions.
+        /// The order and directions of the drawing, as for handwriting.
         "drawn" => Drawn,
     }
 
@@ -118,10 +120,11 @@ settings! {
 
     /// Position that is sent to the controller.
     pub enum ReferenceKind {
-        /// The design itself. A controller that holds positions lags behind it.
+        /// The design itself, behind which a controller that holds positions lags.
         "design" => Design,
         /// The design filtered by the inverse of the closed loop, minus the tracking error of a
-        /// simulated rehearsal. For controllers with feedforward, the design minus that error.
+        /// simulated rehearsal. For controllers with feedforward, the position is the design minus
+        /// that error.
         "inverse" => Inverse,
     }
 

@@ -15,9 +15,9 @@ pub(super) const DOT_M: f64 = 0.005;
 const SMOOTH_COS: f64 = 0.5;
 /// Length in m of a stroke with as much light as a dot receives. A lamp at rest leaves the exposure
 /// `I t / (2π σ²)` in the middle of a spot of width σ. A lamp that passes at speed `v` leaves `I /
-/// (√(2π) σ v)`. Both are equal, and equally wide, after `t = √(2π) σ / v`. For σ = 4 mm, this
-/// corresponds to a length `v t` of 10 mm. Four times that length compensates for the motion of the
-/// hovering drone, and for serifs, which dots lack.
+/// (√(2π) σ v)`. Both exposures are equal, and equally wide, after `t = √(2π) σ / v`. For σ = 4 mm,
+/// this corresponds to a length `v t` of 10 mm. Four times that length compensates for the motion
+/// of the hovering drone, and for serifs, which dots lack.
 const DOT_LIGHT_M: f64 = 0.04;
 
 /// Returns the duration in s of a dot's light at a stroke speed.

@@ -1,7 +1,7 @@
 //! Step response of a loop, and its inverse, which gives the inputs for a desired output.
 
 /// Output of a stable loop from rest after its input stepped from 0 to 1, at equal intervals from
-/// the step on. Afterwards, the output stays at the last value.
+/// the step on. After the last value, the output stays constant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepResponse {
     /// Time between two values in s.
@@ -73,7 +73,7 @@ impl StepResponse {
     }
 }
 
-/// Zero-phase inverse of a loop for inputs at given times. Its inputs lead the target.
+/// Zero-phase inverse of a loop for inputs at given times. The inputs lead the target in time.
 #[derive(Debug)]
 pub struct Inverse<'a> {
     response: &'a StepResponse,

@@ -9,7 +9,7 @@ use nalgebra::Vector2;
 use super::pen::PenStroke;
 use super::smoothing::Smoothing;
 
-/// Point of the path, and the speed there. Between two nodes, the acceleration is constant.
+/// Point of the path, and the speed there. The acceleration is constant between two nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) position_m: Vector2<f64>,
@@ -68,7 +68,8 @@ pub(super) fn profile(
 /// Corners of a path, with their distances along it in m.
 struct Corners {
     distances_m: Vec<f64>,
-    /// Change of the unit tangent at each corner, from 0 to 2. The change is 0 at both ends.
+    /// Change of the unit tangent at each corner, from 0 to 2. The change is 0 at both ends of the
+    /// path.
     turn: Vec<f64>,
 }
 

@@ -1,6 +1,7 @@
 //! Errors of the light at the beginnings and ends of strokes in a flight.
 //!
-//! The flight's lag and mean error are removed first, which leaves that of light to drone.
+//! The flight's lag and mean error are removed first, which leaves the error of the light relative
+//! to the drone.
 
 use nalgebra::Vector3;
 

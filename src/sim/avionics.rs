@@ -71,11 +71,11 @@ struct Kinds {
 /// Kinds of setpoints that the firmware distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
-    /// Setpoints of the host.
+    /// Setpoints that the host sends.
     Sent,
-    /// Setpoints of the firmware after the host fell silent.
+    /// Setpoints that the firmware makes after the host fell silent.
     Level,
-    /// Setpoints of the firmware's landing, after setpoints of another kind.
+    /// Setpoints of the firmware's landing, if they follow setpoints of another kind.
     Landing,
 }
 
@@ -363,8 +363,8 @@ impl Avionics {
         recorder.record(sample, lights, [Some(saturated_s), volts, joules, sigma_m, nees]);
     }
 
-    /// Updates the estimated state if it is not that of the present tick. The update happens only
-    /// when the state is used, because its angles take as long as a step of the physics.
+    /// Updates the estimated state if it is not that of the present tick. The estimated state is
+    /// updated only when it is used, because its angles take as long as a step of the physics.
     fn refresh_estimate(&mut self) {
         if !self.fresh {
             self.estimate = self.estimator.state();

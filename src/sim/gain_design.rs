@@ -3,8 +3,8 @@
 //! Input: [`SimOptions`] and a motor lag. Output: [`Design`]. The model at hover is linearized,
 //! both gains follow from their Riccati equations, and poles and margins of the closed loop are
 //! computed for immediate and for lagging motors. A cascade of PID loops and the geometric
-//! controller have no such gain. Instead, their code is linearized at hover, which gives the poles
-//! and margins of their loops.
+//! controller have no such gain. The code of both is linearized at hover instead, which gives the
+//! poles and margins of their loops.
 //!
 //! The sources are the reference flight's design (AE483, 2022), and Bryson, Ho, "Applied Optimal
 //! Control" (1975), for the weights. The gain is designed without the drone's drag. The printed
@@ -56,9 +56,9 @@ pub struct Design {
     /// Matrix B (12×4) of the drone at hover, for the [`INPUTS`].
     #[serde(rename = "B", serialize_with = "rows")]
     pub b: DMatrix<f64>,
-    /// Gain of the regulator, 4×12, or 4×15 with integrals, in `u = u_hover − K (x̂ − x_des)`. It
-    /// has four more columns if it is designed for lagging rotors. It is `None` for other
-    /// controllers.
+    /// Gain of the regulator, 4×12, or 4×15 with integrals, in `u = u_hover − K (x̂ − x_des)`. The
+    /// gain has four more columns if it is designed for lagging rotors. The gain is `None` for
+    /// other controllers.
     #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
     /// Names of the columns of `K`, which are the first of [`STATES`], and then those of the
@@ -78,20 +78,21 @@ pub struct Design {
     pub observability_rank: usize,
     /// Names of the unobservable states.
     pub unobservable: Vec<&'static str>,
-    /// Poles of the loop with immediate motors in 1/s, slowest first. They are `None` if the
+    /// Poles of the loop with immediate motors in 1/s, slowest first. The poles are `None` if the
     /// iteration did not converge.
     pub regulator_poles: Option<Vec<Complex<f64>>>,
     /// Poles of the observer in 1/s.
     pub observer_poles: Option<Vec<Complex<f64>>>,
-    /// Margins at each input with immediate motors. They are `None` if the loop is not stable.
+    /// Margins at each input with immediate motors. The margins are `None` if the loop is not
+    /// stable.
     pub margins: Option<[Margins; 4]>,
     /// Lag of the motors in s for the lagging poles and margins.
     pub motor_lag_s: f64,
     /// Poles of the loop with that lag in 1/s.
     pub lagging_poles: Option<Vec<Complex<f64>>>,
-    /// Margins at each input with that lag. They are `None` if the loop is not stable.
+    /// Margins at each input with that lag. The margins are `None` if the loop is not stable.
     pub lagging_margins: Option<[Margins; 4]>,
-    /// Longest motor lag in s with a stable loop. It is `None` if the lag may exceed a second.
+    /// Longest motor lag in s with a stable loop. The lag is `None` if it may exceed a second.
     pub longest_lag_s: Option<f64>,
     /// Largest deviation from hover of each input within the motors' range, in N m and N.
     pub largest_inputs: [f64; 4],
@@ -279,7 +280,7 @@ fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
 }
 
 /// Returns warnings about a loop that is unstable with the lag, and about the altitude loop.
-/// `poles` contains those without and with lag.
+/// `poles` contains the poles without and with lag.
 fn warnings(
     options: &SimOptions,
     lag_s: f64,

@@ -21,7 +21,7 @@ pub(super) struct Link {
     options: RadioOptions,
     chance: Noise,
     outages: Noise,
-    /// Beginning and end in s of the present outage, or of the next one.
+    /// Beginning and end in s of the present outage, or of the next one if there is none.
     outage: [f64; 2],
     turn_s: f64,
     round_s: f64,

@@ -191,9 +191,9 @@ impl LensModel {
     /// (`photozone.de/canon_eos_ff/428-canon_35_2_5d`). They measured 1 stop at the corner of APS-C
     /// for Canon's EF 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom such as
     /// `kit-16mm` loses no more than the natural falloff (1.9 stops for Tokina's 16-50 at f/2.8,
-    /// `lenstip.com/248.8`). When the lens is stopped down, the loss beyond that at f/5.6 decreases
-    /// with the power 2.4 of the aperture number. This agrees to within 0.45 stops for Canon's EF
-    /// 50/1.4, Nikon's 28/1.4 and Zeiss's Otus 28 from their widest aperture on
+    /// `lenstip.com/248.8`). When the lens is stopped down, the loss in excess of that at f/5.6
+    /// decreases with the power 2.4 of the aperture number. This law agrees to within 0.45 stops
+    /// with Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's Otus 28 from their widest aperture on
     /// (`lenstip.com/216.8`, `lenstip.com/504.8`, `optyczne.pl/398.8`).
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
         let lens = self.figures();

@@ -46,8 +46,9 @@ pub struct Camera {
     /// lens maps them to `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and `y (1 + k1 r² + k2
     /// r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
     pub distortion: [f64; 4],
-    /// Fraction of the light that vignetting removes at the corner of the picture. It increases
-    /// with the square of the distance from the middle. The natural cos⁴ falloff is extra.
+    /// Fraction of the light that vignetting removes at the corner of the picture. This fraction
+    /// increases with the square of the distance from the middle. The natural cos⁴ falloff is not
+    /// part of this fraction.
     pub vignetting: f64,
     /// White balance, as gains of red, green and blue between the sensor and the tone curve.
     pub white_balance: [f64; 3],
@@ -184,8 +185,8 @@ impl Camera {
     }
 
     /// Returns the luminous exposure in lx s at which the sensor saturates. From the base
-    /// sensitivity on, the converter clips at `78 / ISO` (ISO 12232, saturation based). Below it,
-    /// the well is full at `78 / base ISO`.
+    /// sensitivity on, the converter clips at `78 / ISO` (ISO 12232, saturation based). Below the
+    /// base sensitivity, the well is full at `78 / base ISO`.
     pub fn saturation_lx_s(&self) -> f64 {
         78.0 / self.iso.max(self.base_iso)
     }

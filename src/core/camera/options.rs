@@ -94,9 +94,10 @@ settings! {
 
     /// Position and direction of the camera.
     pub enum Framing tagged {
-        /// In front of the middle of the word, where the word fills `fill_frac` of the picture.
+        /// Camera in front of the middle of the word, at the distance at which the word fills
+        /// `fill_frac` of the picture.
         "word" => Word(WordFraming),
-        /// At a given position and orientation.
+        /// Camera at a given position and orientation.
         "fixed" => Fixed(FixedPose),
     }
 
@@ -106,8 +107,9 @@ settings! {
         /// first.
         fill_frac: f64 = 0.5, in 0.01..=1.0;
         /// Height of the camera, which is aimed at the middle of the word. If left out, the camera
-        /// is at the height of that middle. The LED ring and the color LED deck appear brighter
-        /// from below. Seen from above, the drone hides the LED ring and the color LED deck.
+        /// is at the height of the word's middle. The LED ring and the color LED deck appear
+        /// brighter from below. Seen from above, the drone hides the LED ring and the color LED
+        /// deck.
         height_m: Option<f64> = None, in 0.0..=1000.0;
     }
 
@@ -115,8 +117,8 @@ settings! {
     pub struct FixedPose {
         /// Position of the entrance pupil in the world frame.
         position_m: [f64; 3] = [0.15, -3.0, 0.75], in -1e4..=1e4;
-        /// Point in the world frame that appears at the middle of the picture. If left out, it is
-        /// the middle of the word.
+        /// Point in the world frame that appears at the middle of the picture. If left out, the
+        /// middle of the word appears there.
         target_m: Option<[f64; 3]> = None, in -1e4..=1e4;
         /// Orientation in the world frame, instead of a target, as a unit quaternion w, x, y, z. As
         /// in a .skyc file, a camera without rotation looks along -z with x to its right.

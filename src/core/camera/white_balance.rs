@@ -10,7 +10,7 @@ use crate::srgb::{rgb_from_xyz, xyz};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum WhiteBalance {
-    /// Gains of red, green and blue. Gains of 1 are the balance for daylight, D65.
+    /// Gains of red, green and blue. Gains of 1 are the white balance for daylight (D65).
     Gains([f64; 3]),
     /// Color temperature in kelvin of the light that is rendered white.
     Kelvin(f64),
@@ -35,8 +35,8 @@ impl Described for WhiteBalance {
 }
 
 impl WhiteBalance {
-    /// Returns the gains of red, green and blue. For a color temperature they are at least 1, so
-    /// that saturated pixels stay white.
+    /// Returns the gains of red, green and blue. For a color temperature, the gains are at least 1,
+    /// so that saturated pixels stay white.
     pub fn gains(self) -> [f64; 3] {
         match self {
             Self::Gains(gains) => gains,

@@ -1,5 +1,5 @@
 //! Facts about the Crazyflie's firmware, decks and files that several crates need. The source of
-//! each is named in brackets and is a file of `crazyflie-firmware` as of [`FIRMWARE_REVISION`].
+//! each fact, named in brackets, is a file of `crazyflie-firmware` as of [`FIRMWARE_REVISION`].
 
 mod release;
 
@@ -7,8 +7,8 @@ use nalgebra::Matrix4;
 
 pub use release::{Feature, Release};
 
-/// Revision of `bitcraze/crazyflie-firmware` that is modeled, one day after release 2026.08. Its
-/// files are the sources named here, and its C code made the numbers under `recorded/`
+/// Revision of `bitcraze/crazyflie-firmware` that is modeled, one day after release 2026.08. The
+/// sources named here are files of this revision, and its C code made the numbers under `recorded/`
 /// (tests/firmware).
 pub const FIRMWARE_REVISION: &str = "2a18fc29";
 

@@ -10,7 +10,7 @@ settings! {
     /// Releases of the Crazyflie's firmware, beginning with the oldest that can fly exported
     /// scripts. Each release includes its patches.
     pub enum Release {
-        /// Supports neither the Brushless nor Lee's controller.
+        /// 2024.10, which supports neither the Brushless nor Lee's controller.
         "2023.11" => R2023_11,
         /// Adds the Brushless and Lee's controller.
         "2024.10" => R2024_10,

@@ -1,5 +1,5 @@
-//! Files that a web page passed to the program, by name. They stay in memory, because browsers lack
-//! a file system.
+//! Files that a web page passed to the program, by name. The files stay in memory, because browsers
+//! lack a file system.
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;

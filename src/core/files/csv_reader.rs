@@ -52,7 +52,7 @@ pub struct RowRules<'a> {
     pub file: &'a str,
     /// Limits of work and memory.
     pub budget: &'a Budget,
-    /// Hint for a broken table.
+    /// Hint for a table that cannot be read.
     pub hint: &'a str,
     /// True if a last line without a line end is left out, because a cut number is also a number.
     pub needs_line_ends: bool,

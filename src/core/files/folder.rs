@@ -76,8 +76,8 @@ impl OutputFolder {
         self.write_with(name, |out| out.write_all(content.as_ref()))
     }
 
-    /// Stages the file that receives its final name before all others. It lists the others, so that
-    /// a reader sees which files are missing if the program is killed between two renames.
+    /// Stages the file that receives its final name before all others. That file lists the others,
+    /// so that a reader sees which files are missing if the program is killed between two renames.
     pub fn write_first(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
         self.first = self.names.len();
         self.write(name, content).map(drop)
@@ -234,7 +234,8 @@ mod tests {
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
 
-    /// Two writers write two hundred files each. The folder then contains the complete set of one.
+    /// Two writers write two hundred files each. At the end, the folder contains the complete set
+    /// of one writer.
     #[test]
     fn two_writers_of_one_folder_never_mix() {
         let parent = tempfile::tempdir().unwrap();

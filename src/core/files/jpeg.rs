@@ -14,7 +14,7 @@ pub struct JpegFrame {
     pub scans: u64,
     /// True if the decoder holds all coefficients until the last scan.
     pub progressive: bool,
-    /// True if the file contains an end marker. Without it, the missing part is gray.
+    /// True if the file contains an end marker. Without an end marker, the missing part is gray.
     pub has_end: bool,
 }
 

@@ -14,7 +14,8 @@ use crate::input_error;
 /// Name that stands for standard output in place of a file.
 pub const STANDARD_OUTPUT: &str = "-";
 
-/// Names of standard output. Opening a redirected stream again would overwrite it.
+/// Names of standard output. Opening the standard output again would overwrite a file to which it
+/// is redirected.
 const STANDARD_OUTPUTS: [&str; 4] =
     [STANDARD_OUTPUT, "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
@@ -65,7 +66,7 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`]. In that case, a regular file is left unchanged.
+    /// Returns [`Error::Io`]. If there is an error, a regular file is left unchanged.
     pub fn keep(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.keep_with(|out| out.write_all(content.as_ref()))
     }
@@ -84,7 +85,7 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`]. In that case, a regular file is left unchanged.
+    /// Returns [`Error::Io`]. If there is an error, a regular file is left unchanged.
     pub fn write_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<WholeFile> {
         self.finish(write, true)
     }
@@ -161,7 +162,8 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`]. In that case, an existing file of that name is left unchanged.
+    /// Returns [`Error::Io`]. If there is an error, an existing file of that name is left
+    /// unchanged.
     pub fn keep(self) -> Result<PathBuf> {
         let Self { path, staged, .. } = self;
         let named = staged.map_or(Ok(()), |(file, place)| file.persist(place).map(drop));
@@ -180,7 +182,7 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`Self::keep`]. In that case, all files are left unchanged.
+    /// Returns the errors of [`Self::keep`]. If there is an error, all files are left unchanged.
     pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
         let _lock = files.iter().find_map(Self::place).and_then(|place| locked_soon(folder(place)));
         let mut former = Former::default();

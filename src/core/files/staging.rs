@@ -2,7 +2,7 @@
 //! their program was killed.
 //!
 //! A temporary file is locked while its program runs, so that the next program recognizes files
-//! left behind. On a file system without locks, they are not removed.
+//! left behind. On a file system without locks, files left behind are not removed.
 
 use std::fs::{File, FileType, OpenOptions, Permissions};
 use std::io::{ErrorKind, Result};
@@ -187,7 +187,7 @@ pub(super) fn folder(path: &Path) -> &Path {
     parent.unwrap_or(Path::new("."))
 }
 
-/// Former files at the paths of new files that belong together. They are put back unless all new
+/// Former files at the paths of new files that belong together, which are put back unless all new
 /// files receive their names. On a file system without hard links, former files are not kept.
 #[derive(Debug, Default)]
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);

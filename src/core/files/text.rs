@@ -4,7 +4,7 @@
 
 use std::borrow::Cow;
 
-/// A text, with notes on its decoding.
+/// Text of a file, with notes on its decoding.
 #[derive(Clone, Debug)]
 pub struct Text<'a> {
     /// Bytes of the text in UTF-8. Bytes in an unknown encoding are unchanged.

@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use super::{Flight, FlightSample, Quantity};
 
-/// Motor command, of 65535, above which a drone flies. A flying Crazyflie is always above it,
-/// because it hovers at about 43,000 (reference flight) and idles below 10,000. A lower limit would
-/// include the spin-up on the floor, and a higher one would cut off fast descents.
+/// Motor command, of 65535, above which a drone flies. The motors of a flying Crazyflie are always
+/// above this command, because it hovers at about 43,000 (reference flight) and idles below 10,000.
+/// A lower limit would include the spin-up on the floor, and a higher one would cut off fast
+/// descents.
 const FLYING_MOTOR_COMMAND: f64 = 20_000.0;
 
 /// Height above the floor in m of a flying drone or its setpoint, if motor commands are not logged.

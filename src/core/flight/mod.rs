@@ -34,7 +34,7 @@ pub const ENERGY_J: &str = "energy_j";
 /// in m, for a flight simulated with the estimator `cooperative`.
 pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
 /// Name of the column with the normalized squared error of the estimated position (NEES) of the
-/// same flights. It is 1 on average if the estimator's covariance is correct.
+/// same flights. The value is 1 on average if the estimator's covariance is correct.
 pub const ESTIMATE_NEES: &str = "estimate_nees";
 
 /// Flight of one drone, sampled over time.
@@ -48,12 +48,12 @@ pub struct FlightData {
     /// Light commands in force at each sample, as received over the radio, in one column per
     /// channel with levels from 0 (off) to 1, each as long as `samples`.
     pub lights: BTreeMap<String, Vec<f64>>,
-    /// Further columns, each as long as `samples`. For a real log, they have the names and units of
-    /// the log, and each value is held until the column's next one. A simulated flight has
+    /// Further columns, each as long as `samples`. For a real log, the columns have the names and
+    /// units of the log, and each value is held until the column's next one. A simulated flight has
     /// [`SATURATED_S`] and, if the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
     /// Gaps in a real log, as the times of the last sample before and the first sample after each,
-    /// ascending. Nothing is known in a gap, so that no line is drawn and no lamp shines there.
+    /// ascending. Nothing is known about a gap, so that no line is drawn and no lamp shines in it.
     pub gaps: Vec<[f64; 2]>,
     /// Quantities that the log lacks, and that are zero in the samples.
     pub unlogged: BTreeSet<Quantity>,
@@ -157,8 +157,8 @@ pub struct FlightSample {
     pub rate_body_rad_s: Vector3<f64>,
     /// Estimated position in m.
     pub estimate_m: Vector3<f64>,
-    /// Position of the design at this instant in m. The position is continuous in a simulation, and
-    /// that of the held setpoint in a real log.
+    /// Position of the design at this instant in m. In a simulation, this position is continuous.
+    /// In a real log, it is that of the held setpoint.
     pub design_m: Vector3<f64>,
     /// Motor commands m1…m4, from 0 to 65535.
     pub motors: [f64; 4],

@@ -22,7 +22,7 @@ pub const FLIGHT_LONG: &str = "flight-long";
 pub const MAX_NUMBER: f64 = 1e30;
 
 /// Largest magnitude of a time in s, because rounding loses microseconds beyond it. Unix timestamps
-/// of this century are smaller.
+/// of this century are below this limit.
 const MAX_TIME_S: f64 = 4e9;
 
 /// Maximum size of a file, enough for an hour of 36 columns at 100 Hz in numbers of nine digits.

@@ -9,8 +9,8 @@ pub const SLOWEST_PERIOD_S: f64 = 2.55;
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
-/// Duration in s that is too short for a flight whose log is worth reading. If timestamps at 1 Hz
-/// were in ms, their log would be shorter.
+/// Duration in s that is too short for a flight whose log is worth reading. A log whose timestamps
+/// at 1 Hz were in ms would be shorter than this.
 const SHORTEST_FLIGHT_S: f64 = 0.5;
 
 /// Ranges of present-day day numbers as spreadsheets, MATLAB and Julian days count them.

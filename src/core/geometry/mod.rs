@@ -1,4 +1,5 @@
-//! Poses, frames, polylines and solids. Only this module converts between frames.
+//! Conversion of poses and frames, with polylines and solids. No other module converts between
+//! frames.
 //!
 //! In the world frame, z points up, x to the viewer's right along the word, and y into the scene.
 //! The word is in the x-z plane. In the body frame, x points forward, y left and z up. Attitudes
@@ -57,7 +58,8 @@ impl Attitude {
 /// Returns the rotation from world vectors to camera vectors (x right, y down, z forward) for a
 /// camera that looks along `forward` with a level horizon.
 ///
-/// If it looks straight up or down, the horizon is undefined. In that case, right is world x.
+/// If the camera looks straight up or down, the horizon is undefined. In that case, right is world
+/// x.
 ///
 /// # Panics
 ///

@@ -1,7 +1,7 @@
 //! Polylines in a plane, in any unit of length.
 
-/// Returns the box around points, as left, bottom, right, top. Without points it is infinite, with
-/// left beyond right and bottom beyond top.
+/// Returns the box around points, as left, bottom, right, top. Without points, the box is infinite,
+/// with left beyond right and bottom beyond top.
 pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
     let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     points.into_iter().fold(empty, |[left, bottom, right, top], [x, y]| {
@@ -24,7 +24,8 @@ pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -
     libm::hypot(x - ax - t * dx, y - ay - t * dy)
 }
 
-/// Returns the arc lengths from the first point of a line to each point. An empty line has none.
+/// Returns the arc lengths from the first point of a line to each point. An empty line has no
+/// segments.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut arc_length = 0.0;
     let later = line.windows(2).map(|ends| {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-/// Convex solid. The distance from it has a single minimum along a straight path.
+/// Convex solid. The distance from a solid has a single minimum along a straight path.
 #[derive(Clone, Debug)]
 pub enum Solid {
     /// All positions within a radius of a box, whose ends may be equal or infinite.

@@ -13,7 +13,7 @@ pub struct Channel {
     /// Channels of a plan that set the color, in the order of the parameter's bytes, or empty for a
     /// pin.
     pub colors: &'static [&'static str],
-    /// Name of the deck, and the firmware parameters `deck.*`, one of which is set if it is
+    /// Name of the deck, and the firmware parameters `deck.*`, one of which is set if the deck is
     /// present.
     pub deck: (&'static str, &'static [&'static str]),
     /// Parameters that make the lamp ready and dark before a flight in which it is lit.

@@ -24,8 +24,8 @@ settings! {
         beam_exponent: f64 = 1.0, in 0.0..=1000.0;
         /// Isotropic fraction, the intensity in all directions relative to that on the axis.
         spill: f64 = 0.0, in 0.0..=1.0;
-        /// Cosine of the angle from the axis beyond which the body hides the lamp: −1 if it hides
-        /// it nowhere, 0 beyond a right angle.
+        /// Cosine of the angle from the axis beyond which the body hides the lamp, which is −1 if
+        /// no angle is hidden, and 0 for a right angle.
         visible_cos: f64 = -1.0, in -1.0..=1.0;
         /// Diameter of the luminous disc.
         diameter_m: f64 = 0.003, in 0.0..=1.0;
@@ -53,14 +53,14 @@ settings! {
     }
 }
 
-/// Drive of a lamp.
+/// Source that drives a lamp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Drive {
-    /// Light channel of the plan that commands the lamp. Its changes wait for the radio and for the
-    /// lamp timer of the firmware.
+    /// Light channel of the plan that commands the lamp. Changes of its level wait for the radio
+    /// and for the lamp timer of the firmware.
     Command(String),
-    /// The supply voltage, so that the lamp is always on.
+    /// Supply voltage, which means that the lamp is always on.
     Always,
     /// LED sequence of the firmware (`ledseq.c`).
     Blink {

@@ -16,14 +16,14 @@ settings! {
         /// One parameter write takes about 20 ms one way (crazyswarm issue 245). With too short a
         /// delay, streaks at the ends of strokes do not appear in the simulation.
         radio_delay_s: f64 = 0.02, in 0.0..=10.0;
-        /// Period of the firmware's lamp timer, 0 or at least 0.001. Changes take effect at its
-        /// next tick. With 0, the headlights follow immediately, and the effects of the ring keep
-        /// their period of 50 ms.
+        /// Period of the firmware's lamp timer, 0 or at least 0.001. Changes of a lamp take effect
+        /// at the timer's next tick. With a period of 0, the headlights follow immediately, and the
+        /// effects of the ring keep their period of 50 ms.
         ///
         /// Source: `ledring12.c`.
         tick_s: f64 = 0.05, in 0.0..=10.0;
         /// Firmware parameter led.bitmask. With bit 7 set, bits 0 to 6 turn on the LEDs of the
-        /// board, so that 128 turns off all of them. With 0, the firmware controls them.
+        /// board, so that 128 turns off all of them. With 0, the firmware controls these LEDs.
         ///
         /// Source: `led.c`.
         led_bitmask: u8 = 0;
@@ -36,10 +36,11 @@ settings! {
         letters_wrgb: Vec<[u8; 4]> = Vec::new();
         /// Brightness correction of the color LED deck.
         ///
-        /// Firmware parameter: `colorLedBot.brightCorr`. A drawing's colors are written without it.
+        /// Firmware parameter: `colorLedBot.brightCorr`. A drawing's colors are written without
+        /// this correction.
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
-        /// Deck below the body. The drone's lamps are those of the deck and the board, unless
-        /// `fixtures` lists others.
+        /// Deck below the body. If `fixtures` is empty, the drone's lamps are those of the deck and
+        /// the board.
         deck: Deck = Deck::LedRing, unless "light.fixtures";
         /// Lamps that replace those of deck and board, one table each. The intensity off axis is
         /// `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.

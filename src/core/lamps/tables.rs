@@ -116,9 +116,9 @@ pub fn crazyflie() -> Vec<Fixture> {
 ///
 /// In the team's photograph, a fainter strand runs beside each blue one, and a fainter dot appears
 /// beside each red one, 13 to 15 mm farther from the middle of the drone. In the fainter strand,
-/// blue is unclipped at 0.7 of saturation. In the main strand, green is clipped as well. The
-/// propeller, which is a centimeter higher, is assumed to reflect that light. The body consists of
-/// the motor, its mount and the arm around the LED.
+/// blue is unclipped at 0.7 of saturation. In the main strand, the green channel is clipped as
+/// well. The propeller, which is a centimeter higher, is assumed to reflect that light. The body
+/// consists of the motor, its mount and the arm around the LED.
 fn lit_by(
     led: &Fixture,
     part: &str,
@@ -138,15 +138,15 @@ fn lit_by(
 ///
 /// Seen from the side, most of a headlight's light comes from the body. In the team's photograph, a
 /// stroke is a band of 11 to 14 px of 3.1 mm, as wide as the front of the drone, at 0.6 to 0.8 of
-/// saturation. It contains saturated strands, which are those of the headlights and another one 15
-/// mm ahead of them in the first N and the O's, in which the drone is seen from its side. In the R,
-/// which is to the right of the camera, there are two such strands, 11 and 20 mm ahead in its stem
-/// and 17 and 25 mm in its bowl, as far to the left and to the right as the motors. The band has
-/// sharp edges. Beyond the last pixel above level 200, green falls to 0.26, 0.016 and 0.005 of
-/// saturation (in our render 0.34, 0.023 and 0.005), so that the front of the drone is modeled as a
-/// block instead of a Gaussian lamp. Fitted to the photograph, 1.2 % of a headlight's light goes to
-/// its side, arms, mounts and propellers reflect 0.13 cd of both headlights, and a motor reflects
-/// 0.03 cd of each.
+/// saturation. The band contains saturated strands, which are those of the headlights and another
+/// one 15 mm ahead of them in the first N and the O's, in which the drone is seen from its side. In
+/// the R, which is to the right of the camera, there are two such strands, 11 and 20 mm ahead in
+/// its stem and 17 and 25 mm in its bowl, as far to the left and to the right as the motors. The
+/// band has sharp edges. Beyond the last pixel above level 200, green falls to 0.26, 0.016 and
+/// 0.005 of saturation (in our render 0.34, 0.023 and 0.005), so that the front of the drone is
+/// modeled as a block instead of a Gaussian lamp. Fitted to the photograph, 1.2 % of a headlight's
+/// light goes to its side, arms, mounts and propellers reflect 0.13 cd of both headlights, and a
+/// motor reflects 0.03 cd of each.
 ///
 /// The deck and the battery are assumed to hide a headlight beyond 120° from its beam.
 ///
@@ -154,8 +154,8 @@ fn lit_by(
 /// flower (docs/photograph.md), strokes are ribbons with brighter edges, which are as wide as the
 /// ring when the drone climbs. These ribbons have 5 to 30 times the light of a power LED of the
 /// board beside them, as exactly as a JPEG of 510 px shows. An isotropic fraction of 0.15 gives a
-/// ratio of 5. The deck hides these LEDs from above. The team's camera, 16° and more above the
-/// letters, only recorded the glow on the floor of a ring that swings by 4°.
+/// ratio of 5. From above, the deck hides the ring's LEDs. The team's camera, 16° and more above
+/// the letters, only recorded the glow on the floor of a ring that swings by 4°.
 pub fn led_ring() -> Vec<Fixture> {
     // The rows are the two headlights, the LEDs of the ring, and the parts of the body that the
     // headlights illuminate.

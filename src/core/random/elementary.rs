@@ -1,8 +1,8 @@
 //! Elementary functions without branches, so that the compiler can vectorize loops over them.
 //!
-//! They return the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No product is
-//! fused with a sum, so that every machine rounds alike. Each function is valid for the arguments
-//! that occur in this program. [`is_hard`] identifies arguments that need `libm` itself.
+//! The functions return the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No
+//! product is fused with a sum, so that every machine rounds alike. Each function is valid for the
+//! arguments that occur in this program. [`is_hard`] identifies arguments that need `libm` itself.
 
 use std::f64::consts::FRAC_2_PI;
 

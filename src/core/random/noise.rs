@@ -17,7 +17,7 @@ use crate::digest::{fnv_1a, hmac_sha256};
 /// field prefers no direction. A larger number would take more time.
 const WAVES: usize = 8;
 
-/// Smallest secret seed. Anybody can try all smaller ones, whose streams have a common key.
+/// Smallest secret seed. Anybody can try all smaller seeds, whose streams have a common key.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
 /// Returns the random stream with a name under a seed. Each stream of a secret seed has a separate
@@ -31,7 +31,7 @@ pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     rng
 }
 
-/// Noise of one sensor on one drone. Its numbers depend only on the seed, the drone and the name,
+/// Noise of one sensor on one drone. The numbers depend only on the seed, the drone and the name,
 /// so that another sensor or drone does not change them.
 #[derive(Debug)]
 pub struct Noise {
@@ -112,7 +112,7 @@ impl<const N: usize> Field<N> {
     }
 }
 
-/// Heights of plane waves at a position.
+/// Values of the plane waves at a position.
 struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
 
 impl NullaryFnOnce for Heights<'_> {

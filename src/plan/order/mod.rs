@@ -27,11 +27,12 @@ mod search;
 const EXACT_STROKES: usize = 10;
 /// Maximum total number of ways of all strokes for which exact transits are planned.
 const MAX_PLANNED_WAYS: usize = 24;
-/// Maximum number of strokes in a drawing. The search for their order compares all pairs.
+/// Maximum number of strokes in a drawing. The search for the order of the strokes compares all
+/// pairs.
 const MAX_STROKES: usize = 10_000;
 
-/// Cost in s of a step to another letter in reading order. It exceeds any transit within a word, so
-/// that the cheapest order runs from one end to the other with one step per letter.
+/// Cost in s of a step to another letter in reading order. This cost exceeds any transit within a
+/// word, so that the cheapest order runs from one end to the other with one step per letter.
 const LETTER_S: f64 = 1000.0;
 /// Maximum additional time of reading order, as a fraction of the shortest flight.
 const READING_EXCESS: f64 = 0.1;
@@ -179,7 +180,7 @@ struct Tour<'a> {
     style: &'a EvenStyle,
     /// True if transits are planned, false if they are estimated.
     is_planned: bool,
-    /// Letter of each stroke if each letter is to be written before the next, or empty.
+    /// Index of each stroke's letter if each letter is to be written before the next, or empty.
     letters: &'a [usize],
 }
 

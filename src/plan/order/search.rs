@@ -1,5 +1,5 @@
 //! Local search by 2-opt (Croes 1958) and Or-opt (Or 1976) with reversed strokes, among near
-//! neighbors. It starts from the order that always continues with the nearest stroke.
+//! neighbors. The search starts from the order that always continues with the nearest stroke.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::{Tour, Visit};
 
 /// Number of strokes that are tried next to each stroke.
 const NEIGHBORS: usize = 8;
-/// Maximum number of rounds of improvement. No drawing has reached this number.
+/// Maximum number of rounds of improvement. No drawing has reached this number of rounds.
 const MAX_ROUNDS: usize = 30;
 /// Minimum time in s that a change has to save, which is more than rounding errors.
 const LEAST_SAVED_S: f64 = 1e-9;

@@ -234,12 +234,12 @@ fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     }
 }
 
-/// Returns the root mean square of each component of vectors. The result is zero if there are none.
+/// Returns the root mean square of each component of vectors. The result is zero without samples.
 pub fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
 }
 
-/// Returns the mean of vectors. The mean is zero if there are none.
+/// Returns the mean of vectors. The mean is zero without samples.
 pub fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
     sum / n.max(1) as f64

@@ -11,7 +11,8 @@ use noctograph_core::geometry::Chords;
 /// unit makes a straight stroke one segment.
 const TOLERANCE_M: f64 = 2e-6;
 
-/// Position of the design over time. It is constant before the first and after the last sample.
+/// Position of the design over time. The position is constant before the first and after the last
+/// sample.
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,

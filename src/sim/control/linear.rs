@@ -13,7 +13,8 @@ const FINE_STEP: f64 = 1e-3;
 /// Pivot relative to the largest below which a direction counts as unobservable.
 const RANK_TOLERANCE: f64 = 1e-9;
 /// Maximum number of squarings, after which a power that neither vanishes nor grows is not stable.
-/// Only a pole within 1e-17 of the stability boundary, relative to the largest, gets that far.
+/// Only a pole within 1e-17 of the stability boundary, relative to the largest, needs this many
+/// squarings.
 const MAX_SQUARINGS: usize = 60;
 
 /// Returns the linear model `(A, B)` of `ẋ = f(x, u)` at a point, `A = ∂f/∂x` and `B = ∂f/∂u`, by
@@ -73,7 +74,7 @@ pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Mat
 }
 
 /// Returns the rank of `[C; CA; CA²; …]` (Kalman), the number of observable directions of `ẋ = A
-/// x`, `y = C x`. If it equals the number of states, the system is observable.
+/// x`, `y = C x`. If this rank equals the number of states, the system is observable.
 pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }

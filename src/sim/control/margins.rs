@@ -31,10 +31,10 @@ pub struct Margins {
 
 /// Returns the margins of the feedback `u = −K x` on `ẋ = A x + B u`, for each input by itself.
 ///
-/// They follow from the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and 1e4
-/// rad/s. On its own plant, a linear-quadratic regulator has a phase margin of 60° and gain margins
-/// of 1/2 to infinity (Anderson, Moore, 1990, chapter 5). Returns `None` if the closed loop is not
-/// stable.
+/// The margins follow from the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and
+/// 1e4 rad/s. On its own plant, a linear-quadratic regulator has a phase margin of 60° and gain
+/// margins of 1/2 to infinity (Anderson, Moore, 1990, chapter 5). Returns `None` if the closed loop
+/// is not stable.
 pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
     let margins = (0..b.ncols()).map(|i| {

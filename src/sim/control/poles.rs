@@ -4,8 +4,9 @@ use nalgebra::{Complex, Schur};
 
 use super::Matrix;
 
-/// Maximum number of QR iterations. A closed loop of 20 states takes about 60. The iteration of
-/// `nalgebra` has no exceptional shifts and may not end on symmetric spectra (#611, #764).
+/// Maximum number of QR iterations. A closed loop of 20 states takes about 60 iterations. The
+/// iteration of `nalgebra` has no exceptional shifts and may not end on symmetric spectra (#611,
+/// #764).
 const MAX_ITERATIONS: usize = 10_000;
 /// Units in the last place up to which an entry below the diagonal counts as zero. A fourfold pole,
 /// such as that of four equal rotors, converges to between one and sixteen units.

@@ -16,9 +16,11 @@ const CONVERGED: f64 = 1e-15;
 /// which the rounding of `X` causes 1e-16). Well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
-/// flight's problem leaves 1e-15. Weights that differ by six decades leave up to 1e-5.
+/// flight's problem leaves a residual of 1e-15. Weights that differ by six decades leave a residual
+/// of up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Maximum number of refinement steps. Each step squares the error, and two leave only rounding.
+/// Maximum number of refinement steps. Each step squares the error, so that only rounding is left
+/// after two.
 const MAX_REFINEMENTS: usize = 2;
 /// Maximum number of shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the
 /// previous one. A second shift is needed only if the first is an eigenvalue of `A`.
@@ -33,7 +35,8 @@ const LYAPUNOV_SHIFT: f64 = 0.25;
 /// `G` and `Q` must be symmetric and positive semidefinite. The solution is accepted only if its
 /// residual is below 1e-10 of the sizes of the equation's terms, if it is positive definite, and if
 /// `A − GX` is stable. There is no solution if an uncontrollable mode is unstable, or if a mode has
-/// no cost. For the reference flight's problem, it agrees with a 50-digit solution to within 1e-15.
+/// no cost. For the reference flight's problem, the solution agrees with one of 50 digits to within
+/// 1e-15.
 pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
     // Each shift is transformed, doubled, refined and checked. A shift that is an eigenvalue of A
     // fails, and the next one is tried.
@@ -87,8 +90,8 @@ fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matr
 }
 
 /// Returns the geometric mean of the closed loop's |poles|, `|det H|^(1/2n)` of the Hamiltonian
-/// matrix, whose spectrum is that of the closed loop and its mirror image. This is the
-/// best-conditioned shift.
+/// matrix, whose spectrum is that of the closed loop and its mirror image. This shift gives the
+/// best condition.
 fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
     let hamiltonian = with_states(a, &-g, &-q, &-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();
@@ -113,8 +116,8 @@ fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
 }
 
 /// Returns the solution `X` of the Lyapunov equation `AᵀX + XA + Q = 0`, or `None` if `A` is not
-/// stable. The Cayley transform converts it to the sum `Σ Fᵀᵏ H Fᵏ`, whose number of terms doubles
-/// with every squaring of `F` (Smith 1968).
+/// stable. The Cayley transform converts the equation to the sum `Σ Fᵀᵏ H Fᵏ`, whose number of
+/// terms doubles with every squaring of `F` (Smith 1968).
 fn lyapunov(a: &Matrix, q: &Matrix) -> Option<Matrix> {
     // The matrices are F = (A + σ)(A − σ)⁻¹ and H = 2σ (A − σ)⁻ᵀ Q (A − σ)⁻¹. If X_k contains the
     // first 2ᵏ terms of the sum, X_{k+1} = X_k + F_kᵀ X_k F_k, and F_{k+1} = F_k².

@@ -2,9 +2,9 @@
 //!
 //! One call of [`Controller::command`] maps the estimate's deviation from hover and the memory
 //! (integrals, last measurements, filters) to motor commands and to the next memory. Central
-//! differences of that map give a discrete system. The inverse of Tustin's transform converts it to
-//! a continuous system with the same integrals. Its derivatives are correct far below the rate of
-//! the commands.
+//! differences of this map give a discrete system. The inverse of Tustin's transform converts it to
+//! a continuous system with the same integrals. The derivatives of that system are correct far
+//! below the rate of the commands.
 //!
 //! Saturation, and the time for which a command is held, are not modeled. The cascade's position
 //! loop, which runs at a fifth of the rate, is treated as running at the full rate.

@@ -36,7 +36,7 @@ pub(super) struct Lqr {
     /// Output of the modeled rotors, which is not measured.
     rotors: Wrench,
     /// Fraction of the rotors' old output that remains when the next command is sent. The fraction
-    /// is 0 for immediate rotors.
+    /// is 0 for rotors without lag.
     remaining: f64,
     /// Integral of the position error in m s.
     sum: Vector3<f64>,

@@ -3,7 +3,8 @@
 //! Position and velocity loops (in world axes rotated by the yaw) set roll, pitch and thrust 100
 //! times per second. Attitude and rate loops set the commands for the mixer 500 times per second.
 //! Inside the cascade, angles are in degrees and commands in 1/65535 of a motor's range, as in the
-//! firmware, so that its constants are unchanged. Only the pitch has our sign.
+//! firmware, so that its constants are unchanged. Only the pitch has the sign of this program
+//! instead of the firmware's.
 //!
 //! The source is bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
 //! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c` and `pid.c`. A test
@@ -51,8 +52,8 @@ const RATE_CUTOFF_HZ: f64 = 30.0;
 /// Butterworth low-pass filter of order 2, by the bilinear transform.
 #[derive(Clone, Debug)]
 struct LowPass {
-    /// Gain of the newest input. The gain of the previous input is twice as large, and that of the
-    /// one before it is the same.
+    /// Gain of the newest input, which is half that of the input before it, and equal to that of
+    /// the oldest.
     b: f64,
     /// Gains of the last two outputs, which are subtracted.
     a: [f64; 2],

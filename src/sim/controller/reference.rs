@@ -17,7 +17,7 @@ pub(crate) struct Reference {
     pub(crate) velocity_m_s: Vector3<f64>,
     /// Reference acceleration in m/s².
     pub(crate) acceleration_m_s2: Vector3<f64>,
-    /// Jerk of an onboard trajectory in m/s³. Streamed setpoints have none.
+    /// Jerk of an onboard trajectory in m/s³. Streamed setpoints have no jerk.
     pub(crate) jerk_m_s3: Vector3<f64>,
 }
 

@@ -1,8 +1,8 @@
 //! Kalman filter of altitude, velocity, thrust map, biases and gusts.
 //!
-//! Gusts push for seconds. They are a state, so that the innovations are white. Otherwise, the
-//! controller would respond to correlated innovations, and the filter would infer a wrong thrust
-//! map from the throttle's correlation with them.
+//! Gusts push for seconds. The gusts are a state of the filter, so that the innovations are white.
+//! Otherwise, the controller would respond to correlated innovations, and the filter would infer a
+//! wrong thrust map from the throttle's correlation with them.
 
 use crate::controller::ThrustMap;
 use crate::kalman::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
@@ -34,17 +34,17 @@ const GUST: usize = 6;
 /// Index of each state that is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AltitudeState {
-    /// Altitude z, m.
+    /// Altitude z in m.
     Altitude,
-    /// Vertical velocity v, m/s.
+    /// Vertical velocity v in m/s.
     Velocity,
-    /// Vertical acceleration at zero throttle α⁰, m/s².
+    /// Vertical acceleration α⁰ in m/s² at zero throttle.
     Offset,
-    /// Vertical acceleration per throttle α¹, m/s².
+    /// Vertical acceleration α¹ in m/s² per throttle.
     Gain,
-    /// Bias of the ranger, m, which is the negative height of the floor below the drone.
+    /// Bias of the ranger in m, which is the negative height of the floor below the drone.
     Ranger,
-    /// Bias of the barometer, m.
+    /// Bias of the barometer in m.
     Barometer,
 }
 
@@ -217,7 +217,7 @@ impl AltitudeFilter {
         self.normal.sigma(state as usize)
     }
 
-    /// Returns the estimated thrust map. Its offset includes the estimated gust.
+    /// Returns the estimated thrust map. The offset of the map includes the estimated gust.
     pub fn thrust_map(&self) -> ThrustMap {
         let [offset_m_s2, gain_m_s2] =
             [AltitudeState::Offset, AltitudeState::Gain].map(|s| self.estimate(s));

@@ -3,10 +3,11 @@
 //! Input: plans and a drone. Output: [`Bound`], the standard deviation of each drone's position
 //! over time that no unbiased estimator can undercut. The bound is the covariance of the filter
 //! with its Jacobians taken at the true state (the posterior bound: Tichavsky, Muravchik, Nehorai,
-//! IEEE Trans. Signal Processing 46, 1998). The noise of the inertial sensors increases it, and
-//! each range and height that is due corrects it. Drones with the estimator `cooperative` take
-//! turns, and receive each other's messages without loss. Only white noise is included, so that
-//! outliers and the biases of links, which dominate in many rooms, come in addition.
+//! IEEE Trans. Signal Processing 46, 1998). The noise of the inertial sensors increases this
+//! covariance, and each range and height that is due decreases it. Drones with the estimator
+//! `cooperative` take turns, and receive each other's messages without loss. Only white noise is
+//! included, so that outliers and the biases of links, which dominate in many rooms, come in
+//! addition.
 
 use nalgebra::Vector3;
 

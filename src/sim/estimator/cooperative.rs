@@ -2,11 +2,12 @@
 //!
 //! The nine errors of this drone are those of [`Ekf`](super::ekf::Ekf). For every other drone, the
 //! filter keeps the position, the velocity and the tilt of its dead reckoning at the time of its
-//! last message. Each message advances these by the motion that it contains, so that a lost message
-//! only delays them, and its ranges and heights correct them. A range between two drones is stored
-//! until the messages include its time. It is compared with the positions at its own time, which
-//! follow from the present estimates and the received motion. Each drone's filter therefore uses
-//! every measurement once, and its covariance includes the common errors of the drones.
+//! last message. Each message advances these states by the motion that it contains, so that a lost
+//! message only delays them, and its ranges and heights correct them. A range between two drones is
+//! stored until the messages include its time. The range is compared with the positions at its own
+//! time, which follow from the present estimates and the received motion. Each drone's filter
+//! therefore uses every measurement once, and its covariance includes the common errors of the
+//! drones.
 //!
 //! A link whose measurements the gate has rejected five times in a row is accepted again
 //! ([`Gate`](crate::kalman::Gate)).

@@ -1,7 +1,7 @@
 //! Delayed states, which are positions of drones in the past as functions of their present errors.
-//! A message that arrives late measures such a position. The motion since then is integrated from
-//! the inertial messages received. Stochastic cloning (Roumeliotis and Burdick, ICRA 2002) keeps a
-//! copy of the state instead.
+//! A message that arrives late contains a measurement of such a past position. The motion between
+//! the measurement and the present is integrated from the inertial messages received. Stochastic
+//! cloning (Roumeliotis and Burdick, ICRA 2002) keeps a copy of the state instead.
 
 use std::collections::VecDeque;
 
@@ -18,9 +18,9 @@ const NEAR_S: f64 = 0.05;
 /// Position in the past as a function of a drone's present errors.
 pub(super) struct DelayedState {
     pub(super) position_m: Vector3<f64>,
-    /// Time since then in s.
+    /// Time in s since that position.
     span_s: f64,
-    /// Integral of the specific force since then in the world frame in m/s.
+    /// Integral of the specific force since that position in the world frame in m/s.
     force_m_s: Vector3<f64>,
 }
 

@@ -1,9 +1,9 @@
 //! Kalman filter of the Crazyflie's firmware, in double precision.
 //!
 //! The states are the position in the world, the velocity in the body frame, and an attitude with
-//! its small error. They are predicted 100 times per second from the mean of the inertial readings
-//! since the last prediction. In flight, the filter assumes force only along the body's z axis. A
-//! measurement corrects the state immediately, one scalar after the other, each of which is
+//! its small error. These states are predicted 100 times per second from the mean of the inertial
+//! readings since the last prediction. In flight, the filter assumes force only along the body's z
+//! axis. A measurement corrects the state immediately, one scalar after the other, each of which is
 //! linearized at the corrected state. Corrections of the attitude are applied at the end of the
 //! tick. [`FirmwareOptions`] enables or disables these differences from a textbook filter.
 //!
@@ -65,7 +65,8 @@ pub(super) struct Firmware {
     world_from_body: Matrix3<f64>,
     /// Attitude error in rad since the end of the last tick.
     turn_rad: Vector3<f64>,
-    /// Errors of position, velocity and attitude. Their mean is added to the state immediately.
+    /// Errors of position, velocity and attitude. The mean of these errors is added to the state
+    /// immediately.
     pub(super) normal: Normal,
     rate_rad_s: Vector3<f64>,
     /// Sums of the rates and forces since the last prediction, their number, and their last means.

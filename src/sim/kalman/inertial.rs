@@ -1,7 +1,7 @@
 //! Motion of a drone from its gyroscope and accelerometer, with nine small errors.
 //!
 //! The errors are those of position and velocity in the world frame, and a rotation in the body
-//! frame. A [`Normal`] contains them for one drone after the other, followed by other states. Its
+//! frame. A [`Normal`] contains them for one drone after the other, followed by other states. The
 //! covariance is propagated in 3×3 blocks, which saves the products with zeros.
 //!
 //! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
@@ -112,7 +112,8 @@ impl Inertial {
         measured || self.span_s >= LONGEST_SPAN_S
     }
 
-    /// Returns the span since the last propagation of the covariance. The next span begins now.
+    /// Returns the span since the last propagation of the covariance. The next span begins at this
+    /// tick.
     pub fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
         self.world_from_body = self.attitude.matrix();
         Span {

@@ -4,8 +4,8 @@
 //! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`. With the gain `k =
 //! P h / √s`, the correction is `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction
 //! subtracts a square from the matrix, which remains exactly symmetric. At the ratios of variance
-//! that occur here (1e-6 or more), this is as safe as Joseph's form and takes half the work.
-//! Independent measurements are used one after the other, which is equivalent to using them
+//! that occur here (1e-6 or more), this correction is as safe as Joseph's form and takes half the
+//! work. Independent measurements are used one after the other, which is equivalent to using them
 //! together.
 //!
 //! Jacobians are sparse, because a measurement depends on few of the states. All loops run over

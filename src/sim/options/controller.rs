@@ -60,10 +60,10 @@ settings! {
         /// Gain K in `u = u_ref − K (x̂ − x_ref)`, for example from SciPy, in place of the one
         /// designed from the weights.
         ///
-        /// Its rows are torque x y z (N m) and thrust (N). Its columns are the twelve states in the
-        /// order of `q`, followed for lqr-integral by the integrals of the position error x y z (m
-        /// s). With lagging motors, four more may follow as `noctograph gains` prints them, for the
-        /// torques and the thrust of the modeled rotors.
+        /// The rows of K are torque x y z (N m) and thrust (N). The columns of K are the twelve
+        /// states in the order of `q`, followed for lqr-integral by the integrals of the position
+        /// error x y z (m s). With lagging motors, four more columns may follow as `noctograph
+        /// gains` prints them, for the torques and the thrust of the modeled rotors.
         k: Option<Vec<Vec<f64>>> = None, in -1e6..=1e6;
         /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
         /// and body rate x y z (s²/rad²). Larger weights hold the state more tightly and move the
@@ -88,7 +88,7 @@ settings! {
     pub enum MotorLag {
         /// The vehicle's lag, for which the gain is designed and feeds back the modeled rotors.
         ///
-        /// Without a lag in the vehicle, this equals [`Self::Ignored`].
+        /// If the vehicle has no lag, this model equals [`Self::Ignored`].
         "modeled" => Modeled,
         /// Immediate motors, as in the reference team's design.
         "ignored" => Ignored,

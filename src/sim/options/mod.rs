@@ -62,8 +62,8 @@ settings! {
         /// Number of samples per second in the flight's log. This rate divides `control_hz`.
         log_hz: u32 = 250, in 1.0..=2000.0;
         fixed {
-            /// Number of runs per second of the cascade's position and velocity loops. It divides
-            /// `attitude_hz` and is limited by it.
+            /// Number of runs per second of the cascade's position and velocity loops. The rate
+            /// divides `attitude_hz` and is limited by it.
             position_hz: u32 = 100;
             /// Number of Runge-Kutta steps per control tick.
             ///
@@ -72,7 +72,8 @@ settings! {
         }
     }
 
-    /// The radio that transmits setpoints and light commands. By default, they arrive immediately.
+    /// The radio that transmits setpoints and light commands. By default, packets arrive
+    /// immediately.
     ///
     /// A Crazyradio serves its drones in turn, each with its newest setpoint. A packet and its
     /// answer take 0.7 ms, and a switch to another drone's address takes 2.5 ms
@@ -97,10 +98,10 @@ settings! {
 
     /// Source of setpoints.
     pub enum Setpoints {
-        /// From the host, one after the other. Without them, the firmware levels the drone after
-        /// 0.5 s and stops its motors after 2 s.
+        /// From the host, one after the other. Without setpoints, the firmware levels the drone
+        /// after 0.5 s and stops its motors after 2 s.
         "streamed" => Streamed,
-        /// From an onboard trajectory. Only light commands are delayed.
+        /// From an onboard trajectory. With an onboard trajectory, only light commands are delayed.
         "on-board" => OnBoard,
     }
 }

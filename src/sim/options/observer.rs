@@ -58,8 +58,8 @@ settings! {
     pub enum Share {
         /// Motion, ranges and heights, from which every drone estimates all drones.
         "measurements" => Measurements,
-        /// Estimates of the drones. This counts common information of two drones twice and is less
-        /// accurate, so that it serves for comparison.
+        /// Estimates of the drones. Estimates count common information of two drones twice and are
+        /// less accurate, so that they serve for comparison.
         "estimates" => Estimates,
         /// Nothing, so that every drone uses only its anchors.
         "nothing" => Nothing,
@@ -82,11 +82,11 @@ settings! {
     /// Extended Kalman filter, with the assumed errors of its sensors.
     ///
     /// The defaults are those of the firmware, release 2026.08 (`kalman_core_params_defaults.h`,
-    /// `lighthouse_position_est.c`, `tdoaEngine.h`, `lpsTwrTag.c`). Its 0.5 m/s² (1.0 along z) and
-    /// 0.1 rad/s per tick of 1 ms correspond to densities of 0.02236 (0.04472) and 0.004472. The
-    /// firmware assumes 1 mrad for sweeps (0.4 mrad in the first generation), 1 cm for positions,
-    /// 15 cm for differences of ranges, 25 cm for ranges, and 2 m for air pressure. Sweeps pass the
-    /// firmware's outlier filter (`outlierFilterLighthouse.c`).
+    /// `lighthouse_position_est.c`, `tdoaEngine.h`, `lpsTwrTag.c`). The firmware's 0.5 m/s² (1.0
+    /// along z) and 0.1 rad/s per tick of 1 ms correspond to densities of 0.02236 (0.04472) and
+    /// 0.004472. The firmware assumes 1 mrad for sweeps (0.4 mrad in the first generation), 1 cm
+    /// for positions, 15 cm for differences of ranges, 25 cm for ranges, and 2 m for air pressure.
+    /// Sweeps pass the firmware's outlier filter (`outlierFilterLighthouse.c`).
     pub struct EkfOptions {
         /// Noise density of the measured acceleration in (m/s²)/√Hz.
         ///
@@ -149,7 +149,7 @@ settings! {
             /// apart by more than their σ.
             gain_walk_m_s2_sqrt_s: f64 = 0.3;
             /// Innovation of the ranger, in standard deviations, beyond which a range is rejected.
-            /// Two consecutive ones count as a step of the floor.
+            /// Two consecutive rejected ranges count as a step of the floor.
             step_gate_sigmas: f64 = 4.0;
             /// Standard deviation of α⁰ in m/s² before the flight, from the lift at zero throttle
             /// and a steady draft.
@@ -177,7 +177,7 @@ settings! {
         /// one is missing. False uses each sweep when it arrives.
         paired_sweeps: bool = true, for "sensors.positioning" = "sweeps";
         /// Maximum number of rotations used per second, over all second-generation stations. With
-        /// 0, all are used.
+        /// 0, all rotations are used.
         rotations_hz: f64 = 50.0, in 0.0..=1e4, for "sensors.positioning" = "sweeps";
         /// Minimum variance of each state, for position (m²), velocity (m²/s²) and attitude (rad²).
         least_variance: f64 = 1e-6, in 0.0..=1.0;

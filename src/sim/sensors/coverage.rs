@@ -5,9 +5,9 @@
 //! y). Output: [`Coverage`], a grid. Each plane of light of each station that sees a level drone
 //! measures `hᵀ δp = δα`. The smallest error of the position is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and
 //! Rao). σ is the total error of an angle, from its white noise, its distortion, and the error of
-//! the station's pose. The distortion common to all stations is added. People and mirrors are those
-//! of the sensors' options. Walls, the tilt of the drone, and errors from reflections are not
-//! modeled.
+//! the station's pose. The error common to all stations, which is distortion, is added. People and
+//! mirrors are those of the sensors' options. Walls, the tilt of the drone, and errors from
+//! reflections are not modeled.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;

@@ -32,8 +32,8 @@ const V2_PERIODS: [u32; 16] = [
 /// Number of sweeps per second of all first-generation stations together.
 const V1_SWEEPS_HZ: f64 = 120.0;
 
-/// Interval in s at which the common distortion is computed. At 0.5 m/s, it changes by 0.1 mm in
-/// this time.
+/// Interval in s at which the common distortion is computed. At 0.5 m/s, the distortion changes by
+/// 0.1 mm in this time.
 const BEND_S: f64 = 0.02;
 /// Time in s after which an unseen station counts as hidden (five turns are hardly ever lost by
 /// chance).
@@ -77,7 +77,7 @@ struct Rotor {
     /// Standard deviations in rad of the noise common to the deck's sensors, and of that of each
     /// sensor.
     sigmas_rad: [f64; 2],
-    /// Distortion over the direction from the station, with one component per plane.
+    /// Distortion of each plane as a function of the direction from the station.
     distortion: Field<2>,
     noise: Normals,
     /// Noise that determines which sweeps are lost.
@@ -213,7 +213,7 @@ impl Rotor {
         }
     }
 
-    /// Returns the next plane if it passes by `time_s`, and counts it as passed. Else returns
+    /// Returns the next plane if it passes by `time_s`, and counts it as passed. Otherwise, returns
     /// `None`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;

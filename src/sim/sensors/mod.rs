@@ -213,7 +213,7 @@ impl Sensors {
     }
 
     /// Reads every sensor that is due, once per tick. `fleet_m` contains the true positions of the
-    /// fleet. A single drone needs none.
+    /// fleet. A single drone needs no fleet.
     pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,

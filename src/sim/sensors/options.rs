@@ -88,12 +88,12 @@ settings! {
     /// Lighthouse positioning. A value of 0 switches an error off.
     ///
     /// The defaults are from Bitcraze's `positioning_dataset` (Taffanel et al., arXiv 2104.11523).
-    /// There, crossing beams at rest jitter by 0.3 mm at 50 fixes per second, which corresponds to
-    /// 1 mm at 500. The slow error in flight is 13 mm rms over three axes, with a correlation time
-    /// of 0.6 to 3.4 s at 0.5 m/s. Sweeps spread by 60 µrad (first generation) and 28 µrad
-    /// (second), and 45 of 52 per second arrive. The rotor causes most of that noise, which is
-    /// common to all sensors. Independent noise would average out to a third of the crossing beams'
-    /// jitter.
+    /// In that data set, crossing beams at rest jitter by 0.3 mm at 50 fixes per second, which
+    /// corresponds to 1 mm at 500. The slow error in flight is 13 mm rms over three axes, with a
+    /// correlation time of 0.6 to 3.4 s at 0.5 m/s. Sweeps spread by 60 µrad (first generation) and
+    /// 28 µrad (second), and 45 of 52 per second arrive. The rotor causes most of the sweeps'
+    /// noise, which is common to all sensors. Independent noise would average out to a third of the
+    /// crossing beams' jitter.
     ///
     /// Most of the error in flight, 13.5 mm on average, is distortion common to the stations. If
     /// each station had only separate errors, the filter would jitter at rest by more than the
@@ -102,10 +102,10 @@ settings! {
     pub struct LighthouseOptions {
         /// Standard deviation for each axis of a smooth error that depends on the drone's position.
         ///
-        /// The joint solution for the stations' poses does not remove it, because the stations
-        /// agree on a distorted room.
+        /// The joint solution for the stations' poses does not remove this error, because the
+        /// stations agree on a distorted room.
         distortion_m: f64 = 0.0075, in 0.0..=1.0;
-        /// Correlation length l of that error, whose correlation decreases as `exp(−d²/2l²)`.
+        /// Correlation length l of the common error, whose correlation decreases as `exp(−d²/2l²)`.
         distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
         /// Base stations at their believed positions.
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
@@ -146,7 +146,7 @@ settings! {
             /// Standard deviation in rad of the white noise of a sweep angle for each deck sensor,
             /// for a first- and a second-generation station.
             sweep_noise_rad: [f64; 2] = [60e-6, 28e-6];
-            /// Fraction of that noise's variance that is common to all four sensors in a sweep.
+            /// Fraction of a sweep's noise variance that is common to all four sensors.
             sweep_noise_shared_frac: f64 = 0.8;
             /// Fraction of sweeps that are lost.
             sweep_loss_frac: f64 = 0.13;
@@ -183,10 +183,10 @@ settings! {
             .collect(), in -1e4..=1e4;
         /// Indices of the anchors from which each drone receives ranges, with one list per drone.
         ///
-        /// If empty, all drones receive all anchors.
+        /// If this list is empty, all drones receive all anchors.
         heard: Vec<Vec<usize>> = Vec::new(), in 0.0..=63.0;
         /// Number of ranges per second from all anchors together. With the estimator `cooperative`,
-        /// it covers all anchors of all drones and all pairs of drones.
+        /// this rate covers all anchors of all drones and all pairs of drones.
         rate_hz: f64 = 180.0, in 1.0..=2000.0;
         /// Standard deviation of the white noise of a range.
         noise_m: f64 = 0.06, in 0.0..=10.0;
@@ -202,8 +202,8 @@ settings! {
     /// Ranges and messages between the drones of a fleet, for the estimator `cooperative`.
     ///
     /// A message contains the motion since the start according to the inertial sensors, and the
-    /// ranges and heights measured since the last message. It takes 24 bytes, plus 3 for each range
-    /// or height.
+    /// ranges and heights measured since the last message. A message takes 24 bytes, plus 3 for
+    /// each range or height.
     pub struct PeerOptions {
         /// True if the drones measure the distances between them, like those to anchors.
         ranging: bool = false;
@@ -276,7 +276,7 @@ pub struct Station {
 impl Station {
     /// Makes a station at `position_m` that faces `target_m` with a level horizon.
     ///
-    /// If it faces straight up or down, the yaw is zero.
+    /// If the station faces straight up or down, its yaw is zero.
     pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
         let forward = Vector3::from(target_m) - Vector3::from(position_m);
         Self::facing(generation, position_m, &forward, 0.0)

@@ -13,7 +13,7 @@ use noctograph_core::random::Noise;
 #[derive(Clone, Debug)]
 pub(crate) struct Fleet {
     pub members: Vec<Member>,
-    /// Place of this drone among them.
+    /// Place of this drone in the fleet.
     pub place: usize,
 }
 

@@ -1,10 +1,10 @@
 //! Ultra-wideband ranges, which are two-way ranges, or differences between two anchors.
 //!
-//! Their errors are white noise, a bias of each link that depends on the drone's position, and
-//! outliers. Anchors are measured in turn, and a difference is that between an anchor and the next
-//! one that is received. In a fleet, all links take turns, beginning with the links of each drone
-//! to its anchors, followed by the pairs of drones. Both drones of a pair receive the same range.
-//! Walls, antenna patterns and collisions of packets are not modeled.
+//! The errors of ranges are white noise, a bias of each link that depends on the drone's position,
+//! and outliers. Anchors are measured in turn, and a difference is that between an anchor and the
+//! next one that is received. In a fleet, all links take turns, beginning with the links of each
+//! drone to its anchors, followed by the pairs of drones. Both drones of a pair receive the same
+//! range. Walls, antenna patterns and collisions of packets are not modeled.
 
 use nalgebra::Vector3;
 

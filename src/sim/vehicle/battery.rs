@@ -9,8 +9,8 @@ const SECONDS_PER_HOUR: f64 = 3600.0;
 /// `pm_stm32f4.c` of firmware 2026.08), so that a sag at take-off does not stop them.
 const CUT_OFF_S: f64 = 5.0;
 
-/// Upper end of the bisection of a motor's voltage, in battery voltages, and the number of its
-/// steps, which gives 1e-9 V.
+/// Upper end of the bisection of a motor's voltage, in battery voltages, and number of its steps,
+/// which give 1e-9 V.
 const HIGHEST_V: f64 = 8.0;
 const BISECTIONS: u32 = 36;
 
@@ -57,7 +57,7 @@ impl Battery {
         (options.capacity_ah > 0.0).then_some(battery)
     }
 
-    /// True once the voltage was below the cut-off for too long. The motors then stay off.
+    /// True once the voltage was below the cut-off for too long. After that, the motors stay off.
     pub(super) fn is_cut_off(&self) -> bool {
         self.low_s >= CUT_OFF_S
     }

@@ -14,14 +14,14 @@
 //! | here, mN | 98 | 75 | 53 | 41 | 34 | 20 |
 //!
 //! The first is `_downwash()` of `BaseAviary.py` with the coefficients 2267.18, 0.16 and −0.11 of
-//! `cf2x.urdf`. It takes three times the weight at 0.3 m, although Crazyflies have hovered above
-//! each other at that distance (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69 m. The
-//! second is figure 3 of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured in
-//! flight with drones of 34 g. `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads it as 10,
-//! 8, 6 and 4 g up to 0.5 m and a straight line to 0 beyond. This program uses the second model up
-//! to 0.5 m, and beyond that the decay of a round jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000,
-//! section 5.1). At 0.6 m, drones with a good controller still hover, and at 1 m some with the
-//! stock controller did not (USC-ACTLab/crazyswarm issue 97).
+//! `cf2x.urdf`. This model takes three times the weight at 0.3 m, although Crazyflies have hovered
+//! above each other at that distance (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69
+//! m. The second is figure 3 of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured
+//! in flight with drones of 34 g. `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads that
+//! figure as 10, 8, 6 and 4 g up to 0.5 m and a straight line to 0 beyond. This program uses the
+//! second model up to 0.5 m, and beyond that the decay of a round jet, `1/(z − z₀)` (Pope,
+//! "Turbulent Flows", 2000, section 5.1). At 0.6 m, drones with a good controller still hover, and
+//! at 1 m some with the stock controller did not (USC-ACTLab/crazyswarm issue 97).
 //!
 //! Turbulence and delay of the stream, its deflection by the floor and by other streams (losses add
 //! up), and drag of the body in it are not modeled.
@@ -34,7 +34,7 @@ use noctograph_core::crazyflie::MOTOR_SIGNS;
 /// Largest fraction of the thrust that is lost, 10 g of 34 g in the nearest measurement (0.2 m).
 const MOST_LOST: f64 = 10.0 / 34.0;
 /// Product of the lost fraction and the distance from [`ORIGIN`] in sizes, since a drone of 34 g
-/// and 46 mm loses 1.9 g m. It is within 10 % of the measurements from 0.3 to 0.5 m.
+/// and 46 mm loses 1.9 g m. The loss is within 10 % of the measurements from 0.3 to 0.5 m.
 const LOSS_SIZES: f64 = 1.9 / 34.0 / CRAZYFLIE_M;
 /// Virtual origin of the jet below the drone in sizes, which is 50 mm.
 const ORIGIN: f64 = 0.05 / CRAZYFLIE_M;

@@ -10,7 +10,8 @@ const FOOT_M: f64 = 0.3048;
 /// Correlation time in s of the torque of uneven air, which is that of the reference flight
 /// ([`super::GustOptions`]).
 pub const TORQUE_TIME_S: f64 = 1.5;
-/// Lowest height in feet of the low-altitude model. Its values are used for flights below it.
+/// Lowest height in feet of the low-altitude model. The model's values at this height are used for
+/// flights below it.
 const LOWEST_FT: f64 = 10.0;
 
 /// Wind at the drone, advanced step by step.

@@ -10,8 +10,8 @@ pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
     ///
-    /// The rigid body and the linear motors are the reference team's model. A value of 0 or "none"
-    /// switches off any effect from [`Self::rotor_thrust_n_s2`] on, as it does by default.
+    /// The rigid body and the linear motors are the reference team's model. By default, every
+    /// effect from [`Self::rotor_thrust_n_s2`] on is switched off by a value of 0 or "none".
     ///
     /// The defaults are from the team's pendulum tests and fits. The center of mass explains the
     /// mean motor commands and the constant position error of their flight, (−1.3e-4, −3.3e-4, 0) N
@@ -51,20 +51,22 @@ settings! {
         body_drag_n_s_m: [f64; 3] = [0.0; 3], in 0.0..=10.0;
         /// Drag of one rotor across its axis per airspeed and rotor speed in N/((m/s)(rad/s)).
         ///
-        /// This is the H-force of blade element theory, linear as in `RotorS` (Furrer et al. 2016).
+        /// This drag is the H-force of blade element theory, linear as in `RotorS` (Furrer et al.
+        /// 2016).
         rotor_drag_n_s2_m: f64 = 0.0, in 0.0..=1e-2;
         /// Moment of the air about body x and y per airspeed across the rotors' axes in N m/(m/s).
         ///
         /// The side of a rotor that moves into the air lifts more than the other, and its drag acts
         /// above the center of mass, so that the drone pitches up against its motion (speed
         /// stability: Pounds, Mahony, Corke, "Modelling and control of a large quadrotor robot",
-        /// 2010). This increases the lag of a regulator without integral action. In the log of the
-        /// reference flight, the slow part of the pitch torque and the speed in x give 4.7e-4 (of σ
-        /// 0.8e-4 N m, 0.6e-4 remains).
+        /// 2010). This moment increases the lag of a regulator without integral action. In the log
+        /// of the reference flight, the slow part of the pitch torque and the speed in x give
+        /// 4.7e-4 (of σ 0.8e-4 N m, 0.6e-4 remains).
         airspeed_moment_n_s: f64 = 0.0, in 0.0..=10.0;
         /// Moment of inertia of one rotor with the rotating part of its motor, about its axis.
         ///
-        /// It causes the gyroscopic torque, and the yaw torque of a rotor that speeds up.
+        /// The moment of inertia causes the gyroscopic torque, and the yaw torque of a rotor that
+        /// speeds up.
         rotor_inertia_kg_m2: f64 = 0.0, in 0.0..=1e-2;
         /// Fraction of the thrust that each motor m1…m4 lacks at every command, because of a
         /// damaged propeller or a worn motor.
@@ -138,7 +140,7 @@ settings! {
         /// Minimum duty cycle of an armed motor in the air, as a fraction of full duty.
         idle_frac: f64 = 0.0, in 0.0..=1.0, for "battery.compensation" = "firmware";
         /// Voltage under load below which, after 5 s, the motors stop permanently. A value of 0
-        /// means never.
+        /// means that they never stop.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
     }
 
@@ -160,7 +162,7 @@ settings! {
     pub struct AirOptions {
         /// Steady wind in the world frame.
         wind_m_s: [f64; 3] = [0.0; 3], in -50.0..=50.0;
-        /// Gusts in addition to the steady wind. They push the drone through its drag.
+        /// Gusts in addition to the steady wind. Gusts push the drone through its drag.
         gusts: Gusts = Gusts::None;
         /// Thrust loss of a drone that flies below another drone.
         downwash: Downwash = Downwash::Jet, unless "plan.drones" = "1";

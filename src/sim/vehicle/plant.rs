@@ -52,7 +52,8 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
-    /// Fraction of its thrust that each motor provides. It is less than 1 for a damaged motor.
+    /// Fraction of its thrust that each motor provides. The fraction is less than 1 for a damaged
+    /// motor.
     thrust_frac: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
@@ -62,10 +63,10 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Makes a level drone at rest, with the noise of `seed` and the index `drone`. In the air, its
-    /// rotors already carry it, and on the floor, they do not turn.
+    /// Makes a level drone at rest, with the noise of `seed` and the index `drone`. In the air, the
+    /// rotors already carry the drone, and on the floor, they do not turn.
     ///
-    /// `dt_s` is the duration of a step. Up to 2 ms, this duration hardly affects the result.
+    /// `dt_s` is the duration of a step. A duration of up to 2 ms hardly affects the result.
     pub fn new(
         options: PlantOptions<'_>,
         dt_s: f64,

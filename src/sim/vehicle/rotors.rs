@@ -137,7 +137,7 @@ impl Rotors {
     }
 
     /// Returns the load to subtract when the rotors lose thrust at unchanged speeds. The torque
-    /// about z depends on the speeds, and therefore stays.
+    /// about z depends on the speeds, and is therefore unchanged.
     pub(super) fn lost_load(&self, lost_n: &Vector4<f64>) -> Load {
         let [roll, pitch, _, thrust_n] = (MOTOR_SIGNS * lost_n).into();
         let [about_x, about_y] = self.horizontal_torque_n_m(roll, pitch, thrust_n);
