@@ -1,8 +1,8 @@
-//! Diagnostics: the one type for anything that is wrong, doubtful, or could be better.
+//! Diagnostics, the only type in which the program reports what is wrong, doubtful or improvable.
 //!
-//! A [`Diagnostic`] has a code, which programs and the page's languages hang on, a severity, a
-//! place, a message, figures by name, and help as a sentence whose keys of the scene are data.
-//! Stages make them, [`Warned`] carries them beside a product, and only the callers print them.
+//! A [`Diagnostic`] contains a code, to which programs and translations refer, a severity, a place,
+//! a message, named figures, and help, a sentence whose scene keys are stored as data. Stages make
+//! diagnostics, [`Warned`] carries them beside a product, and only callers print them.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,32 +11,32 @@ use serde::{Serialize, Serializer, ser::SerializeMap};
 
 use crate::place::{DroneIndex, Place, Segment};
 
-/// How bad it is.
+/// Severity of a diagnostic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
-    /// Within its limit.
+    /// The value is within its limit.
     #[default]
     Fine,
-    /// Not checked, for lack of data.
+    /// The check was not made, because data are missing.
     Unknown,
-    /// It flies, but the picture suffers, or something was guessed or left out.
+    /// The drone can fly, but the picture suffers, or the program guessed or left out something.
     Warning,
-    /// It should not fly, or no word can be read whatever its letters are, or an input is refused.
+    /// The drone should not fly, no word can be read with any letters, or an input is refused.
     Stop,
 }
 
-/// A figure of a diagnostic.
+/// Named value of a diagnostic.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Figure {
-    /// A number, in the unit that its name has.
+    /// Number in the unit that the figure's name ends with.
     Number(f64),
-    /// A number of things.
+    /// Number of items.
     Count(usize),
-    /// A place in the world, m.
+    /// Position in the world frame in m.
     Position([f64; 3]),
-    /// A subject, such as letters or a volume.
+    /// Subject, such as letters or a volume.
     Text(String),
 }
 
@@ -51,38 +51,38 @@ macro_rules! figure_from {
 }
 figure_from! { f64 => Number, usize => Count, [f64; 3] => Position, String => Text, &str => Text, }
 
-/// A problem, a doubt, or a possible improvement.
+/// Result of a check or an event: a problem, a doubt, or a possible improvement.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Diagnostic {
-    /// Code: the name of the check (`lit transit`), or of the event (`shutter-closes`).
+    /// Code, which is the name of a check (`lit transit`) or of an event (`shutter-closes`).
     pub code: &'static str,
-    /// How bad it is.
+    /// Severity of the problem.
     pub severity: Severity,
-    /// Where it is: a file with its line, a key, a drone. May be empty.
+    /// Place of the problem, such as a file with a line, a key or a drone. The place may be empty.
     pub place: Place,
-    /// What was found.
+    /// Sentence that states what was found.
     pub message: String,
-    /// What is wanted. May be empty.
+    /// Sentence that states what is wanted. The text may be empty.
     pub wanted: String,
-    /// Figures by name. Those of a check are `value` and `limit` in its unit, `count`, `time_s`,
-    /// `position_m`, and `detail`, the subject or a reason.
+    /// Figures by name. A check has the figures `value` and `limit` in the same unit, `count`,
+    /// `time_s`, `position_m`, and `detail`, which is its subject or a reason.
     pub figures: BTreeMap<&'static str, Figure>,
-    /// What to do. May be empty.
+    /// Suggested action. The help may be empty.
     pub help: Help,
 }
 
 impl Diagnostic {
-    /// A diagnostic with a message.
+    /// Makes a diagnostic with a message.
     pub fn new(code: &'static str, severity: Severity, message: impl Into<String>) -> Self {
         Self { code, severity, message: message.into(), ..Self::default() }
     }
 
-    /// A warning.
+    /// Makes a warning.
     pub fn warning(code: &'static str, message: impl Into<String>) -> Self {
         Self::new(code, Severity::Warning, message)
     }
 
-    /// A warning for each message, all with one code.
+    /// Makes a warning for each message, all with the same code.
     pub fn warnings(
         code: &'static str,
         messages: impl IntoIterator<Item: Into<String>>,
@@ -90,12 +90,12 @@ impl Diagnostic {
         messages.into_iter().map(|message| Self::warning(code, message)).collect()
     }
 
-    /// A check with its measured value, if there is one. [`Self::say`] adds the sentences.
+    /// Makes a check with its measured value, if there is one. [`Self::say`] adds the texts.
     pub fn check(code: &'static str, severity: Severity, value: impl Into<Option<f64>>) -> Self {
         Self::new(code, severity, "").with_some("value", value.into())
     }
 
-    /// A check that was not made: the reason, the data that it needs, and help.
+    /// Makes a check that could not be carried out, with the reason, the missing data, and help.
     pub fn unchecked(
         code: &'static str,
         why: impl ToString,
@@ -154,13 +154,13 @@ impl Diagnostic {
         Self { message: message.into(), wanted: wanted.into(), help: Help::from(help), ..self }
     }
 
-    /// Sets the help. A literal has keys of the scene in braces, see [`Help`].
+    /// Sets the help. A literal contains keys of the scene in braces, as [`Help`] describes.
     #[must_use]
     pub fn helped(self, help: impl Into<Help>) -> Self {
         Self { help: help.into(), ..self }
     }
 
-    /// Names the drone, if there are several, at the beginning of the place.
+    /// Names the drone at the beginning of the place, if there are several drones.
     #[must_use]
     pub fn of_drone(mut self, drone: impl Into<Option<DroneIndex>>) -> Self {
         self.place.0.splice(..0, drone.into().map(Segment::Drone));
@@ -174,12 +174,12 @@ impl Diagnostic {
         self
     }
 
-    /// True if it stops the flight, or hides the word.
+    /// True if the problem stops the flight or hides the word.
     pub fn is_stop(&self) -> bool {
         self.severity == Severity::Stop
     }
 
-    /// The figure of this name, or `None` if it is missing or not a number.
+    /// Returns the figure with this name, or `None` if it is missing or not a number.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.figures.get(name) {
             Some(Figure::Number(number)) => Some(*number),
@@ -187,7 +187,7 @@ impl Diagnostic {
         }
     }
 
-    /// The subject of the value, or a reason, or empty if there is none.
+    /// Returns the subject of the value or the reason, or an empty text if there is none.
     pub fn detail(&self) -> &str {
         match self.figures.get("detail") {
             Some(Figure::Text(text)) => text,
@@ -195,7 +195,8 @@ impl Diagnostic {
         }
     }
 
-    /// The help as a sentence, with changes formatted by `format_change`. Empty for a passed check.
+    /// Returns the help as a sentence, with changes formatted by `format_change`. The sentence is
+    /// empty for a passed check.
     pub fn change(&self, format_change: impl Fn(&Change) -> String) -> String {
         match self.severity {
             Severity::Fine => String::new(),
@@ -203,8 +204,8 @@ impl Diagnostic {
         }
     }
 
-    /// The row of a table of checks: severity, name, message, what is wanted, and help. The last
-    /// two are empty for a passed check.
+    /// Returns a row for a table of checks, which contains severity, name, message, what is wanted,
+    /// and help. The last two cells are empty for a passed check.
     pub fn cells(&self, format_change: impl Fn(&Change) -> String) -> [String; 5] {
         let (mark, wanted) = match self.severity {
             Severity::Fine => ("ok", ""),
@@ -215,7 +216,7 @@ impl Diagnostic {
         [mark.into(), self.code.into(), self.to_string(), wanted.into(), self.change(format_change)]
     }
 
-    /// One line: place, message and help, with changes formatted by `format_change`.
+    /// Returns place, message and help in one line, with changes formatted by `format_change`.
     pub fn sentence(&self, format_change: impl Fn(&Change) -> String) -> String {
         match (self.change(format_change), self.severity) {
             (help, _) if help.is_empty() => self.to_string(),
@@ -226,7 +227,7 @@ impl Diagnostic {
 }
 
 impl fmt::Display for Diagnostic {
-    /// The message with its place.
+    /// Writes the place and the message.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.place.0.is_empty() {
             write!(f, "{}: ", self.place)?;
@@ -236,11 +237,11 @@ impl fmt::Display for Diagnostic {
 }
 
 impl Serialize for Diagnostic {
-    /// A finding as JSON: `check`, `severity`, `found`, `wanted`, its figures, and `drone` if it is
-    /// of one of several. `value` and `limit` are always there.
+    /// Serializes a finding as JSON with `check`, `severity`, `found`, `wanted`, its figures, and
+    /// `drone` if there are several drones. `value` and `limit` are always present.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut map = to.serialize_map(None)?;
-        // Members that are always present, then further figures, then texts.
+        // Members that are always present are written first, then other figures and texts.
         if let Some(Segment::Drone(drone)) = self.place.0.first() {
             map.serialize_entry("drone", drone)?;
         }
@@ -269,45 +270,46 @@ pub struct Warned<T> {
 }
 
 impl<T> Warned<T> {
-    /// Makes another product of the product, and keeps the warnings.
+    /// Converts the product, and keeps the warnings.
     pub fn map<U>(self, make: impl FnOnce(T) -> U) -> Warned<U> {
         Warned { product: make(self.product), warnings: self.warnings }
     }
 }
 
-/// A key of a scene, and the value that it should have.
+/// Key of a scene, and the value that it should have.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Change {
-    /// Dotted key.
+    /// Dotted key in the scene file.
     pub key: String,
-    /// The value in the syntax of a scene, or `None` if the sentence gives a direction.
+    /// Value in the syntax of a scene, or `None` if the sentence only gives a direction.
     pub value: Option<String>,
 }
 
 impl Change {
-    /// A key with the value that it should have.
+    /// Makes a change from a key and the value that it should have.
     pub fn new(key: impl Into<String>, value: impl ToString) -> Self {
         Self { key: key.into(), value: Some(value.to_string()) }
     }
 }
 
 impl fmt::Display for Change {
-    /// The change in the syntax of a scene file.
+    /// Writes the change in the syntax of a scene file.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(value) = &self.value else { return f.write_str(&self.key) };
-        // Numbers, lists and texts in quotation marks are TOML, a bare name is not.
+        // Numbers, lists and texts in quotation marks are valid TOML, but a bare name is not.
         let is_toml = format!("value = {value}").parse::<toml::Table>().is_ok();
         let quote = if is_toml { "" } else { "\"" };
         write!(f, "{} = {quote}{value}{quote}", self.key)
     }
 }
 
-/// Suggested action: words, and keys of the scene as data. A literal has the keys in braces, some
-/// with a value: `"raise {camera.iso}, or set {camera.metering=trail}"`.
+/// Suggested action, which consists of words, and of keys of the scene as data. A literal contains
+/// the keys in braces, some of them with a value: `"raise {camera.iso}, or set
+/// {camera.metering=trail}"`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Help(Vec<Part>);
 
-/// A part of a sentence.
+/// Part of a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {
     Words(String),
@@ -315,7 +317,7 @@ enum Part {
 }
 
 impl Help {
-    /// The changes that the sentence names, in order.
+    /// Returns the changes that the sentence names, in order.
     pub fn changes(&self) -> impl Iterator<Item = &Change> {
         self.0.iter().filter_map(|part| match part {
             Part::Words(_) => None,
@@ -323,7 +325,7 @@ impl Help {
         })
     }
 
-    /// The sentence, with changes formatted by `format_change`.
+    /// Returns the sentence, with changes formatted by `format_change`.
     pub fn sentence(&self, format_change: impl Fn(&Change) -> String) -> String {
         self.0.iter().fold(String::new(), |text, part| match part {
             Part::Words(words) => text + words,
@@ -331,16 +333,16 @@ impl Help {
         })
     }
 
-    /// True if there is nothing to do.
+    /// True if there is no suggested action.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
 impl From<&'static str> for Help {
-    /// Parses a literal, which has keys in braces: `raise {camera.iso}`.
+    /// Parses a literal, which contains keys in braces, such as `raise {camera.iso}`.
     fn from(text: &'static str) -> Self {
-        // Every second part is within braces.
+        // Every second part was enclosed in braces.
         let parts = text.split(['{', '}']).enumerate().map(|(index, part)| {
             match (index % 2, part.split_once('=')) {
                 (0, _) => Part::Words(part.to_owned()),
@@ -353,7 +355,7 @@ impl From<&'static str> for Help {
 }
 
 impl From<String> for Help {
-    /// Takes a text as words only. Braces in it have no meaning.
+    /// Takes a text as words without keys. Braces in the text have no special meaning.
     fn from(words: String) -> Self {
         Self(if words.is_empty() { Vec::new() } else { vec![Part::Words(words)] })
     }

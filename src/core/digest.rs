@@ -1,4 +1,4 @@
-//! Digests of products: SHA-256 (FIPS 180-4) in hexadecimal, equal on every machine.
+//! Digests of products, as SHA-256 (FIPS 180-4) in hexadecimal, equal on every machine.
 
 use std::io::Write;
 
@@ -14,9 +14,10 @@ impl Digest {
         self.0.update(bytes);
     }
 
-    /// Adds the bits of numbers, the lowest byte first.
+    /// Adds the bits of numbers, lowest byte first.
     pub fn add_numbers(&mut self, numbers: &[f64]) {
-        // 64 numbers at a time: a call for each costs as much as the digest itself.
+        // The numbers are added in chunks, because a call for each takes as long as the digest
+        // itself.
         const CHUNK: usize = 64;
         let mut buffer = [0; 8 * CHUNK];
         for chunk in numbers.chunks(CHUNK) {
@@ -27,13 +28,13 @@ impl Digest {
         }
     }
 
-    /// The digest as 64 hexadecimal digits.
+    /// Returns the digest as 64 hexadecimal digits.
     pub fn hex(self) -> String {
         self.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }
 
-/// Writing adds the bytes.
+/// Adds all bytes that are written.
 impl Write for Digest {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.add(bytes);
@@ -45,12 +46,12 @@ impl Write for Digest {
     }
 }
 
-/// A writer that optionally computes the digest of its output.
+/// Writer that optionally computes the digest of its output.
 #[derive(Debug)]
 pub struct Digested<W> {
-    /// Where it is written.
+    /// Writer to which the output is passed on.
     pub to: W,
-    /// The digest so far, or `None` if it is not wanted.
+    /// Digest of the output so far, or `None` if no digest is wanted.
     pub digest: Option<Digest>,
 }
 
@@ -75,16 +76,16 @@ impl<W: Write> Write for Digested<W> {
     }
 }
 
-/// SHA-256 of some bytes, in hexadecimal.
+/// Returns the SHA-256 of bytes in hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
     let mut digest = Digest::default();
     digest.add(bytes);
     digest.hex()
 }
 
-/// HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes.
+/// Returns the HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes.
 pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32] {
-    // Outer and inner padding, as RFC 2104 names them: the key is XORed into a block of it.
+    // The key is XORed into a block of the outer and of the inner padding, as RFC 2104 names them.
     const OPAD: u8 = 0x5c;
     const IPAD: u8 = 0x36;
     fn keyed_sha256(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
@@ -96,7 +97,8 @@ pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32
     keyed_sha256(OPAD, key, &keyed_sha256(IPAD, key, &message))
 }
 
-/// FNV-1a hash, 64 bits (Fowler, Noll, Vo). Streams of random numbers are named by it.
+/// Returns the 64-bit FNV-1a hash (Fowler, Noll, Vo). The digest identifies streams of random
+/// numbers.
 pub fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
     const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
     const PRIME: u64 = 0x0100_0000_01b3;
@@ -109,7 +111,7 @@ mod tests {
 
     #[test]
     fn the_digest_is_the_standards() {
-        // FIPS 180-4, example of one block.
+        // The digest is that of FIPS 180-4's example with one block.
         let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(sha256(b"abc"), abc);
         let mut pieces = Digest::default();
@@ -123,7 +125,7 @@ mod tests {
 
     #[test]
     fn the_keyed_hash_is_the_standards() {
-        // RFC 4231, test case 2.
+        // The hash is that of RFC 4231's test case 2.
         let hash = hmac_sha256(b"Jefe", b"what do ya want for nothing?".iter().copied());
         assert_eq!(hash[..8], [0x5b, 0xdc, 0xc1, 0x46, 0xbf, 0x60, 0x75, 0x4e]);
         assert_eq!(hash[24..], [0x9d, 0xec, 0x58, 0xb9, 0x64, 0xec, 0x38, 0x43]);
@@ -131,7 +133,7 @@ mod tests {
 
     #[test]
     fn hash_is_the_published_fnv_1a() {
-        // Test vectors of the authors' reference code.
+        // The hashes are the test vectors of the authors' reference code.
         assert_eq!(fnv_1a("".bytes()), 0xcbf2_9ce4_8422_2325);
         assert_eq!(fnv_1a("foobar".bytes()), 0x8594_4171_f739_67e8);
     }

@@ -1,82 +1,82 @@
-//! Errors, grouped by how they are fixed.
+//! Errors, grouped by the way in which they are fixed.
 
 use std::path::{Component, Path, PathBuf};
 
 pub use crate::place::{DroneIndex, Place, Segment};
 
-/// Result of everything in this crate that can fail.
+/// Result of every function in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Characters of a value that are printed: more than any digest or name that is a value.
+/// Maximum number of printed characters of a value, more than any digest or name that occurs.
 const LONGEST_FOUND: usize = 160;
 
-/// One error for the whole crate.
+/// Error type of all crates.
 ///
-/// The text names the place, the value found and the value wanted. [`Error::hint`] is advice.
+/// The text names the place, the found and the wanted value. [`Error::hint`] says how to fix it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io {
-        /// The file or folder.
+        /// Path of the file or folder.
         path: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
-        /// Advice.
+        /// Advice on how to fix the error.
         hint: String,
     },
     /// An input value cannot be used.
     #[error("{place}: found {found}, wanted {wanted}")]
     Input {
-        /// Its name, which help and other languages hang on, or `input` if nothing does.
+        /// Code to which help and translations refer, or `input` if none of them does.
         code: &'static str,
-        /// Its place.
+        /// Place of the value.
         place: Box<Place>,
         /// The value found.
         found: String,
-        /// The values that are accepted.
+        /// Values that are accepted.
         wanted: String,
-        /// Advice.
+        /// Advice on how to fix the error.
         hint: String,
     },
-    /// A letter of the word that the font lacks.
+    /// The font lacks a letter of the word.
     #[error("word, position {position}: found {letter:?} (U+{:04X}), wanted {wanted}", u32::from(*letter))]
     Letter {
-        /// Its place, counted from 1.
+        /// Position of the letter in the word, from 1.
         position: usize,
-        /// The letter.
+        /// Letter that the font lacks.
         letter: char,
-        /// Letters that the font has.
+        /// Letters that the font contains.
         wanted: String,
-        /// Advice.
+        /// Advice on how to fix the error.
         hint: String,
     },
     /// The graphics device failed.
     #[error("graphics device: {what}")]
     Gpu {
-        /// The failure, with the adapter's name if it is known.
+        /// Failure, with the adapter's name if it is known.
         what: String,
-        /// Advice.
+        /// Advice on how to fix the error.
         hint: String,
     },
-    /// The input is well formed, but cannot be carried out.
+    /// The input is well formed, but the request cannot be carried out.
     #[error("{what}")]
     Infeasible {
-        /// Code of the error, like that of an input, or `infeasible` if nothing depends on it.
+        /// Code of the error as in [`Error::Input`], or `infeasible` if nothing refers to it.
         code: &'static str,
-        /// The reason, with the figure that is exceeded.
+        /// Reason, with the figure that exceeds its limit.
         what: String,
-        /// Advice.
+        /// Advice on how to fix the error.
         hint: String,
     },
-    /// The work was stopped by who had asked for it.
+    /// The caller who requested the work stopped it.
     #[error("stopped")]
     Stopped,
 }
 
 impl Error {
-    /// Code of the error, such as `file`. Help and translations refer to it.
+    /// Returns the code of the error, such as `file`. Help and translations refer to the code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Io { .. } => "file",
@@ -96,12 +96,12 @@ impl Error {
         self
     }
 
-    /// The error of an input that is well formed, but cannot be carried out.
+    /// Makes the error for an input that is well formed, but cannot be carried out.
     pub fn infeasible(what: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Infeasible { code: "infeasible", what: what.into(), hint: hint.into() }
     }
 
-    /// Advice on how to fix it.
+    /// Returns advice on how to fix the error.
     pub fn hint(&self) -> &str {
         match self {
             Self::Io { hint, .. }
@@ -113,7 +113,7 @@ impl Error {
         }
     }
 
-    /// The same error with other advice.
+    /// Replaces the advice.
     #[must_use]
     pub fn with_hint(mut self, advice: impl Into<String>) -> Self {
         match &mut self {
@@ -127,15 +127,15 @@ impl Error {
         self
     }
 
-    /// Names the file, and its line, before the error's place. A file that the place already names
-    /// is part of this file.
+    /// Adds the file, and its line if one is given, before the error's place. A file that the place
+    /// already names is part of the added file.
     #[must_use]
     pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
         self.inside([file].into_iter().chain(line.into().map(Segment::Line)))
     }
 
-    /// Names the drone in the error of a flight that cannot be carried out.
+    /// Names the drone in the error for a flight that cannot be carried out.
     #[must_use]
     pub fn of_drone(mut self, drone: DroneIndex) -> Self {
         if let Self::Infeasible { what, .. } = &mut self {
@@ -144,14 +144,14 @@ impl Error {
         self
     }
 
-    /// Names the item of a list before the error's place.
+    /// Adds the item of a list before the error's place.
     #[must_use]
     pub fn of_item(self, list: &str, index: usize) -> Self {
         let list = Place::from(list).0;
         self.inside(list.into_iter().chain([Segment::Index(index)]))
     }
 
-    /// Puts segments before the place of an input.
+    /// Adds segments before the place of an input.
     fn inside(mut self, outer: impl IntoIterator<Item = Segment>) -> Self {
         if let Self::Input { place, .. } = &mut self {
             place.0.splice(..0, outer);
@@ -159,31 +159,31 @@ impl Error {
         self
     }
 
-    /// The error of a file that cannot be read.
+    /// Makes the error for a file that cannot be read.
     pub fn read(path: &Path, source: std::io::Error) -> Self {
         let hint = "name a file or folder that exists and is readable".into();
         Self::Io { path: path.into(), source, hint }
     }
 
-    /// The error of a file or folder that cannot be written.
+    /// Makes the error for a file or folder that cannot be written.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
-        // On Windows, a forbidden name fails with an error that does not name the reason.
+        // On Windows, a forbidden name causes an error that does not name the reason.
         let mut names = path.components().filter_map(|part| match part {
             Component::Normal(name) => Some(name.to_string_lossy()),
             _ => None,
         });
         let hint = match source.kind() {
             _ if cfg!(windows) && names.any(|name| is_reserved(&name)) => {
-                "Windows keeps this name for itself: choose another"
+                "Windows reserves this name: choose another"
             }
-            AlreadyExists | NotADirectory => "a file is where a folder is wanted: name another",
+            AlreadyExists | NotADirectory => "a file has this folder's name: choose another name",
             _ => "choose a writable folder with space left on its disk",
         };
         Self::Io { path: path.into(), source, hint: hint.into() }
     }
 
-    /// The error of a value that cannot be used.
+    /// Makes the error for a value that cannot be used.
     pub fn input(
         place: impl Into<Place>,
         found: impl std::fmt::Display,
@@ -200,15 +200,14 @@ impl Error {
     }
 }
 
-/// True if Windows refuses a name for a file, because it is a device's name or has a forbidden
-/// character.
+/// True if Windows refuses a file's name, which is that of a device or has a forbidden character.
 fn is_reserved(name: &str) -> bool {
     is_device(name)
         || name.ends_with(['.', ' '])
         || name.chars().any(|c| c.is_control() || "<>:\"|?*".contains(c))
 }
 
-/// True if the name is that of a device on Windows, with any extension.
+/// True if a name, with any extension, is that of a device on Windows.
 #[must_use]
 pub fn is_device(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
@@ -217,8 +216,8 @@ pub fn is_device(name: &str) -> bool {
         || port.is_some_and(|rest| matches!(rest.as_bytes(), [b'0'..=b'9']))
 }
 
-/// [`Error::input`] with texts that name their values in place:
-/// `input_error!("word", "{n} characters", "at most {most}", "split the text")`.
+/// Makes an [`Error::input`] from texts with inline format arguments, such as `input_error!("word",
+/// "{n} characters", "at most {most}", "split the text")`.
 #[macro_export]
 macro_rules! input_error {
     ($place:expr, $found:literal, $wanted:literal, $hint:literal $(,)?) => {
@@ -226,7 +225,7 @@ macro_rules! input_error {
     };
 }
 
-/// The text, cut with an ellipsis if it is too long to print: 1e308 has 309 digits.
+/// Cuts a text with an ellipsis if it is too long to print, since 1e308 has 309 digits.
 fn shortened(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(LONGEST_FOUND) {
         text.truncate(end);
@@ -239,7 +238,7 @@ fn shortened(mut text: String) -> String {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with `key` as its place.
+/// Returns [`Error::Input`] with `key` as its place.
 pub fn within(key: &str, value: f64, min: f64, max: f64) -> Result<()> {
     if (min..=max).contains(&value) {
         return Ok(());
@@ -256,7 +255,7 @@ mod tests {
     fn a_file_in_the_place_of_a_folder_is_said() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let source = std::fs::create_dir_all(file.path()).unwrap_err();
-        assert!(Error::write(file.path(), source).hint().starts_with("a file is where a folder"));
+        assert!(Error::write(file.path(), source).hint().starts_with("a file has this folder's"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Shared tools and data types of all stages of Noctograph.
+//! Tools and data types for all stages of Noctograph.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -22,7 +22,8 @@ pub mod srgb;
 pub mod statistics;
 pub mod strokes;
 
-/// Runs work compiled for the widest registers of this processor. WebAssembly has one width.
+/// Runs work in a version that is compiled for the widest registers of this processor. WebAssembly
+/// has only one register width.
 #[inline(always)]
 pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     #[cfg(target_family = "wasm")]
@@ -31,14 +32,13 @@ pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     pulp::Arch::new().dispatch(work)
 }
 
-/// Runs a closure by [`dispatch()`], for the macro of the same name.
+/// Runs a closure with [`dispatch()`], for the macro of the same name.
 #[inline(always)]
 pub fn once<Output>(work: impl FnOnce() -> Output) -> Output {
     dispatch(work)
 }
 
-/// [`dispatch()`] of a closure, inlined: a function of its own is compiled for the oldest
-/// processor.
+/// Runs a closure with [`dispatch()`], inlined so that it is compiled for this processor.
 #[macro_export]
 #[rustfmt::skip]
 macro_rules! dispatch {

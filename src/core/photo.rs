@@ -1,21 +1,22 @@
-//! Photo: a picture, rendered or real. The judge cannot tell them apart.
+//! Photos: pictures that were rendered, or that come from a real camera. The reader of letters
+//! cannot distinguish them.
 
 use crate::error::Result;
 use crate::product::{Rules, Valid, check_picture};
 
-/// A photograph, rendered or real.
+/// Rendered or real photograph.
 pub type Photo = Valid<PhotoData>;
 
-/// The data of a [`Photo`].
+/// Data of a [`Photo`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PhotoData {
-    /// Width.
+    /// Width in pixels.
     pub width_px: u32,
-    /// Height.
+    /// Height in pixels.
     pub height_px: u32,
-    /// Red, green, blue by pixel, row by row from the top left, sRGB-encoded.
+    /// Red, green and blue of each pixel, row by row from the top left, sRGB-encoded.
     pub rgb8: Vec<u8>,
-    /// Text of the scene that made it, if the file has one.
+    /// Text of the scene from which the photo was made, if the file contains it.
     pub scene_toml: Option<String>,
 }
 

@@ -1,34 +1,34 @@
-//! Where something is: a file and its line, a key, an item of a list, one of several drones.
+//! Place of a value, such as a file and its line, a key, a list item, or one of several drones.
 
 use serde::{Serialize, Serializer};
 
-/// Place of a value, from the outside in. Printed: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7`,
-/// `scene.toml:40: light.fixtures[2].name`.
+/// Place of a value, from the outermost segment to the innermost. Printed examples are
+/// `scene.toml:12: vehicle.mass_kg`, `plan.csv:7` and `scene.toml:40: light.fixtures[2].name`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place(pub Vec<Segment>);
 
 /// One step in the path to a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Segment {
-    /// A file, as it was named, or a part of one.
+    /// File as the user named it, or a part of a file.
     File(String),
-    /// A line of the file, from 1.
+    /// Line of the file, from 1.
     Line(u64),
-    /// A key (dotted if it is in a table), a column or a flag.
+    /// Key (dotted if it is in a table), column or flag.
     Key(String),
-    /// An index of a list, from 0.
+    /// Index of a list, from 0.
     Index(usize),
     /// One of several drones.
     Drone(DroneIndex),
 }
 
 impl Place {
-    /// A file as a whole.
+    /// Makes the place of a whole file.
     pub fn file(name: impl std::fmt::Display) -> Self {
         Self(vec![Segment::File(name.to_string())])
     }
 
-    /// The first key in the innermost file, or empty if there is none.
+    /// Returns the first key in the innermost file, or an empty text if there is none.
     pub fn key(&self) -> &str {
         let is_file = |segment: &Segment| matches!(segment, Segment::File(_) | Segment::Line(_));
         match &self.0[self.0.iter().rposition(is_file).map_or(0, |file| file + 1)..] {
@@ -39,9 +39,9 @@ impl Place {
 }
 
 impl std::fmt::Display for Place {
-    /// Writes the place as in `scene.toml:40: light.fixtures[2].name`.
+    /// Writes a place such as `scene.toml:40: light.fixtures[2].name`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        // A key within a key or an item has a dot before it, other names a colon.
+        // A dot precedes a key within a key or an item, and a colon precedes other names.
         let mut outer: Option<&Segment> = None;
         for segment in &self.0 {
             match segment {
@@ -65,7 +65,7 @@ impl std::fmt::Display for Place {
 }
 
 impl From<String> for Place {
-    /// A place with this key, or an empty place for an empty key.
+    /// Makes a place with this key, or an empty place for an empty key.
     fn from(key: String) -> Self {
         Self(if key.is_empty() { Vec::new() } else { vec![Segment::Key(key)] })
     }
@@ -83,7 +83,7 @@ impl From<std::path::Display<'_>> for Place {
     }
 }
 
-/// One of several drones, by its index. People count from 1, and so do texts and JSON.
+/// Index of one of several drones. Messages and JSON count drones from 1, as people do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DroneIndex(pub usize);
 

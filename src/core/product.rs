@@ -1,59 +1,60 @@
-//! Products that cannot be wrong: their data is checked once, when a stage has made it.
+//! Products that cannot be invalid, because their data is checked once, when a stage has made it.
 
 use std::ops::Deref;
 
 use crate::error::{Error, Result};
 
-/// Largest position in m, speed in m/s, angle in rad, motor command: far beyond a drone's world.
+/// Largest magnitude of a position in m, a speed in m/s, an angle in rad or a motor command, far
+/// beyond any value of a drone.
 pub const MAX_QUANTITY: f64 = 1e6;
 
-/// Data with rules: lengths that agree, finite numbers, times that do not fall.
+/// Data with rules, such as agreeing lengths, finite numbers and times in order.
 pub trait Rules {
     /// Checks the rules.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a broken rule.
+    /// Returns [`Error::Input`] for a broken rule.
     fn check(&self) -> Result<()>;
 }
 
-/// Data that follows its rules. Its fields can be read, and change only through [`Self::edit`].
+/// Data that follows its rules. The fields can be read, but changed only through [`Self::edit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Valid<T>(T);
 
 impl<T: Rules> Valid<T> {
-    /// Checks data.
+    /// Checks the data, and returns it as valid.
     ///
     /// # Errors
     ///
-    /// As [`Rules::check`].
+    /// Returns the error of [`Rules::check`].
     pub fn new(data: T) -> Result<Self> {
         data.check()?;
         Ok(Self(data))
     }
 
-    /// The product of a stage whose own work keeps the rules.
+    /// Makes the product of a stage that is supposed to keep the rules.
     ///
     /// # Panics
     ///
-    /// If it does not: a defect of the stage.
+    /// Panics if the data breaks a rule, which is a defect of the stage.
     #[must_use]
     pub fn made(data: T) -> Self {
         Self::new(data).unwrap_or_else(|error| broken(&error))
     }
 
-    /// Changes the data by `change`, and returns its result.
+    /// Changes the data with `change`, and returns the result of `change`.
     ///
     /// # Panics
     ///
-    /// As [`Self::made`].
+    /// Panics if the changed data breaks a rule, as [`Self::made`] does.
     pub fn edit<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> R {
         let changed = change(&mut self.0);
         self.0.check().unwrap_or_else(|error| broken(&error));
         changed
     }
 
-    /// The data without the guarantee.
+    /// Returns the data without the guarantee that it follows its rules.
     pub fn into_data(self) -> T {
         self.0
     }
@@ -74,31 +75,31 @@ impl<T> Deref for Valid<T> {
 
 const FINITE_HINT: &str = "give one row for each time, with finite numbers in SI units";
 
-/// Checks that a column is as long as the times.
+/// Checks that a column has as many rows as there are times.
 pub(crate) fn check_length(name: &str, n_rows: usize, n_times: usize) -> Result<()> {
     if n_rows == n_times {
         return Ok(());
     }
-    let wanted = format!("{n_times} rows, as time_s");
+    let wanted = format!("{n_times} rows, as in time_s");
     Err(Error::input(name, format_args!("{n_rows} rows"), wanted, FINITE_HINT))
 }
 
-/// True if a number is finite, and within the world of a drone.
+/// True if a number is finite and within the range of a drone's quantities.
 pub(crate) fn is_number(value: f64) -> bool {
     value.abs() <= MAX_QUANTITY
 }
 
-/// The error of a number for which [`is_number`] is false.
+/// Makes the error for a number for which [`is_number`] is false.
 pub(crate) fn odd_number(name: &str, row: usize, value: f64) -> Error {
     let wanted = format!("a number within ±{MAX_QUANTITY}");
     Error::input(name, format_args!("{value} in row {row}"), wanted, FINITE_HINT)
 }
 
-/// Checks that times are finite and do not fall.
+/// Checks that times are finite and never decrease.
 pub(crate) fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> {
     let mut last_s = f64::NEG_INFINITY;
     for (row, time_s) in times_s.into_iter().enumerate() {
-        // NaN fails the comparison.
+        // The comparison is false for NaN.
         if !(time_s.is_finite() && time_s >= last_s) {
             let actual = format!("{time_s} after {last_s} in row {row}");
             return Err(Error::input("time_s", actual, "rising times", "sort the rows by time"));
@@ -108,14 +109,14 @@ pub(crate) fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> 
     Ok(())
 }
 
-/// Checks that a column has a light level from 0 to 1 for each time.
+/// Checks that a column contains a light level from 0 to 1 for each time.
 pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result<()> {
     check_length(name, levels.len(), n_times)?;
     match levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
         None => Ok(()),
         Some(row) => {
             let actual = format!("{} in row {row}", levels[row]);
-            let hint = "1 is the lamp at full: divide bytes by 255";
+            let hint = "1 is full light: divide bytes by 255";
             Err(Error::input(name, actual, "levels from 0 to 1", hint))
         }
     }
@@ -124,7 +125,7 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result
 /// Checks that a picture has at least one pixel, and `n_channels` values for each.
 pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> Result<()> {
     let [width_px, height_px] = size_px;
-    // The product of the three may exceed `usize`.
+    // The product of the three factors may exceed `usize`.
     let n_wanted = u128::from(width_px) * u128::from(height_px) * n_channels as u128;
     if n_wanted > 0 && n_values as u128 == n_wanted {
         return Ok(());
@@ -135,7 +136,7 @@ pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> R
         "picture",
         actual,
         wanted,
-        "give the size of the picture that the values have",
+        "give the size of the picture to which the values belong",
     ))
 }
 

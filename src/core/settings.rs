@@ -1,8 +1,10 @@
-//! Settings. A declaration holds a setting's documentation, type, default and range.
+//! Declarations of settings. Each declaration contains a setting's documentation, type, default and
+//! range.
 //!
-//! The macro [`settings!`] declares three kinds of type. From the same lines come the Rust type
-//! with its `Default`, its form in a scene file, the check of its ranges, the commented scene that
-//! `noctograph scene` prints, and the suggestions for a key that does not exist.
+//! The macro [`settings!`] declares groups of settings, choices by name, and choices with settings
+//! of their own. Each declaration produces the Rust type with its `Default`, its form in a scene
+//! file, the check of its ranges, the commented scene that `noctograph scene` prints, and the
+//! suggestions for a key that does not exist.
 //!
 //! ```ignore
 //! settings! {
@@ -35,60 +37,62 @@
 //! ```
 //!
 //! `for KEY = NAMES` and `unless KEY = NAMES` restrict the effect of a setting to some values of
-//! another key, members of its list, or numbers. Without names, to that key being set and not 0.
-//! Settings without effect keep their values, so that a preset's gains survive a change of the
-//! choice.
+//! another key, which may be names, members of its list, or numbers. Without names, a restriction
+//! depends only on whether that key is set and not 0. Settings without effect keep their values, so
+//! that a preset's gains survive when another choice is tried and undone.
 //!
-//! A group may end with `fixed { ... }`: constants that no scene sets, but tests and conditions.
+//! A group may end with `fixed { ... }`, which declares constants that tests and conditions can
+//! vary but no scene can set.
 //!
-//! Numbers without a range must be finite. Rules that involve several settings stay in a function
-//! `check` of the type, which calls [`Described::check`] for the ranges.
+//! Numbers without a range must be finite. A function `check` of the type contains the rules that
+//! involve several settings, and calls [`Described::check`] for the ranges.
 
 use std::collections::BTreeSet;
 
 use crate::error::{Error, Result};
 
-/// One setting of a group.
+/// Setting of a group.
 #[derive(Debug)]
 pub struct Setting {
-    /// Its key in the scene file.
+    /// Key of the setting in the scene file.
     pub key: &'static str,
-    /// Its documentation, line by line.
+    /// Documentation of the setting, line by line.
     pub doc: &'static [&'static str],
-    /// Smallest and largest value.
+    /// Smallest and largest value of the setting.
     pub range: Option<[f64; 2]>,
-    /// Form of its value.
+    /// Form of the setting's value.
     pub shape: Shape,
-    /// All conditions under which the key has an effect.
+    /// Conditions that must all hold for the key to have an effect.
     pub needs: &'static [Need],
 }
 
-/// A condition for the effect of a setting: another setting, by its dotted key in the scene file.
+/// Condition on another setting under which a setting has an effect.
 #[derive(Debug)]
 pub struct Need {
-    /// The other setting.
+    /// Dotted key of the other setting in the scene file.
     pub key: &'static str,
-    /// Values of that key that count. With none listed, any value but 0 counts.
+    /// Values of the other setting that satisfy the condition. If this list is empty, all values
+    /// except 0 satisfy it.
     pub names: &'static [&'static str],
-    /// True if that must be so, false if it must not.
+    /// True if the other setting must have such a value, false if it must not.
     pub holds: bool,
 }
 
-/// One name of a choice.
+/// Name that a choice offers.
 #[derive(Debug)]
 pub struct Variant {
-    /// The name in the scene file.
+    /// Name in the scene file.
     pub name: &'static str,
-    /// Its documentation, line by line.
+    /// Documentation of the name, line by line.
     pub doc: &'static [&'static str],
-    /// Settings that exist with this name only.
+    /// Settings that exist only if this name is chosen.
     pub settings: &'static [Setting],
 }
 
 /// Form of a setting's value in the scene file.
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {
-    /// A number, text, or a list.
+    /// A number, a text or a list.
     Plain,
     /// One of several names.
     Names(&'static [Variant]),
@@ -99,7 +103,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The settings of a group. Panics for another shape.
+    /// Returns the settings of a group. Panics for any other form.
     pub const fn settings(self) -> &'static [Setting] {
         match self {
             Self::Group(settings) => settings,
@@ -108,22 +112,22 @@ impl Shape {
     }
 }
 
-/// A type that a setting may have.
+/// Type that a setting may have.
 pub trait Described {
-    /// Form in the scene file.
+    /// Form of the type's value in the scene file.
     const SHAPE: Shape = Shape::Plain;
 
-    /// Checks all ranges within the value. `place` is its key, and `range` is its range.
+    /// Checks all ranges within the value. `place` is the value's key, and `range` the key's range.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the key that is out of range.
+    /// Returns [`Error::Input`] with the key that is out of range.
     fn check(&self, _place: &str, _range: Option<[f64; 2]>) -> Result<()> {
         Ok(())
     }
 }
 
-/// The names of a choice, or none for another shape.
+/// Returns the names of a choice, or none for another form.
 pub fn names(shape: Shape) -> impl Iterator<Item = &'static str> {
     let variants: &[Variant] = match shape {
         Shape::Names(variants) | Shape::Tagged(variants) => variants,
@@ -132,17 +136,17 @@ pub fn names(shape: Shape) -> impl Iterator<Item = &'static str> {
     variants.iter().map(|variant| variant.name)
 }
 
-/// The key of a setting within the table at `path`.
+/// Returns the dotted key of a setting within the table at `path`.
 pub fn joined(path: &str, key: &str) -> String {
     let dot = if path.is_empty() { "" } else { "." };
     format!("{path}{dot}{key}")
 }
 
-/// The dotted keys of all settings, without the keys of groups.
+/// Returns the dotted keys of all settings, without the keys of groups.
 pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     let mut keys = BTreeSet::new();
     for Setting { key, shape, .. } in settings {
-        // Keys of the table below it, then its own.
+        // The keys of the table below are added first, followed by the setting's key.
         let below = match shape {
             Shape::Group(settings) => paths(settings),
             Shape::Tagged(kinds) => kinds.iter().flat_map(|kind| paths(kind.settings)).collect(),
@@ -156,14 +160,14 @@ pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     keys
 }
 
-/// The settings of the kind that a choice's table names, or none for an unknown kind.
+/// Returns the settings of the kind that a choice's table names, or none for an unknown kind.
 pub fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] {
     let kind = table.get("kind").and_then(toml::Value::as_str);
     let variant = variants.iter().find(|variant| Some(variant.name) == kind);
     variant.map_or(&[], |variant| variant.settings)
 }
 
-/// Advice on an unknown name: the most similar candidate, or `otherwise` if none is similar.
+/// Returns the hint for an unknown name, the most similar candidate, or `otherwise` without one.
 pub fn suggestion<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
@@ -172,10 +176,10 @@ pub fn suggestion<'a>(
     similar(name, candidates).map_or_else(otherwise, |similar| format!("did you mean {similar}?"))
 }
 
-/// The candidate with the smallest edit distance from an unknown name, or `None` if that is more
-/// than a quarter of its length plus one.
+/// Returns the candidate with the smallest edit distance from an unknown name, or `None` if that
+/// distance is greater than a quarter of the candidate's length plus one.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // The edit distance is at least the difference in length, which decides on a huge name at once.
+    // The edit distance is at least the difference in length, and a very long name costs nothing.
     let n_letters = name.chars().count();
     let distances = candidates.into_iter().filter_map(|candidate| {
         let max_distance = 1 + candidate.len() / 4;
@@ -187,14 +191,14 @@ pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     (distance <= max_distance).then_some(nearest)
 }
 
-/// The error for a name that a choice does not have.
+/// Returns the error for a name that a choice does not offer.
 pub fn unknown_name(place: &str, name: &str, shape: Shape) -> Error {
     let wanted = names(shape).collect::<Vec<_>>().join(", ");
     let hint = suggestion(name, names(shape), || "choose a name from the list".into());
     Error::input(place, name, format!("one of {wanted}"), hint)
 }
 
-/// Numbers that a range applies to.
+/// Implements [`Described`] for types of numbers, to which a range applies.
 macro_rules! number {
     ($($type:ty),*) => {$(
         impl Described for $type {
@@ -243,13 +247,13 @@ fn check_items(items: &[impl Described], place: &str, range: Option<[f64; 2]>) -
     items.try_for_each(|(i, item)| item.check("", range).map_err(|error| error.of_item(place, i)))
 }
 
-/// Declares groups and choices of settings. See the module's documentation.
+/// Declares groups and choices of settings. The module's documentation describes their form.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! described {
     () => {};
 
-    // A group.
+    // A group of settings.
     (
         $(#[$meta:meta])*
         $vis:vis struct $name:ident {
@@ -325,7 +329,7 @@ macro_rules! described {
         $crate::settings::settings! { $($rest)* }
     };
 
-    // A choice with settings.
+    // A choice with settings of its own.
     (
         $(#[$meta:meta])*
         $vis:vis enum $name:ident tagged {
@@ -383,7 +387,7 @@ macro_rules! described {
         $crate::settings::settings! { $($rest)* }
     };
 
-    // A choice by name.
+    // A choice by name only.
     (
         $(#[$meta:meta])*
         $vis:vis enum $name:ident {
@@ -414,10 +418,10 @@ macro_rules! described {
 
         #[allow(dead_code, reason = "not every choice is listed or printed")]
         impl $name {
-            /// All of them, in the order of their declaration.
+            /// Names of the choice, in the order of their declaration.
             $vis const ALL: &[Self] = &[Self::$first, $(Self::$variant,)*];
 
-            /// Its name in a scene file.
+            /// Returns the name in a scene file.
             $vis fn name(self) -> &'static str {
                 match self {
                     Self::$first => $first_text,
@@ -452,7 +456,7 @@ macro_rules! described {
     };
 }
 
-/// The range of a declaration.
+/// Returns the range of a declaration, if it has one.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! range_of {
@@ -465,7 +469,7 @@ macro_rules! range_of {
     }};
 }
 
-/// The settings of a variant's payload.
+/// Returns the settings of a variant's payload.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! payload_of {
@@ -477,7 +481,7 @@ macro_rules! payload_of {
     };
 }
 
-/// Checks the payload of the present variant.
+/// Checks the payload of the selected variant.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! check_variant {
@@ -506,19 +510,19 @@ mod tests {
         pub(crate) struct PenOptions {
             /// Speed along lit strokes.
             speed_m_s: f64 = 0.2, in 0.001..=100.0;
-            /// Corners of its path.
+            /// Positions of the path's corners.
             corners_m: [f64; 2] = [0.0, 1.0], in -1.0..=1.0;
-            /// Where strokes meet.
+            /// Treatment of the places where strokes meet.
             joint: Joint = Joint::Round;
-            /// Its tip.
+            /// Tip of the pen.
             tip: Tip = Tip::default();
             fixed {
-                /// Its length.
+                /// Length of the pen.
                 length_m: f64 = 0.14;
             }
         }
 
-        /// Where strokes meet.
+        /// Treatment of the places where strokes meet.
         pub(super) enum Joint {
             /// Rounded.
             "round" => Round,
@@ -536,7 +540,7 @@ mod tests {
 
         /// A brush.
         pub(crate) struct BrushOptions {
-            /// Width.
+            /// Width of the brush.
             width_m: f64 = 0.01, in 0.0..=1.0;
         }
     }

@@ -1,14 +1,14 @@
-//! sRGB (IEC 61966-2-1): its transfer curve, its primaries and how bright they look.
+//! The sRGB color space (IEC 61966-2-1), its transfer curve, primaries and luminance.
 
-/// Luminance of red, green and blue.
+/// Luminance of the primaries red, green and blue.
 pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Luminance of linear light.
+/// Returns the luminance of linear light.
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     LUMINANCE[0] * r + LUMINANCE[1] * g + LUMINANCE[2] * b
 }
 
-/// [`luminance`] in single precision, for pictures.
+/// Returns the [`luminance`] in single precision, for pictures.
 #[inline(always)]
 pub fn luminance_f32([r, g, b]: [f32; 3]) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "weights up to 1")]
@@ -16,29 +16,29 @@ pub fn luminance_f32([r, g, b]: [f32; 3]) -> f32 {
     WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b
 }
 
-/// Linear sRGB from XYZ (IEC 61966-2-1).
+/// Matrix from XYZ to linear sRGB (IEC 61966-2-1).
 pub const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [3.240_454_2, -1.537_138_5, -0.498_531_4],
     [-0.969_266_0, 1.876_010_8, 0.041_556_0],
     [0.055_643_4, -0.204_025_9, 1.057_225_2],
 ];
 
-/// XYZ tristimulus values (CIE 1931, 2°) of light with luminance 1 and chromaticity (x, y).
+/// Returns the XYZ values (CIE 1931, 2°) of light with luminance 1 and chromaticity (x, y).
 pub fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
 }
 
-/// Linear sRGB from XYZ. Colors out of gamut have negative components.
+/// Converts XYZ to linear sRGB. Colors out of gamut have negative components.
 pub fn rgb_from_xyz(xyz: [f64; 3]) -> [f64; 3] {
     RGB_FROM_XYZ.map(|[x, y, z]| x * xyz[0] + y * xyz[1] + z * xyz[2])
 }
 
-/// Linear light 0…1 for an encoded value 0…1.
+/// Converts an encoded value from 0 to 1 to linear light.
 pub fn linear_from_encoded(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
 }
 
-/// Encoded value 0…1 for linear light 0…1.
+/// Converts linear light from 0 to 1 to an encoded value.
 pub fn encoded_from_linear(linear: f64) -> f64 {
     if linear <= 0.003_130_8 {
         12.92 * linear
@@ -47,7 +47,7 @@ pub fn encoded_from_linear(linear: f64) -> f64 {
     }
 }
 
-/// Linear light 0…1 for each 8-bit level.
+/// Returns the linear light from 0 to 1 for each 8-bit level.
 pub fn linear_from_level() -> [f32; 256] {
     #[expect(clippy::cast_possible_truncation, reason = "light of a photo is f32 from here on")]
     std::array::from_fn(|level| linear_from_encoded(level as f64 / 255.0) as f32)

@@ -2,7 +2,8 @@
 
 use std::cmp::Ordering;
 
-/// Median of values, the upper of the two in the middle for an even number. `None` without values.
+/// Returns the median of values, which is the upper of the two middle values for an even number.
+/// Returns `None` without values.
 pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Option<T> {
     let mut values: Vec<T> = values.into_iter().collect();
     let middle = values.len() / 2;
@@ -14,8 +15,9 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
     Some(*median)
 }
 
-/// Weighted quantile of pairs of a value and its weight: the least value at which the weights up to
-/// it reach a fraction of their sum. Sorts the pairs. `None` without pairs.
+/// Returns the weighted quantile of pairs of a value and its weight, the least value at which the
+/// cumulative weight reaches a fraction of the total. Sorts the pairs. Returns `None` without
+/// pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();

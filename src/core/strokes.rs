@@ -1,6 +1,6 @@
-//! Strokes: the product of letters, placed glyphs in the plane of the word.
+//! Strokes, the product of letters, which are glyphs placed in the plane of the word.
 //!
-//! The plane of the word has x to the viewer's right and y up, in meters. y = 0 is the floor.
+//! The plane of the word has x to the viewer's right and y up, in meters, with the floor at y = 0.
 
 use std::collections::BTreeMap;
 
@@ -10,39 +10,38 @@ use crate::error::{Error, Result};
 use crate::geometry::{bounds, distance};
 use crate::product::{Rules, Valid, is_number, odd_number};
 
-/// Strokes of a word, glyph by glyph and line by line, or of a drawing: one glyph for each color.
+/// Strokes of a word, glyph by glyph and line by line, or of a drawing with a glyph per color.
 pub type Strokes = Valid<StrokesData>;
 
-/// The data of [`Strokes`].
+/// Data of [`Strokes`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StrokesData {
-    /// The word with spaces and line ends, as the font draws it. Empty for a drawing.
+    /// The word with spaces and line ends, as the font draws it. The text is empty for a drawing.
     pub word: String,
-    /// Name of its font, or `None` for a drawing.
+    /// Name of the font, or `None` for a drawing.
     pub font: Option<String>,
-    /// Characters whose center lines lack a stroke of the typeface, and its length in cap heights.
+    /// Characters whose center lines miss a stroke of the typeface, with its length in cap heights.
     pub lost: BTreeMap<char, f64>,
-    /// One per drawn character. Spaces and line ends have none.
+    /// Glyphs, one for each drawn character. Spaces and line ends have no glyph.
     pub glyphs: Vec<Glyph>,
-    /// Tells if the strokes may be reordered.
+    /// Freedom to reorder the strokes.
     pub order: StrokeOrder,
-    /// Red, green and blue of each glyph of a drawing in its colors, or empty for any other.
+    /// Red, green and blue of each glyph of a drawing in colors, or empty otherwise.
     pub colors: Vec<[u8; 3]>,
-    /// Strokes that the detail of a drawing leaves out (`letters.detail`).
+    /// Strokes of a drawing that are left out because of its detail (`letters.detail`).
     pub left_out: LeftOut,
-    /// The number of each stroke of a drawing (`letters.ink`, `letters.without`), with one of its
-    /// points.
+    /// Numbers of a drawing's strokes (`letters.ink`, `letters.without`), each with a point on it.
     pub numbers: Vec<(usize, [f64; 2])>,
-    /// The drawing in the file.
+    /// Drawing as the file contains it.
     pub source: Source,
-    /// Unsupported or misleading parts of a drawing's file.
+    /// Warnings about unsupported or misleading parts of a drawing's file.
     pub warnings: Vec<Diagnostic>,
 }
 
-/// The drawing in the file, or empty for a word.
+/// Drawing as its file contains it, or empty for a word.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
-    /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
+    /// Corners of the paper that is cut out of a picture, in pixels as in `letters.corners_px`.
     pub corners_px: Option<[[f64; 2]; 4]>,
     /// True for a bitmap, whose strokes are in pixels.
     pub is_bitmap: bool,
@@ -50,83 +49,82 @@ pub struct Source {
     pub strokes: Vec<SourceStroke>,
 }
 
-/// A stroke in its file.
+/// Stroke of a drawing as its file contains it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceStroke {
-    /// In pixels of the picture, or units of another drawing, y down.
+    /// Points in pixels of the picture, or in the units of another drawing, with y down.
     pub points: Vec<[f64; 2]>,
-    /// The color whose name selects the stroke, or none if the file gives none.
+    /// Name of the color that selects the stroke, or `None` if the file gives none.
     pub color: Option<&'static str>,
 }
 
-/// Strokes of a drawing that are not drawn.
+/// Strokes of a drawing that are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LeftOut {
-    /// Their number.
+    /// Number of strokes that are left out.
     pub strokes: usize,
-    /// Their fraction of the length of all strokes, 0 to 1.
+    /// Fraction of the total length of all strokes that is left out, 0 to 1.
     pub length_fraction: f64,
 }
 
 /// Freedom to reorder strokes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StrokeOrder {
-    /// They may be drawn in any order, and backward.
+    /// The strokes may be drawn in any order, and backward.
     #[default]
     Free,
-    /// They are drawn in the writer's order and direction.
+    /// The strokes are drawn in the writer's order and direction.
     Kept,
 }
 
-/// One character, placed.
+/// Character placed in the plane of the word.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Glyph {
-    /// The character.
+    /// Character that the glyph shows.
     pub character: char,
-    /// Its box.
+    /// Box of the character.
     pub cell: Cell,
-    /// Moves of the pen, in order. Where a move does not begin at the end of the one before, the
-    /// pen jumps. A dark move of zero length at the beginning: the pen arrives in the dark.
+    /// Moves of the pen, in order. The pen jumps between two moves that do not meet. A dark move of
+    /// zero length at the beginning means that the pen arrives in the dark.
     pub moves: Vec<Move>,
 }
 
-/// The box of a character in the plane of the word. Tails and accents may lie outside it.
+/// Box of a character in the plane of the word. Tails and accents may extend beyond the box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Left edge.
+    /// Left edge in m.
     pub left_m: f64,
-    /// Lower edge, on which capitals stand.
+    /// Height in m of the lower edge, on which capitals stand.
     pub baseline_m: f64,
-    /// Width without the gap to the next letter.
+    /// Width in m, without the gap to the next letter.
     pub width_m: f64,
-    /// Height of a capital.
+    /// Height of a capital in m.
     pub cap_height_m: f64,
 }
 
-/// One straight move of the pen.
+/// Straight move of the pen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// Where it begins: x, y in the plane of the word.
+    /// Beginning of the move, as x, y in the plane of the word in m.
     pub from_m: [f64; 2],
-    /// Where it ends.
+    /// End of the move, as x, y in the plane of the word in m.
     pub to_m: [f64; 2],
     /// True if the lights are on.
     pub lit: bool,
-    /// Speed relative to the stroke speed. 1 except for handwriting in its writer's pace
-    /// (`letters.pace`).
+    /// Speed relative to the usual stroke speed. The value is 1 except for handwriting at its
+    /// writer's pace (`letters.pace`).
     pub pace: f64,
 }
 
 impl Rules for StrokesData {
-    /// Checks that there is a color for each glyph or none, that all numbers are finite, and that
-    /// the pen moves.
+    /// Checks that all glyphs or none have a color, numbers are finite, and paces above 0.
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {
             let (actual, wanted) = (format!("{colors} colors"), format!("{n}, one for each glyph"));
             return Err(Error::input("colors", actual, wanted, "give each glyph its color"));
         }
-        // All numbers of each glyph.
+        // The cell and the moves of each glyph are checked together.
         for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
             let cell = [left_m, baseline_m, width_m, cap_height_m];
@@ -147,7 +145,7 @@ impl Rules for StrokesData {
 }
 
 impl StrokesData {
-    /// SHA-256 of the word and all moves, in hexadecimal.
+    /// Returns the SHA-256 of the word and all moves, in hexadecimal.
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
         digest.add(&self.word);
@@ -159,8 +157,8 @@ impl StrokesData {
         digest.hex()
     }
 
-    /// Number of strokes. A stroke is a run of lit moves, each of which begins at the end of the
-    /// move before.
+    /// Returns the number of strokes. A stroke is a sequence of lit moves, each of which begins at
+    /// the end of the previous one.
     pub fn n_strokes(&self) -> usize {
         let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
@@ -169,13 +167,13 @@ impl StrokesData {
         n_runs.sum()
     }
 
-    /// Total length of the lit moves.
+    /// Returns the total length of the lit moves in m.
     pub fn length_m(&self) -> f64 {
         let lit = self.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
         lit.map(|step| distance(step.from_m, step.to_m)).sum()
     }
 
-    /// The box `[left, bottom, right, top]` around all cells and lit moves.
+    /// Returns the box `[left, bottom, right, top]` around all cells and lit moves.
     pub fn bounds_m(&self) -> [f64; 4] {
         let corners = self.glyphs.iter().flat_map(|glyph| {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;
@@ -186,7 +184,7 @@ impl StrokesData {
         bounds(corners)
     }
 
-    /// Ranges of [`Self::glyphs`] that form the lines of text, from the top.
+    /// Returns the ranges of [`Self::glyphs`] that form the lines of text, from the top.
     pub fn lines(&self) -> Vec<std::ops::Range<usize>> {
         let mut begin = 0;
         let lines =

@@ -1,8 +1,8 @@
-//! Style `even`: strokes in the shortest order at one speed, time-optimal transits between them.
+//! Style `even`, with strokes in the shortest order at one speed, and time-optimal transits.
 //!
-//! Every stroke begins and ends on a tick of 50 ms, the lamps' timer, so that light commands can
-//! meet its ends. All setpoints lie on one grid in time, so that a controller that holds positions
-//! is a linear filter of them.
+//! Every stroke begins and ends at a 50 ms tick of the lamps' timer, so that light commands can
+//! coincide with its ends. All setpoints are on one time grid, so that a controller that holds
+//! positions acts as a linear filter of them.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -15,32 +15,35 @@ use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 
-/// Steps of a dimmed light. Finer steps are not visible, and each step is a command.
+/// Number of steps of a dimmed light. Finer levels would be invisible and need more commands.
 const LEVEL_STEPS: f64 = 50.0;
-/// Least level, so that a slow corner does not go dark.
+/// Minimum light level, so that a slow corner does not become dark.
 const LEAST_LEVEL: f64 = 0.04;
-/// Height above its home up to which one of several drones climbs first.
+/// Height in m above its home to which one of several drones climbs first.
 const OVER_HOME_M: f64 = 0.3;
-/// Take-off acceleration as a fraction of other transits' acceleration. A climb that saturates the
-/// motors winds up the integrators of a PID controller, and the first letter is written too high.
+/// Acceleration of the take-off as a fraction of that of other transits. A climb that saturates the
+/// motors winds up a PID controller's integrators, which writes the first letter too high.
 const TAKE_OFF_FRACTION: f64 = 0.5;
-/// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
+/// Run-in in s of the first stroke, which the drone would take from the hover to the stroke's
+/// beginning at the stroke's speed.
 const RUN_IN_S: f64 = 0.3;
-/// Run-in of a loop: its light goes on this long after its beginning, when the drone is as far off
-/// the curve as at its end, and goes off as much later. A loop is longer than three of these.
+/// Delay in s after a loop's beginning at which its light goes on and after its end at which it
+/// goes off, so that the drone is equally far off the curve at both. Only loops longer than three
+/// of these delays have one.
 const LEAD_S: f64 = 0.4;
-/// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the
-/// lamps' timer, 5 mm each at 0.2 m/s, and the drone is off along the curve by as much.
+/// Length in m by which a loop's light overlaps itself. The beginning and end of the light are
+/// uncertain by half a tick of the lamps' timer, which is 5 mm each at 0.2 m/s, and the drone may
+/// be off along the curve by as much.
 const OVERLAP_M: f64 = 0.015;
-/// Wait at the first letter if only the letters are planned.
+/// Wait in s at the first letter if only the letters are planned.
 const LETTERS_WAIT_S: f64 = 0.5;
-/// Slack of times in sums, for rounding, and least time between two setpoints.
+/// Slack in s for rounding in sums of times, and minimum time in s between two setpoints.
 const SLACK_S: f64 = 1e-6;
 const LEAST_INTERVAL_S: f64 = 1e-4;
-/// Hover at a dot before its light goes on, to come to rest.
+/// Hover in s at a dot before its light goes on, so that the drone comes to rest.
 const SETTLE_S: f64 = 0.2;
 
-/// A part of the flight with one kind of path.
+/// Part of the flight with one kind of path.
 #[derive(Debug)]
 struct Segment {
     start_s: f64,
@@ -49,7 +52,7 @@ struct Segment {
 }
 
 impl Segment {
-    /// True if the light is on along it.
+    /// True if the light is on along the segment.
     fn is_lit(&self) -> bool {
         matches!(self.path, Path::Lit(_) | Path::Dot(_))
     }
@@ -58,7 +61,7 @@ impl Segment {
 #[derive(Debug)]
 enum Path {
     Still(Vector2<f64>),
-    /// The beginning of a motion before its light.
+    /// Beginning of a motion before its light goes on.
     RunIn(Motion),
     Lit(Motion),
     Dot(Vector2<f64>),
@@ -66,7 +69,7 @@ enum Path {
 }
 
 impl Path {
-    /// The state at a time after its beginning.
+    /// Returns the state at a time after the path's beginning.
     fn state_at(&self, time_s: f64) -> State {
         match self {
             Self::Still(position_m) | Self::Dot(position_m) => {
@@ -78,8 +81,8 @@ impl Path {
     }
 }
 
-/// Plans strokes in their order. The drone takes off and lands at `home_x_m`, or without one below
-/// its first and last stroke.
+/// Plans strokes in their order. The drone takes off and lands at `home_x_m`, or below its first
+/// and last stroke if that is `None`.
 pub(super) fn plan(
     drawn: &[PenStroke],
     options: &PlanOptions,
@@ -96,7 +99,7 @@ pub(super) fn plan(
         end_s: 0.0,
         state: State::default(),
     };
-    // Each part begins in the final state of the part before.
+    // Each part begins in the final state of the previous one.
     course.begin(drawn)?;
     for stroke in drawn {
         course.draw(stroke)?;
@@ -105,7 +108,7 @@ pub(super) fn plan(
     Ok(course.sampled())
 }
 
-/// A flight under construction, with its end and the state there.
+/// Flight under construction, with the time and the state at its end.
 struct Course<'a> {
     options: &'a PlanOptions,
     style: &'a EvenStyle,
@@ -133,7 +136,8 @@ impl Course<'_> {
         if let Some(home_x_m) = self.home_x_m {
             self.go_by(&gentle, None, &rest(home_x_m, OVER_HOME_M))?;
         }
-        // The hover lies behind the stroke, so that the drone enters it at its speed.
+        // The hover is behind the stroke, and the drone reaches the stroke's speed at its
+        // beginning.
         if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
             let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
             self.go_by(&gentle, None, &rest(before_m.x, before_m.y))?;
@@ -142,7 +146,7 @@ impl Course<'_> {
         Ok(())
     }
 
-    /// Flies to a stroke in the dark and along it with light.
+    /// Flies in the dark to a stroke, and then along it with light.
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
         // The path to the first stroke belongs to no letter.
         let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
@@ -162,7 +166,7 @@ impl Course<'_> {
         self.push(Some(stroke.letter), Path::Lit(motion), duration_s)
     }
 
-    /// Flies home and lands, or stops after the letters.
+    /// Flies home and lands, or comes to rest after the letters.
     fn finish(&mut self) -> Result<()> {
         let (x, y) = (self.state.position_m.x, self.state.position_m.y);
         if self.options.extent == Extent::Letters {
@@ -176,14 +180,14 @@ impl Course<'_> {
         self.push(None, Path::Still(home), self.options.floor_wait_s)
     }
 
-    /// The motion along a stroke. A loop runs on over its beginning.
+    /// Returns the motion along a stroke. A loop continues beyond its end over its beginning.
     fn motion(&self, stroke: &PenStroke) -> Motion {
         let more_m = if stroke.is_loop() { OVERLAP_M + self.lead_m(stroke) } else { 0.0 };
         let stroke = stroke.overlapped(more_m);
         Motion::new(&stroke, self.options.stroke_speed_m_s, self.style, RING_TICK_S)
     }
 
-    /// Length of the run-in of a loop. 0 for any other stroke, and a short loop.
+    /// Returns the length in m of a loop's run-in, which is 0 for other strokes and short loops.
     fn lead_m(&self, stroke: &PenStroke) -> f64 {
         let lead_m = LEAD_S * self.options.stroke_speed_m_s;
         if stroke.is_loop() && stroke.length_m() > 3.0 * lead_m { lead_m } else { 0.0 }
@@ -194,8 +198,8 @@ impl Course<'_> {
         self.go_by(self.style, letter, to)
     }
 
-    /// Adds a transit to a state in a style, without acceleration at its ends if Ruckig finds none
-    /// otherwise. Fails if there is none at all.
+    /// Adds a transit to a state in a style, without acceleration at its ends if Ruckig finds no
+    /// other. Returns an error if there is none.
     fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
         let unaccelerated = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
         let transit = Transit::new(&self.state, to, style, RING_TICK_S).or_else(|| {
@@ -212,26 +216,26 @@ impl Course<'_> {
         self.push(letter, Path::Dark(transit), duration_s)
     }
 
-    /// Adds a segment for a time, rounded up to whole ticks. Fails beyond the longest flight.
+    /// Adds a segment whose duration is rounded up to whole ticks. Fails beyond the longest flight.
     fn push(&mut self, letter: Option<usize>, path: Path, duration_s: f64) -> Result<()> {
         let n_ticks = (duration_s / RING_TICK_S - 1e-6).ceil();
         let duration_s = n_ticks * RING_TICK_S;
         self.state = path.state_at(duration_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
         self.end_s += duration_s;
-        // Refused before more of it is planned, sampled or flown.
+        // The error comes before more of the flight is planned, sampled or flown.
         if self.end_s <= MAX_DURATION_S {
             return Ok(());
         }
         let n_drawn = self.segments.iter().filter(|segment| segment.is_lit()).count();
         let problem = format!(
-            "{n_drawn} of {} strokes take more than {MAX_DURATION_S} s, the longest flight",
+            "{n_drawn} of {} strokes take more than {MAX_DURATION_S} s, the limit of a flight",
             self.n_strokes
         );
         Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
     }
 
-    /// The plan with setpoints on the grid and at the ends of segments.
+    /// Returns the plan with setpoints on the grid and at the ends of segments.
     fn sampled(&self) -> Plan {
         let interval_s = self.options.setpoint_interval_s;
         let starts_s = self.segments.iter().map(|segment| segment.start_s);
@@ -241,7 +245,7 @@ impl Course<'_> {
         times_s.sort_unstable_by(f64::total_cmp);
         times_s.dedup_by(|later, earlier| *later - *earlier < LEAST_INTERVAL_S);
         let mut plan = PlanData::with_channels(&self.options.lights);
-        // The last setpoint ends the flight: it is dark, and of no letter.
+        // The last setpoint ends the flight, without light and without a letter.
         let later_s = times_s.iter().skip(1).copied().map(Some).chain([None]);
         for (time_s, next_s) in times_s.iter().copied().zip(later_s) {
             let n_begun =
@@ -262,7 +266,7 @@ impl Course<'_> {
         Plan::made(plan)
     }
 
-    /// Light level from a setpoint to the next: the mean speed over the nominal one.
+    /// Returns the light level from a setpoint to the next, the mean speed over the nominal one.
     fn level(&self, segment: &Segment, from_s: f64, next_s: f64) -> f64 {
         let motion = match &segment.path {
             Path::Lit(motion) => motion,
@@ -272,7 +276,7 @@ impl Course<'_> {
         if self.style.exposure == LightLevel::Switched {
             return 1.0;
         }
-        // Midpoint rule with four points.
+        // The mean speed is computed by the midpoint rule with four points.
         let speeds = [1.0, 3.0, 5.0, 7.0].map(|eighth| {
             let time_s = from_s + (next_s - from_s) * eighth / 8.0 - segment.start_s;
             motion.state_at(time_s).velocity_m_s.norm()
@@ -282,12 +286,12 @@ impl Course<'_> {
     }
 }
 
-/// The vector in the world of one in the plane of the word, rounded to the grid of files.
+/// Converts a vector in the plane of the word to one in the world, rounded to multiples of 1e-6.
 fn world(vector: Vector2<f64>) -> Vector3<f64> {
     Vector3::new(vector.x, 0.0, vector.y).map(on_grid)
 }
 
-/// The state of rest at a position.
+/// Returns the state of rest at a position.
 fn rest(x_m: f64, height_m: f64) -> State {
     State { position_m: Vector2::new(x_m, height_m), ..State::default() }
 }
@@ -304,15 +308,15 @@ mod tests {
 
     #[test]
     fn noor_at_the_reference_speed_takes_less_than_seven_tenths_of_the_time() {
-        // The reference flight had setpoints for 56.9 s. As planned it takes 58.2 s.
+        // The reference flight's setpoints lasted 56.9 s, and its plan lasts 58.2 s.
         let even_s = noor(&PlanOptions::even()).duration_s();
         assert!(even_s < 0.7 * 56.9, "{even_s} s");
     }
 
     #[test]
     fn noor_at_half_a_meter_a_second_takes_less_than_four_tenths() {
-        // Corners may be cut by 3 cm of the letters' 50. By 1 cm it takes 23.95 s. With the hover
-        // before the first stroke it takes longer.
+        // The corners may deviate by 3 cm in letters of 50 cm. With 1 cm, the flight takes 23.95 s.
+        // The hover before the first stroke is left out.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,
             ..PlanOptions::even_with(EvenStyle {
@@ -335,7 +339,7 @@ mod tests {
             assert!(now.velocity_m_s.norm() < 1.0 + 1e-5, "{now:?}");
             assert!(now.acceleration_m_s2.norm() < 2.0 * 1.04, "{now:?}");
             if next.position_m.z > 0.0 && now.position_m.z > 0.0 {
-                // Within a setpoint's time the jerk moves the design by j t³ / 6.
+                // Within a setpoint's time t, the jerk j moves the design by j t³ / 6.
                 let jump_m = (next.position_m - now.design_m(next.time_s)).norm();
                 assert!(jump_m < 30.0 * 0.05 * 0.05 * 0.05 / 6.0 * 1.5, "{jump_m} m at {now:?}");
             }
@@ -354,7 +358,8 @@ mod tests {
                 **level > 0.0 && pair.iter().all(|setpoint| setpoint.velocity_m_s.norm() == 0.0)
             });
             let still_s: f64 = still.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum();
-            // The first dark setpoint after the stroke is at rest, too: the whole stroke counts.
+            // The first dark setpoint after the stroke is at rest too, so that all of the stroke
+            // counts.
             let wanted_s = 0.2 * f64::from(dots);
             assert!((still_s - wanted_s).abs() < 1e-4, "{word} in {font}: {still_s} s");
         }

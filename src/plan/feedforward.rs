@@ -1,7 +1,7 @@
-//! Feedforward: setpoints sent ahead of the design, so that a drone that lags flies the design.
+//! Feedforward, which sends setpoints ahead of the design, so that a lagging drone follows it.
 //!
-//! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
-//! positions to send. Method: the zero-phase [`Inverse`] of the loop over the flight, per axis.
+//! Input: a [`Plan`] and the step responses of the position loop. Output: the plan with positions
+//! to send. The method is the zero-phase [`Inverse`] of the loop over the flight, per axis.
 
 use nalgebra::Vector3;
 
@@ -10,14 +10,15 @@ use crate::response::{Inverse, StepResponse};
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 
-/// Weight of the input against the output error. Less asks the drone for tilts it does not reach.
+/// Weight of the input relative to the output error. A smaller weight would require tilts that the
+/// drone does not reach.
 const RIDGE: f64 = 0.02;
 
-/// The inverses of the position loop at the times of a plan's setpoints, one an axis.
+/// Returns the inverses of the position loop at the times of a plan's setpoints, one for each axis.
 ///
 /// # Panics
 ///
-/// If the plan's times do not rise.
+/// Panics if the plan's times do not ascend.
 pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a>; 3] {
     for_axes(|axis| {
         let times_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s);
@@ -25,8 +26,8 @@ pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a
     })
 }
 
-/// The plan that sends inputs whose loop output is the design, per axis. The offset between what
-/// was sent and the design is kept.
+/// Returns the plan that sends the inputs for which the loop's output is the design, for each axis.
+/// The offset between sent positions and design is kept.
 pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = for_axes(|axis| {
         // An axis that never moves needs no inverse.
@@ -48,7 +49,7 @@ pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Pl
     let inputs = for_axes(|axis| {
         inverse[axis].inputs(|time_s| {
             let next = flight.samples.partition_point(|sample| sample.time_s <= time_s);
-            // On the floor there is no error to learn from.
+            // On the floor, there is no error to correct.
             let on_floor = plan.setpoint_at(time_s).is_none_or(Setpoint::on_floor);
             let sample = flight.samples.get(next.max(1) - 1).filter(|_| !on_floor);
             sample.map_or(0.0, |sample| (sample.design_m - sample.position_m)[axis])
@@ -59,22 +60,21 @@ pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Pl
     })
 }
 
-/// The plan with a mean error `flown − design` subtracted from the positions that are sent.
+/// Subtracts a mean error `flown − design` from the positions that a plan sends.
 pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
     sending(plan, |row| plan.sent_m(row) - mean_error_m)
 }
 
-/// The values of a function for the three axes, computed in parallel.
+/// Returns the values of a function for the three axes, computed in parallel.
 fn for_axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
     let (x, (y, z)) = rayon::join(|| axis(0), || rayon::join(|| axis(1), || axis(2)));
     [x, y, z]
 }
 
-/// The plan that sends the position of `sent_m` for each row in the air.
+/// Returns the plan that sends the position `sent_m` for each row in the air.
 fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
-    let sent = |(row, setpoint): (usize, &Setpoint)| match setpoint.on_floor() {
-        true => plan.sent_m(row),
-        false => sent_m(row).map(on_grid),
+    let sent = |(row, setpoint): (usize, &Setpoint)| {
+        if setpoint.on_floor() { plan.sent_m(row) } else { sent_m(row).map(on_grid) }
     };
     let sent_m = plan.setpoints.iter().enumerate().map(sent).collect();
     Plan::made(PlanData { sent_m, ..plan.clone().into_data() })
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn a_loop_without_lag_is_sent_the_design() {
-        // A held setpoint is exact in its middle: half an interval of lead remains.
+        // A held setpoint is exact in its middle, so that a lead of half an interval remains.
         let at_once = StepResponse { interval_s: 0.001, values: vec![1.0; 3] };
         let responses = [at_once.clone(), at_once.clone(), at_once];
         let sent = feedforward(&noor(), &inverse(&noor(), &responses));

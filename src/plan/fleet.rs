@@ -1,9 +1,10 @@
-//! Fleet: several drones write one word together, and keep apart in space and time.
+//! Fleets: several drones write one word together, and keep apart in space and time.
 //!
-//! Each drone writes a part of the word, from left to right, with about the same length of light.
-//! Four routes of each part are tried: the shortest, the same backward, and those from one side to
-//! the other, which keep simultaneous drones apart. The drones are assigned in turn. After a wait
-//! on the floor, each gets the route that ends first without conflict with the earlier drones.
+//! Each drone writes a part of the word, from left to right, with about the same length of lit
+//! strokes. Four routes through each part are tried, which are the shortest, the one across from
+//! left to right, and both backward, because routes across keep simultaneous drones apart. The
+//! drones are assigned one after the other. Each drone receives the route and the wait on the floor
+//! that end first without a conflict with the drones before it.
 
 use std::collections::HashMap;
 
@@ -16,45 +17,46 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::Strokes;
 
-/// Least horizontal distance of two drones, unless they are [`MIN_VERTICAL_M`] above each other:
-/// the radii of the firmware's collision avoidance (`collision_avoidance.c`: 0.3, 0.3 and 0.9 m).
+/// Minimum horizontal distance in m of two drones, unless one is [`MIN_VERTICAL_M`] above the
+/// other. Both distances are the radii of the firmware's collision avoidance
+/// (`collision_avoidance.c`: 0.3, 0.3 and 0.9 m).
 pub const MIN_HORIZONTAL_M: f64 = 0.3;
-/// Reach of the downwash below a drone.
+/// Reach in m of the downwash below a drone.
 pub const MIN_VERTICAL_M: f64 = 0.9;
-/// Distance below which two drones are too close: less than the minimum by more than rounding.
+/// Distance in m below which two drones are too close, a rounding error below the minimum.
 const TOO_NEAR_M: f64 = MIN_HORIZONTAL_M - 1e-9;
-/// Time between two checks of the distance, and step by which a drone's start is delayed.
+/// Time in s between two checks of the distance, and step in s by which a drone's start is delayed.
 const CHECK_STEP_S: f64 = 0.05;
 
-/// Most strokes of several drones: eight routes are planned through each.
+/// Maximum number of strokes for several drones, through each of which eight routes are planned.
 const MAX_SHARED: usize = 2500;
-/// Most comparisons of two places while the drones' starts are sought: some seconds.
+/// Maximum number of comparisons of two positions in the search for starts (some seconds).
 const MAX_COMPARED: u64 = 1_000_000_000;
 
-/// Two drones at the moment when they are closest to each other.
+/// Moment at which two drones are closest to each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// When.
+    /// Time of the moment in s.
     pub time_s: f64,
-    /// Horizontal distance.
+    /// Horizontal distance between the drones in m.
     pub horizontal_m: f64,
-    /// Difference in height.
+    /// Difference in height in m, which [`downwash_approach`] gives a sign.
     pub vertical_m: f64,
 }
 
 impl Approach {
-    /// The order of two approaches by horizontal distance.
+    /// Compares the horizontal distances of two approaches.
     pub fn compare(&self, other: &Self) -> std::cmp::Ordering {
         self.horizontal_m.total_cmp(&other.horizontal_m)
     }
 }
 
-/// Plans of the drones that write a word together, at most one for each stroke.
+/// Plans the drones that write a word together, at most one for each stroke.
 ///
 /// # Errors
 ///
-/// As [`super::plan()`]. [`Error::Input`] for several drones in style `team`, and
-/// [`Error::Infeasible`] if they cannot keep apart.
+/// Returns the errors of [`super::plan()`]. Returns [`Error::Input`] for several drones in style
+/// `team`, and [`Error::Infeasible`] if they cannot keep apart.
 pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     if options.drones <= 1 {
         return Ok(vec![super::plan(strokes, options)?]);
@@ -65,8 +67,8 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
-    // The strokes are divided anywhere, or only between letters. The assignment that ends first
-    // wins.
+    // The strokes are divided anywhere, or only between letters. Of both assignments, the one that
+    // ends first is used.
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
@@ -82,16 +84,16 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     assignment.plans(options, style)
 }
 
-/// The parts of all drones, with their possible and their assigned routes.
+/// Parts of all drones, with their possible and their assigned routes.
 struct Assignment {
     routes: Vec<Vec<Route>>,
     starts: Vec<Start>,
-    /// Step at which the last drone ends.
+    /// Step at which the last drone ends its flight.
     end: usize,
 }
 
 impl Assignment {
-    /// The assignment that ends first. `None` if the drones cannot keep apart.
+    /// Finds the assignment that ends first. Returns `None` if the drones cannot keep apart.
     fn new(
         strokes: &Strokes,
         whole_letters: bool,
@@ -109,14 +111,12 @@ impl Assignment {
                 "draw fewer strokes, lower letters.detail, or fly one drone",
             ));
         }
-        // All routes are planned before the drones are assigned, to be compared step by step.
+        // All routes are planned before drones are assigned, and are compared step by step.
         let homes_m = homes_x_m(&parts);
         let mut routes: Vec<Vec<Route>> = Vec::new();
         for (part, home_m) in parts.into_iter().zip(homes_m) {
-            let orders = match is_kept(strokes, style) {
-                true => vec![part],
-                false => orders(&part, options, style),
-            };
+            let orders =
+                if is_kept(strokes, style) { vec![part] } else { orders(&part, options, style) };
             let planned = orders.into_iter().map(|strokes| {
                 let track = Track::new(&even::plan(&strokes, options, style, Some(home_m))?);
                 Ok(Route { strokes, home_m, track })
@@ -127,10 +127,10 @@ impl Assignment {
         Ok(starts.map(|(end, starts)| Self { routes, starts, end }))
     }
 
-    /// The plans of all drones on their assigned routes.
+    /// Returns the plans of all drones on their assigned routes.
     fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
         let plans = self.routes.iter().zip(&self.starts).map(|(routes, start)| {
-            // The delay of the start becomes a longer wait on the floor.
+            // A delayed start becomes a longer wait on the floor.
             let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
             let later = PlanOptions { floor_wait_s, ..options.clone() };
             let Route { strokes, home_m, .. } = &routes[start.route];
@@ -140,14 +140,14 @@ impl Assignment {
     }
 }
 
-/// An order of a drone's strokes, as it is flown.
+/// Order of a drone's strokes, and the flight in that order.
 struct Route {
     strokes: Vec<PenStroke>,
     home_m: f64,
     track: Track,
 }
 
-/// Which route a drone takes, and after how many steps.
+/// Index of a drone's route, and number of steps by which its start is delayed.
 #[derive(Clone, Copy)]
 struct Start {
     route: usize,
@@ -155,20 +155,20 @@ struct Start {
 }
 
 impl Start {
-    /// Step at which the drone has landed on its assigned route.
+    /// Returns the step at which the drone has landed on its assigned route.
     fn end(self, routes: &[Route]) -> usize {
         self.delay + routes[self.route].track.places.len()
     }
 }
 
-/// The step at which the last drone ends, and a route and a delay for each drone, so that all keep
-/// apart. `None` if no order of assignment keeps them apart.
+/// Returns the step at which the last drone ends, with a route and a delay for each drone, so that
+/// all of them keep apart. Returns `None` if no order of assignment keeps them apart.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
     let mut conflicts =
         Conflicts { routes, cache: HashMap::new(), n_comparisons_left: MAX_COMPARED };
-    // The drone that ended last or found no route has the first choice in the next round.
+    // The drone that ended last or found no route chooses first in the next round.
     for _round in 0..2 * routes.len() {
         let last = match assign(routes, &order, &mut conflicts) {
             Ok(starts) => {
@@ -190,7 +190,7 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     best
 }
 
-/// Routes and delays for an order of assignment. The error is the first drone without any.
+/// Returns routes and delays for an order of assignment. The error is a drone without a route.
 fn assign(
     routes: &[Vec<Route>],
     order: &[usize],
@@ -198,7 +198,7 @@ fn assign(
 ) -> std::result::Result<Vec<Start>, usize> {
     let mut chosen: Vec<(usize, Start)> = Vec::new();
     for &drone in order {
-        // A longer delay than until all others have landed changes nothing.
+        // A delay beyond the landing of all others changes nothing.
         let ends = chosen.iter().map(|(other, start)| start.end(&routes[*other]));
         let max_delay = ends.max().unwrap_or(0);
         let starts = (0..routes[drone].len()).filter_map(|route| {
@@ -212,24 +212,24 @@ fn assign(
     Ok(chosen.into_iter().map(|(_, start)| start).collect())
 }
 
-/// Cache of conflicts between two drones, by their routes and the delay between their starts,
-/// shared by all orders of assignment.
+/// Cache of conflicts between two drones, which all orders of assignment use.
 struct Conflicts<'a> {
     routes: &'a [Vec<Route>],
-    /// By the first drone and its route, the second and its, and the delay between the starts.
+    /// Cached results by the first drone and its route, the second drone and its route, and the
+    /// delay between the starts.
     cache: HashMap<[usize; 5], bool>,
-    /// Comparisons that may still be made. Without any, drones count as in conflict.
+    /// Number of comparisons that may still be made. If none are left, all drones count as in
+    /// conflict.
     n_comparisons_left: u64,
 }
 
 impl Conflicts<'_> {
-    /// True if two drones that start so come too close to each other.
+    /// True if two drones with these starts come too close to each other.
     fn has(&mut self, (a, start_a): (usize, Start), (b, start_b): (usize, Start)) -> bool {
         let [track_a, track_b] = [(a, start_a), (b, start_b)]
             .map(|(drone, start)| &self.routes[drone][start.route].track);
         let n_steps = [track_a, track_b].map(|track| track.places.len());
-        // Only the delay between the starts counts, up to the delay at which one starts after the
-        // other landed.
+        // Only the delay between the starts matters, up to the landing of the other drone.
         let offset = (start_a.delay + n_steps[0]).saturating_sub(start_b.delay);
         let offset = offset.min(n_steps[0] + n_steps[1]);
         let left = &mut self.n_comparisons_left;
@@ -238,7 +238,7 @@ impl Conflicts<'_> {
     }
 }
 
-/// The position of a drone, and true if it is on the floor with its motors off.
+/// Position of a drone, and a flag that it is on the floor with its motors off.
 #[derive(Clone, Copy)]
 struct Place {
     position_m: Vector3<f64>,
@@ -246,8 +246,9 @@ struct Place {
 }
 
 impl Place {
-    /// Horizontal distance and difference in height of two drones. `None` if one is far enough
-    /// above the other: [`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one is parked.
+    /// Returns the horizontal distance and the difference in height of two drones. Returns `None`
+    /// if one is far enough above the other, by [`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one
+    /// is parked.
     fn apart_m(self, other: Self) -> Option<[f64; 2]> {
         let is_parked = self.is_parked || other.is_parked;
         let reach_m = if is_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
@@ -256,10 +257,10 @@ impl Place {
     }
 }
 
-/// A drone's places at every step.
+/// Places of a drone at every step.
 struct Track {
     places: Vec<Place>,
-    /// Longest horizontal distance from one step to the next.
+    /// Longest horizontal distance from one step to the next in m.
     step_m: f64,
 }
 
@@ -278,12 +279,12 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step, or at the last step after the end of the plan.
+    /// Returns the place at a step, or at the last step after the end of the plan.
     fn place(&self, step: usize) -> Place {
         self.places[step.min(self.places.len() - 1)]
     }
 
-    /// True if two drones that start after delays come too close, or no comparison is left.
+    /// True if two drones with delayed starts come too close, or if no comparison is left.
     fn meets(&self, delay: usize, other: &Self, other_delay: usize, left: &mut u64) -> bool {
         let end = (self.places.len() + delay).max(other.places.len() + other_delay);
         let mut step = 0;
@@ -296,7 +297,7 @@ impl Track {
             if aside_m < TOO_NEAR_M && a.apart_m(b).is_some() {
                 return true;
             }
-            // Steps in which they cannot meet even if both fly straight at each other.
+            // Steps are skipped in which the drones are too far apart to meet.
             let n_safe = (aside_m - MIN_HORIZONTAL_M) / (self.step_m + other.step_m);
             #[expect(clippy::cast_possible_truncation, reason = "saturates")]
             let n_safe = n_safe.max(0.0) as usize;
@@ -306,8 +307,8 @@ impl Track {
     }
 }
 
-/// The strokes from left to right, divided into parts of about equal length, one a drone, between
-/// letters if `whole_letters`. Strokes that keep their order are not sorted.
+/// Divides the strokes from left to right into parts of about equal length, one per drone, and only
+/// between letters if `whole_letters`. Strokes that keep their order are not sorted.
 fn parts(
     strokes: &Strokes,
     whole_letters: bool,
@@ -327,7 +328,7 @@ fn parts(
         let parts_m = each_m * parts.len() as f64;
         let last = parts.last().and_then(|part| part.last());
         let may_divide = last.is_some_and(|last| !whole_letters || last.letter != stroke.letter);
-        // A stroke goes to the part that holds its middle.
+        // A stroke belongs to the part that contains its middle.
         if drawn_m + 0.5 * length_m > parts_m && may_divide {
             parts.push(Vec::new());
         }
@@ -337,8 +338,8 @@ fn parts(
     Ok(parts)
 }
 
-/// The four orders of a part that are tried, given its strokes from left to right: the shortest,
-/// the one across from left to right, and both backward.
+/// Returns four orders of a part whose strokes are given from left to right, which are the shortest
+/// order, the one across from left to right, and both backward.
 fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
     let backward = |order: &[PenStroke]| order.iter().rev().map(|stroke| stroke.along(1)).collect();
     let shortest = shortest(part, options.stroke_speed_m_s, style);
@@ -349,34 +350,34 @@ fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<V
     vec![backward(&shortest), shortest, backward(&across), across]
 }
 
-/// The x at which each drone starts and lands: below the middle of its part, clear of the others.
+/// Returns the x in m where each drone starts and lands, below its part's middle, clear of others.
 fn homes_x_m(parts: &[Vec<PenStroke>]) -> Vec<f64> {
     let middles_m: Vec<f64> = parts.iter().map(|part| middle_x_m(part)).collect();
     let mut homes_m = middles_m.clone();
     for index in 1..homes_m.len() {
         homes_m[index] = homes_m[index].max(homes_m[index - 1] + MIN_HORIZONTAL_M);
     }
-    // Clearing moved them to the right: back by as much on average.
+    // Keeping clear moved the homes to the right on average, which is corrected here.
     let n = homes_m.len() as f64;
     let aside_m = (homes_m.iter().sum::<f64>() - middles_m.iter().sum::<f64>()) / n;
     homes_m.iter().map(|home_m| home_m - aside_m).collect()
 }
 
-/// Middle of the least and greatest x of strokes.
+/// Returns the middle between the smallest and largest x of strokes in m.
 fn middle_x_m(strokes: &[PenStroke]) -> f64 {
     let points = strokes.iter().flat_map(|stroke| &stroke.points_m);
     let [left, _, right, _] = bounds(points.map(|point| (*point).into()));
     (left + right) / 2.0
 }
 
-/// The closest moment of two plans ([`closest`]) if they come within [`MIN_HORIZONTAL_M`] of each
-/// other. `None` if they keep apart.
+/// Returns the closest moment of two plans ([`closest`]) if they come within [`MIN_HORIZONTAL_M`]
+/// of each other (`TOO_NEAR_M` allows for rounding), and `None` otherwise.
 pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
     closest(a, b).filter(|closest| closest.horizontal_m < TOO_NEAR_M)
 }
 
-/// The moment of least horizontal distance of two plans among those at which neither drone is far
-/// enough above the other. `None` if one always is.
+/// Returns the moment of least horizontal distance of two plans at which neither drone is far
+/// enough above the other. Returns `None` if one drone always is.
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::new(a), Track::new(b));
     let approach = |step: usize| {
@@ -386,9 +387,9 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     (0..a.places.len().max(b.places.len())).filter_map(approach).min_by(Approach::compare)
 }
 
-/// Returns the moment of least difference in height of two plans while both drones fly and one of
-/// them is within [`MIN_HORIZONTAL_M`] of the axis of the other's downwash. `None` without such a
-/// moment. The drone of the first plan is `vertical_m` above the other one.
+/// Returns the moment of least difference in height of two plans while both drones fly and are less
+/// than [`MIN_HORIZONTAL_M`] apart horizontally (`TOO_NEAR_M` allows for rounding), or `None` if
+/// there is none. A positive `vertical_m` means that the first plan's drone is above.
 pub fn downwash_approach(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().min(b.duration_s());
     let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));
@@ -442,7 +443,7 @@ mod tests {
         assert!((together - alone.full_light_s()).abs() < 0.2, "all of the word, once");
         let longest_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
         assert!(longest_s < 0.7 * alone.duration_s(), "{longest_s} s");
-        // Neighboring letters: the second drone may not begin beside the first one's end.
+        // The letters are neighbors, and the second drone may not begin where the first one ends.
         for plans in [plans, fleet(&strokes("OO"), &options).unwrap()] {
             assert_eq!(plans.len(), 2);
             assert_eq!(conflict(&plans[0], &plans[1]), None);

@@ -1,7 +1,7 @@
-//! Letters and headlight schedule of a flight whose log has neither.
+//! Inference of letters and headlight levels for a flight whose log contains neither.
 //!
-//! Setpoints are matched to the moves of the letters in order: a setpoint belongs to the first move
-//! at or after the current one that contains it, and never backward.
+//! Setpoints are matched to the moves of the letters in order. A setpoint belongs to the first move
+//! that contains it, at or after the current one, and never moves backward along it.
 
 use nalgebra::Vector2;
 
@@ -11,11 +11,11 @@ use noctograph_core::geometry::{distance, segment_distance};
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::strokes::{Move, Strokes};
 
-/// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints, and
-/// strokes lie centimeters apart.
+/// Largest distance in m of a setpoint from its move. Logs round to a millimeter and skip
+/// setpoints, whereas strokes are centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
-/// Fraction of the word's strokes that the setpoints must run along: words have strokes in common.
+/// Fraction of the word's strokes along which setpoints must run, since words have common strokes.
 const LEAST_FLOWN: f64 = 0.6;
 
 const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \
@@ -25,7 +25,7 @@ const HINT: &str = "name the word that was flown, and the size of its letters un
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if the flight has no setpoints, or hardly any on the strokes.
+/// Returns [`Error::Input`] if the flight has no setpoints, or too few of them on the strokes.
 pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     if !flight.has(Quantity::Design) {
         let wanted = "setpoints, from which letters and lights are inferred";
@@ -35,11 +35,12 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
-    // The stretch of each move that the setpoints ran along: from and to.
+    // The stretch of each move that the setpoints covered is given by its beginning and end.
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
     let mut letters = Vec::with_capacity(flight.samples.len());
     for sample in &flight.samples {
-        // The letter of the move that the setpoint is on, and if it is lit. None between moves.
+        // The current letter is that of the move on which the setpoint is, with a flag if the move
+        // is lit. Between moves, there is none.
         let current = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
         letters.push(current.map(|(letter, _)| letter));
         levels.push(f64::from(current.is_some_and(|(_, lit)| lit)));
@@ -58,8 +59,8 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     Ok(())
 }
 
-/// Fails if the setpoints do not run along most of the lit strokes in their order. `flown_m` has
-/// the stretch of each move that they ran along.
+/// Returns an error if the setpoints do not run along most of the lit strokes in their order.
+/// `flown_m` contains the stretch of each move that they ran along.
 fn check_flown(
     flight: &Flight,
     word: &str,
@@ -74,25 +75,26 @@ fn check_flown(
     if ordered_m >= LEAST_FLOWN * strokes_m {
         return Ok(());
     }
-    // Another word, or this word in another order.
+    // The setpoints write another word, or the same word in another order.
     let near_m = near_m(moves, flight);
-    let (actual, wanted) = match near_m < LEAST_FLOWN * strokes_m {
-        true => (
-            format!("{ordered_m:.2} of {strokes_m:.2} m of its strokes in the setpoints"),
+    let (actual, wanted) = if near_m < LEAST_FLOWN * strokes_m {
+        (
+            format!("setpoints on {ordered_m:.2} m of the {strokes_m:.2} m of its strokes"),
             "a flight that writes this word",
-        ),
-        false => (
+        )
+    } else {
+        (
             format!(
-                "setpoints on {near_m:.2} of {strokes_m:.2} m of its strokes, and on \
+                "setpoints on {near_m:.2} m of the {strokes_m:.2} m of its strokes, and on \
                  {ordered_m:.2} m in their order"
             ),
             "the strokes in the order of style team, or a log with lights",
-        ),
+        )
     };
     Err(Error::input(format!("word {word}"), actual, wanted, HINT))
 }
 
-/// Length of the lit moves that setpoints run along, in any order.
+/// Returns the length of the lit moves that setpoints run along, in any order, in m.
 fn near_m(moves: &[(usize, Move)], flight: &Flight) -> f64 {
     let lit = moves.iter().filter(|(_, step)| step.lit).map(|(_, step)| {
         let designs_m = flight.samples.iter().map(|sample| [sample.design_m.x, sample.design_m.z]);
@@ -112,8 +114,9 @@ struct Progress {
 }
 
 impl Progress {
-    /// Advances to the move of a setpoint. Returns its letter, and true if it is lit. `None` if no
-    /// move contains the setpoint, or the drone still waits at the beginning of a letter.
+    /// Advances to the move of a setpoint. Returns the move's letter, and true if the move is lit.
+    /// Returns `None` if no move contains the setpoint, or if the drone still waits at the
+    /// beginning of a letter.
     fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
         let remaining = moves.iter().enumerate().skip(self.index);
         let (index, along_m) = remaining.into_iter().find_map(|(index, (_, step))| {
@@ -123,14 +126,15 @@ impl Progress {
         })?;
         let (letter, step) = moves[index];
         let first_of_letter = index == 0 || moves[index - 1].0 != letter;
-        // The farthest point counts: after a slow turn the drone is soon on the next move.
+        // The farthest point is kept, because after a slow turn the drone is soon on the next move.
         let farthest_m = if index == self.index { self.along_m.max(along_m) } else { along_m };
         *self = Self { index, along_m: farthest_m };
         (along_m > 0.0 || !first_of_letter).then_some((letter, step.lit))
     }
 }
 
-/// Distance of a point along a move from its beginning. `None` for a point that is not on it.
+/// Returns the distance of a point along a move from the move's beginning in m. Returns `None` for
+/// a point that is not on the move.
 fn along(step: &Move, point: [f64; 2]) -> Option<f64> {
     if segment_distance(point, [step.from_m, step.to_m]) >= ON_MOVE_M {
         return None;

@@ -1,20 +1,21 @@
-//! Lamp: delays between a light command and the light.
+//! Delays between a light command and the light of a lamp.
 
-/// Slack for the time grid of setpoints.
+/// Slack in s for the time grid of setpoints.
 const GRID_S: f64 = 1e-5;
 
 /// Delays from a light command to the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LampTiming {
-    /// From sending to arrival, on average.
+    /// Mean time in s from sending to arrival.
     pub delay_s: f64,
-    /// Period of the timer that a change waits for. 0: none.
+    /// Period in s of the timer that a change waits for. The period is 0 for a lamp without a
+    /// timer.
     pub tick_s: f64,
 }
 
 impl LampTiming {
-    /// The time and the number of the tick nearest to a time, but not before the tick of the last
-    /// change. A lamp without ticks changes at any time that a command can reach it.
+    /// Returns the time and the number of the tick nearest to a time, but not before the tick of
+    /// the last change. A lamp without ticks changes whenever a command can reach it.
     pub(super) fn tick(&self, time_s: f64, last_tick: f64) -> (f64, f64) {
         if self.tick_s == 0.0 {
             return (time_s.max(self.delay_s), time_s);
@@ -26,12 +27,13 @@ impl LampTiming {
         (tick * self.tick_s, tick)
     }
 
-    /// The time to send a command whose light changes at a tick. It arrives half a tick before.
+    /// Returns the time at which to send a command whose light changes at a tick. The command
+    /// arrives half a tick before.
     pub(super) fn sent_s(&self, light_s: f64) -> f64 {
         (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
     }
 
-    /// The time at which a command changes the light: the next tick after it arrives.
+    /// Returns the time at which a command changes the light, the next tick after its arrival.
     pub(super) fn light_s(&self, sent_s: f64) -> f64 {
         let arrives_s = sent_s + self.delay_s;
         if self.tick_s == 0.0 {

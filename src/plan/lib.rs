@@ -1,15 +1,16 @@
-//! Planning: strokes become timed setpoints and a light schedule.
+//! Planning, which converts strokes to timed setpoints and a light schedule.
 //!
-//! Product in: [`Strokes`]. Product out: [`Plan`], everything that is sent to one drone. The plane
+//! Input: [`Strokes`]. Output: a [`Plan`], which is everything that is sent to one drone. The plane
 //! of the word is the world's x-z plane at y = 0.
 //!
-//! Method: the strokes are divided among the drones ([`fleet`]), and each part becomes a design
-//! path ([`plan()`]). For a known drone, setpoints are then fed through the inverse of its position
-//! loop ([`feedforward`]), and light commands are timed on a rehearsed flight ([`time_lights`]).
+//! The strokes are divided among the drones ([`fleet`]), and each part becomes a design path
+//! ([`plan()`]). For a known drone, setpoints are then filtered by the inverse of its position loop
+//! ([`feedforward`]), and light commands are timed on a rehearsed flight ([`time_lights`]).
 //!
-//! There are two styles of flying. `team`: letter by letter with waits, as in the reference flight
-//! of 2022. `even`: strokes in the order with the least dark time, their corners rounded within a
-//! stated error, at constant speed if the limits permit, with time-optimal transits in the dark.
+//! There are two styles of flying. Style `team` writes letter by letter with waits, as in the
+//! reference flight of 2022. Style `even` writes strokes in the order with the least dark time,
+//! rounds their corners within a stated error, and flies at constant speed if the limits permit,
+//! with time-optimal transits in the dark.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -58,9 +59,9 @@ pub use stroke_ends::{StrokeEnd, stroke_ends};
 ///
 /// # Errors
 ///
-/// [`Input`](noctograph_core::error::Error::Input) for an option out of range or a drawing without
-/// light, [`Infeasible`](noctograph_core::error::Error::Infeasible) for a flight longer than an
-/// hour and a drawing of more than 10 000 strokes.
+/// Returns [`Input`](noctograph_core::error::Error::Input) for an option out of range or a drawing
+/// without light, and [`Infeasible`](noctograph_core::error::Error::Infeasible) for a flight longer
+/// than an hour or a drawing of more than 10 000 strokes.
 pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     options.check()?;
     let plan = match &options.style {
@@ -73,7 +74,7 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     Ok(adjusted(plan, options))
 }
 
-/// The plan with the heading, the clock and the mean error of the options applied.
+/// Applies the heading, the clock and the mean error of the options to a plan.
 fn adjusted(mut plan: Plan, options: &PlanOptions) -> Plan {
     if plan.yaw_rad != options.yaw_rad {
         plan.edit(|plan| plan.yaw_rad = options.yaw_rad);
@@ -94,7 +95,7 @@ mod tests {
     use noctograph_core::error::Error;
     use noctograph_letters::{LetterOptions, write};
 
-    /// The plan of a word in the reference team's letters.
+    /// Returns the plan of a word in the reference team's letters.
     pub(crate) fn written(word: &str, options: &PlanOptions) -> Plan {
         plan(&write(word, &LetterOptions::default()).unwrap(), options).unwrap()
     }
@@ -136,7 +137,8 @@ mod tests {
     fn headlights_are_lit_along_lit_strokes_only() {
         let plan = noor(Extent::Letters);
         let lit_s = plan.full_light_s();
-        // N 1.583 m, O 1.6 m twice, R 0.5 + 0.3 + 0.25 + 0.3 + 0.391 m, at 0.2 m/s.
+        // The lit lengths are N 1.583 m, O 1.6 m twice, and R 0.5 + 0.3 + 0.25 + 0.3 + 0.391 m,
+        // flown at 0.2 m/s.
         let wanted_s = (1.583_095 + 2.0 * 1.6 + 1.740_512) / 0.2;
         assert!((lit_s - wanted_s).abs() < 1e-3, "{lit_s} s lit instead of {wanted_s} s");
     }

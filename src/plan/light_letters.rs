@@ -1,19 +1,19 @@
-//! Light letters: the letter of each commanded stretch of light.
+//! Letters of commanded light, found for each lit stretch.
 //!
-//! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond it if the
-//! drone lags. It keeps the color of that stroke.
+//! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond the stroke if
+//! the drone lags. The light keeps the color of its stroke.
 
 use std::ops::Range;
 
 use super::Plan;
 
-/// The index of the letter that is drawn by the light commanded at each setpoint. `None` in the
-/// dark, and for light that belongs to no letter.
+/// Returns the index of the letter that the light commanded at each setpoint draws. The entry is
+/// `None` in the dark, and for light that belongs to no letter.
 pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
     let letter = |row: usize| plan.setpoints[row].letter;
     let drawn_rows = drawn_rows((plan, &plan.commanded()), (plan, &plan.lit()));
     let letters = drawn_rows.into_iter().map(|rows| {
-        // The letter last begun in the stretch, or the next one.
+        // The letter is the last one begun in the stretch, or else the next one.
         let rows = rows?;
         let after = rows.end..plan.setpoints.len();
         rows.rev().chain(after).find_map(letter)
@@ -21,8 +21,9 @@ pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
     letters.collect()
 }
 
-/// For each lit setpoint of `sent`, the rows of `design` from the beginning of the lit stretch up
-/// to the drawn one. Both are plans of the same strokes with a light level for each setpoint.
+/// Returns the rows of `design` from the beginning of the lit stretch up to the drawn row, for each
+/// lit setpoint of `sent`. `sent` and `design` are plans of the same strokes with a light level for
+/// each setpoint.
 pub(super) fn drawn_rows(
     (sent, commanded): (&Plan, &[f64]),
     (design, lit): (&Plan, &[f64]),
@@ -30,17 +31,18 @@ pub(super) fn drawn_rows(
     let mut rows = vec![None; commanded.len()];
     let (commanded, mut strokes) = (stretches(commanded), stretches(lit));
     if strokes.len() != commanded.len() {
-        // Plans of different strokes: the drawn row at the same time.
+        // If the plans have different strokes, the drawn row is that at the same time.
         strokes = vec![0..design.setpoints.len(); commanded.len()];
     }
-    // Stretches correspond in their order. Within one a row is drawn as late as in the design.
+    // Stretches correspond in their order. Within a stretch, each row is drawn as long after its
+    // beginning as in the design.
     for (sent_rows, stroke) in commanded.into_iter().zip(strokes) {
         let is_whole_plan = stroke.len() == design.setpoints.len();
         let begin_s = sent.setpoints[sent_rows.start].time_s;
         let drawn_s = design.setpoints[stroke.start].time_s;
         let later_s = if is_whole_plan { 0.0 } else { begin_s - drawn_s };
         for row in sent_rows {
-            // The slack is for rounding.
+            // The slack compensates for rounding.
             let time_s = sent.setpoints[row].time_s - later_s + 1e-6;
             let passed = design.setpoints[stroke.clone()].partition_point(|s| s.time_s <= time_s);
             rows[row] = Some(stroke.start..stroke.start + passed.max(1));
@@ -49,7 +51,7 @@ pub(super) fn drawn_rows(
     rows
 }
 
-/// Ranges of consecutive lit rows.
+/// Returns the ranges of consecutive lit rows.
 pub(super) fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
     let lit: Vec<usize> = (0..levels.len()).filter(|row| levels[*row] > 0.0).collect();
     let runs = lit.chunk_by(|row, next| row + 1 == *next);
@@ -65,8 +67,8 @@ mod tests {
 
     #[test]
     fn light_that_lags_its_stroke_keeps_the_strokes_letter() {
-        // Two strokes with a dark segment of the second one's letter between them, then a third one
-        // that follows without a gap. Light is commanded two rows late.
+        // A dark segment of the second letter separates the first two strokes, and the third stroke
+        // follows without a gap. The light is commanded two rows late.
         let letters = [None, Some(0), Some(0), Some(0), Some(1), Some(1), Some(2), Some(2), None];
         let lit = [0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0];
         fn late(rows: usize, values: &[f64]) -> Vec<f64> {

@@ -1,9 +1,9 @@
-//! Light timing: light commands sent early enough for the light to change at the strokes' ends.
+//! Light timing, which sends light commands so early that the light changes at strokes' ends.
 //!
-//! Product in: a [`Plan`], a flight of it (rehearsed or real), and the delays of the lamp. Products
-//! out: the plan with its commands moved, and the errors left at each stroke's end. For each edge
-//! of the design's light, the flight gives the time when the drone passed its position. The light
-//! changes at the nearest tick of the lamps' timer.
+//! Input: a [`Plan`], a rehearsed or real flight of it, and the delays of the lamp. Output: the
+//! plan with its commands moved, and the remaining error at each stroke's end. For each edge of the
+//! design's light, the flight gives the time at which the drone passed the edge's position. The
+//! light changes at the nearest tick of the lamps' timer.
 
 use super::lamp::LampTiming;
 use super::light_letters::drawn_rows;
@@ -16,23 +16,23 @@ use noctograph_core::flight::table::on_grid;
 /// Reference that a controller follows between two setpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Between {
-    /// The position that was sent, held.
+    /// Position as sent, which is held until the next setpoint.
     Held,
-    /// The design, which moves on.
+    /// Position of the design, which continues to move.
     Design,
 }
 
-/// Time up to which a command is sent with a setpoint.
+/// Time in s within which a command is sent together with a setpoint.
 const SAME_S: f64 = 1e-4;
-/// Least time between two light commands.
+/// Minimum time in s between two light commands.
 const LEAST_APART_S: f64 = 0.001;
 
-/// The plan with its light commands moved so that light begins and ends at the strokes' ends in
-/// `flight`, and the errors that are left there. The design's light is kept in [`PlanData::lit`].
+/// Moves the light commands of a plan to the times at which `flight` passes the strokes' ends.
+/// Returns the plan, whose [`PlanData::lit`] keeps the design's light, and the remaining errors.
 ///
 /// # Errors
 ///
-/// [`noctograph_core::error::Error::Input`] for a flight without samples or without a design.
+/// Returns [`noctograph_core::error::Error::Input`] for a flight without samples or design.
 pub fn time_lights(
     plan: &Plan,
     flight: &Flight,
@@ -51,12 +51,12 @@ pub fn time_lights(
         }
         let [was_on, is_on] = [before > 0.0, lit[row] > 0.0];
         let edge = Edge::new(plan, row, is_on);
-        // The drone stays at a dot, so its light ends as late as it begins.
+        // The drone stays at a dot, so that its light ends with the same lag as it begins.
         if was_on != is_on && (is_on || edge.moves()) {
             lag_s = flown.lag_at_s(&edge, lag_s);
         }
         let (light_s, tick) = lamp.tick(edge.time_s + lag_s, last_tick);
-        // Of two levels on one tick the later one counts, but an edge is never dropped.
+        // Of two levels on one tick, only the later one is kept, but an edge is never dropped.
         if tick == last_tick && was_on == is_on {
             commands.pop();
         }
@@ -69,8 +69,8 @@ pub fn time_lights(
     Ok((timed, ends))
 }
 
-/// The plan paced by the clock of a trajectory on board, which takes `rate` true seconds for each
-/// of its seconds, while light commands keep true time.
+/// Scales a plan to the clock of an onboard trajectory, which takes `rate` true seconds for each of
+/// its seconds, while light commands keep true time.
 pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     let lit = plan.lit();
     let changes = (0..lit.len()).filter(|row| *row == 0 || lit[*row] != lit[row - 1]);
@@ -79,8 +79,8 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     with_commands(&Plan::made(plan.into_data().paced(rate)), lit, &commands, Between::Design)
 }
 
-/// The plan with other light commands, each a time and a level, in rising order. A command between
-/// two setpoints adds a row.
+/// Returns a plan with other light commands, given as times and levels in chronological order. A
+/// command between two setpoints adds a row.
 fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     let has_sent = !plan.sent_m.is_empty();
@@ -88,7 +88,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
     let mut level = 0.0;
     let mut levels: Vec<f64> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
-        // Commands that are due go with the setpoint. The last setpoint is dark.
+        // Commands that are due are sent with the setpoint. The last setpoint is dark.
         let due_s = setpoint.time_s + SAME_S;
         while let Some(due) = commands.next_if(|command| command.0 <= due_s) {
             level = due.1;
@@ -102,7 +102,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             levels.push(level);
             out.sent_m.extend(has_sent.then_some(sent_m));
             out.jerk_m_s3.extend(plan.jerk_m_s3.get(row));
-            // Commands before the next setpoint get separate rows.
+            // Commands before the next setpoint have rows of their own.
             let is_before =
                 |command: &(f64, f64)| next.is_some_and(|s| command.0 < s.time_s - SAME_S);
             let Some(due) = commands.next_if(is_before) else { break };
@@ -118,17 +118,15 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
     with_levels(Plan::made(out), plan, &levels)
 }
 
-/// A plan with the levels of its lamps. Colors go with the strokes of the design.
+/// Sets the levels of a plan's lamps. Colors change with the strokes of the design.
 fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     let drawn_rows = drawn_rows((&plan, levels), (design, &design.commanded()));
     let lights = design.lights.iter().map(|(channel, colors)| {
-        let levels = match design.lamps().any(|(lamp, _)| lamp == channel) {
-            true => levels.to_vec(),
-            false => Vec::from_iter(
-                drawn_rows
-                    .iter()
-                    .map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
-            ),
+        let levels = if design.lamps().any(|(lamp, _)| lamp == channel) {
+            levels.to_vec()
+        } else {
+            let drawn_rows = drawn_rows.iter();
+            drawn_rows.map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])).collect()
         };
         (channel.clone(), levels)
     });
@@ -137,7 +135,7 @@ fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     plan
 }
 
-/// The setpoint that continues the design of another from a later time on.
+/// Returns the setpoint that continues the design of another setpoint from a later time on.
 fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
     let since_s = time_s - setpoint.time_s;
     let velocity_m_s = setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s;
@@ -164,7 +162,7 @@ mod tests {
         written("NOE", &PlanOptions::even())
     }
 
-    /// A flight that follows the design exactly, late by `lag_s` and 0.1 m to the left.
+    /// Makes a flight that follows the design exactly, but `lag_s` late and 0.1 m to the left.
     fn late(plan: &Plan, lag_s: f64) -> Flight {
         #[expect(clippy::cast_possible_truncation, reason = "a flight")]
         let n = (plan.duration_s() * 250.0) as u32;
@@ -184,7 +182,7 @@ mod tests {
     #[test]
     fn light_ends_with_the_strokes_at_any_lag() {
         let plan = noor();
-        // Half a tick is left: 25 ms at 0.2 m/s are 5 mm.
+        // The error is up to half a tick, and 25 ms at 0.2 m/s is 5 mm.
         for (lag_s, most_m) in [(0.0, 0.0016), (0.5, 0.0016), (0.533, 0.0066)] {
             let flight = late(&plan, lag_s);
             let (_, ends) = time_lights(&plan, &flight, &LAMP, Between::Held).unwrap();

@@ -1,8 +1,8 @@
-//! The motion along a lit stroke: as fast as the limits allow, its corners rounded.
+//! Motion along a lit stroke, as fast as the limits permit, with rounded corners.
 //!
-//! The pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). The
-//! motion is the pen under two moving averages ([`super::smoothing`]). These are differences of the
-//! pen's integrals, so that position, velocity and acceleration are exact at any time.
+//! A pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). The
+//! motion is that of the pen after two moving averages ([`super::smoothing`]). The averages are
+//! differences of the pen's integrals, so that position, velocity and acceleration are exact.
 
 use nalgebra::Vector2;
 
@@ -19,8 +19,8 @@ pub(super) struct State {
     pub(super) acceleration_m_s2: Vector2<f64>,
 }
 
-/// The pen from an instant on, with constant acceleration, and its two integrals up to that
-/// instant.
+/// Piece of the pen's path from an instant on, with constant acceleration, and the two integrals of
+/// the position up to that instant.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     start_s: f64,
@@ -31,30 +31,30 @@ struct Piece {
     second_integral_m_s2: Vector2<f64>,
 }
 
-/// Ratio of acceleration to its limit above which a stroke is slowed as a whole.
+/// Ratio of the acceleration to its limit above which the whole stroke is slowed.
 pub(super) const MAX_EXCESS: f64 = 1.045;
 
-/// The motion along a stroke.
+/// Motion along a stroke.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     smoothing: Smoothing,
     origin_m: Vector2<f64>,
     pieces: Vec<Piece>,
-    /// Time of the pen by time of the stroke, which lasts whole ticks.
+    /// Time of the pen per time of the stroke, whose duration is a whole number of ticks.
     pace: f64,
-    /// When it begins, after the stroke does.
+    /// Time in s between the beginning of the stroke and that of the motion.
     from_s: f64,
     duration_s: f64,
 }
 
 impl Motion {
-    /// The motion along a stroke at a speed, lasting a multiple of `tick_s`.
+    /// Makes the motion along a stroke at a speed, whose duration is a multiple of `tick_s`.
     pub(super) fn new(stroke: &PenStroke, speed_m_s: f64, style: &EvenStyle, tick_s: f64) -> Self {
         let smoothing = Smoothing::new(speed_m_s, style);
         let origin_m = stroke.points_m[0];
         let nodes = profile(stroke, &smoothing, speed_m_s);
         let mut pen = Pen::default();
-        // The pen starts before the stroke and ends beyond it: the ends are no corners.
+        // The pen starts before the stroke and ends beyond it, so that the ends are not corners.
         let reach_s = smoothing.reach_s();
         let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
         let [first_m_s, last_m_s] =
@@ -72,11 +72,11 @@ impl Motion {
         }
         let pen_s = pen.end_s - reach_s;
         pen.draw(last.position_m - origin_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
-        // The pen is slowed so that the stroke lasts whole ticks.
+        // The pen is slowed so that the stroke's duration is a whole number of ticks.
         let duration_s = in_ticks(pen_s, tick_s);
         let (pieces, pace) = (pen.pieces, pen_s / duration_s);
         let mut motion = Self { smoothing, origin_m, pieces, pace, from_s: 0.0, duration_s };
-        // While the pen turns and changes its speed at once, both accelerations add up.
+        // While the pen turns and changes its speed simultaneously, both accelerations add up.
         let excess = motion.max_acceleration_m_s2(0.5 * tick_s) / style.acceleration_m_s2;
         if excess > MAX_EXCESS {
             motion.duration_s = in_ticks(duration_s * excess.sqrt(), tick_s);
@@ -85,30 +85,30 @@ impl Motion {
         motion
     }
 
-    /// Greatest acceleration among those at times a step apart.
+    /// Returns the greatest acceleration at times that are a step apart.
     fn max_acceleration_m_s2(&self, step_s: f64) -> f64 {
         let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
         let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
         steps.map(|time_s| self.state_at(time_s).acceleration_m_s2.norm()).fold(0.0, f64::max)
     }
 
-    /// Duration from its beginning on.
+    /// Returns the duration in s from the motion's beginning.
     pub(super) fn duration_s(&self) -> f64 {
         self.duration_s - self.from_s
     }
 
-    /// The rest of the motion from a time on.
+    /// Returns the rest of the motion after a time.
     pub(super) fn after(self, time_s: f64) -> Self {
         Self { from_s: self.from_s + time_s, ..self }
     }
 
-    /// The state at a time after its beginning: the pen under both averages.
+    /// Returns the state at a time after the beginning, which is the pen's after both averages.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
-        // The middle of the averages, in the time of the pen.
+        // The averages are centered on this time of the pen.
         let middle_s = (self.from_s + time_s) * self.pace + self.smoothing.reach_s();
-        // Two moving averages are a second difference of the second integral P of the pen:
-        // P(t + outer) − P(t + inner) − P(t − inner) + P(t − outer), by their area.
+        // Two moving averages are a second difference of the pen's second integral P, P(t + outer)
+        // − P(t + inner) − P(t − inner) + P(t − outer), divided by the product of their lengths.
         let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
         let terms = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
         let mut average = State::default();
@@ -127,19 +127,19 @@ impl Motion {
         }
     }
 
-    /// The piece of the pen's path at a time of the pen.
+    /// Returns the piece of the pen's path at a time of the pen.
     fn piece_at(&self, time_s: f64) -> &Piece {
         let next = self.pieces.partition_point(|piece| piece.start_s <= time_s);
         &self.pieces[next.max(1) - 1]
     }
 }
 
-/// A duration rounded up to a multiple of a tick, at least one. The slack is for rounding.
+/// Rounds a duration up to a multiple of a tick, at least one. The slack is for rounding.
 fn in_ticks(duration_s: f64, tick_s: f64) -> f64 {
     (duration_s / tick_s - 1e-6).ceil().max(1.0) * tick_s
 }
 
-/// The pen's path under construction.
+/// Path of the pen under construction.
 #[derive(Debug, Default)]
 struct Pen {
     pieces: Vec<Piece>,
@@ -147,10 +147,10 @@ struct Pen {
 }
 
 impl Pen {
-    /// Adds a piece of constant acceleration from a position and a velocity on.
+    /// Adds a piece of constant acceleration that begins at a position with a velocity.
     fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, duration_s: f64) {
         let still = Vector2::zeros();
-        // Its integrals continue from the integrals of the piece before.
+        // The piece's integrals continue those of the previous piece.
         let before = self.pieces.last().map(|last| last.integrals_at(self.end_s));
         let [_, integral_m_s, second_integral_m_s2] = before.unwrap_or([p, still, still]);
         self.pieces.push(Piece {
@@ -166,7 +166,7 @@ impl Pen {
 }
 
 impl Piece {
-    /// The position of the pen at a time, and its first and second integrals up to that time.
+    /// Returns the pen's position at a time, and its first and second integrals up to that time.
     fn integrals_at(&self, time_s: f64) -> [Vector2<f64>; 3] {
         let t = time_s - self.start_s;
         let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);
@@ -190,7 +190,8 @@ mod tests {
         Motion::new(&stroke, speed_m_s, &style, 0.05)
     }
 
-    /// Largest distance from the motion to a polyline, speed, acceleration and jerk.
+    /// Returns the largest distance from the motion to a polyline, and the largest speed,
+    /// acceleration and jerk.
     fn extremes(motion: &Motion, points: &[[f64; 2]]) -> [f64; 4] {
         let mut most = [0.0_f64; 4];
         let mut before: Option<State> = None;

@@ -1,40 +1,41 @@
-//! Pen strokes: uninterrupted runs of light, and their possible directions.
+//! Pen strokes, which are uninterrupted runs of light, and the ways in which they can be drawn.
 
 use nalgebra::Vector2;
 
 use noctograph_core::strokes::Strokes;
 
-/// Greatest number of starting corners of a closed stroke.
+/// Maximum number of corners of a closed stroke at which it may start.
 const MAX_STARTS: usize = 8;
-/// Points nearer to each other than this are merged.
+/// Distance in m below which two points are merged.
 const SAME_M: f64 = 1e-6;
-/// A run of light shorter than this is a dot: half as long as a stroke is wide in the photograph.
+/// Length in m below which a run of light is a dot, half the width of a stroke in the photograph.
 pub(super) const DOT_M: f64 = 0.005;
 
-/// Cosine of the largest turn at its ends for a closed stroke to count as smooth.
+/// Minimum cosine of the turn at the ends of a closed stroke that counts as smooth.
 const SMOOTH_COS: f64 = 0.5;
-/// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle
-/// of a spot of width σ. A lamp that passes at `v` leaves `I / (√(2π) σ v)`. Both are equal after
-/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm. Four times that
-/// compensate for the motion of the hovering drone, and for serifs that dots do not have.
+/// Length in m of a stroke with as much light as a dot receives. A lamp at rest leaves the exposure
+/// `I t / (2π σ²)` in the middle of a spot of width σ. A lamp that passes at speed `v` leaves `I /
+/// (√(2π) σ v)`. Both exposures are equal, and equally wide, after `t = √(2π) σ / v`. For σ = 4 mm,
+/// this corresponds to a length `v t` of 10 mm. Four times that length compensates for the motion
+/// of the hovering drone, and for serifs, which dots lack.
 const DOT_LIGHT_M: f64 = 0.04;
 
-/// Duration of a dot's light for a stroke speed.
+/// Returns the duration in s of a dot's light at a stroke speed.
 pub(super) fn dot_s(speed_m_s: f64) -> f64 {
     DOT_LIGHT_M / speed_m_s
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PenStroke {
-    /// Index of its letter.
+    /// Index of the stroke's letter.
     pub(super) letter: usize,
-    /// Its corners in the plane of the word, neighbors apart. A single point is a dot.
+    /// Corners in the plane of the word in m, without equal neighbors. A single point is a dot.
     pub(super) points_m: Vec<Vector2<f64>>,
-    /// Speeds between them, as fractions of the stroke speed.
+    /// Speeds between the corners, as fractions of the stroke speed.
     pub(super) paces: Vec<f64>,
 }
 
-/// A way to draw a stroke: how it is entered and left.
+/// Way to draw a stroke, given by how it is entered and left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Way {
     pub(super) start_m: Vector2<f64>,
@@ -43,8 +44,8 @@ pub(super) struct Way {
     pub(super) end_m_s: Vector2<f64>,
 }
 
-/// The strokes of a drawing, which are its uninterrupted runs of light, in its order. Lit moves
-/// without length are left out, and a short run becomes a dot.
+/// Returns the strokes of a drawing in order, which are its uninterrupted runs of light. Lit moves
+/// of zero length are left out, and a short run becomes a dot.
 pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
     let mut runs: Vec<PenStroke> = Vec::new();
     for (letter, glyph) in strokes.glyphs.iter().enumerate() {
@@ -53,12 +54,11 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
             let [from, to] = [step.from_m, step.to_m].map(Vector2::from);
             let is_short = (to - from).norm() <= SAME_M;
             if !step.lit || is_short {
-                // A dark move of no length does not lift the pen.
+                // A dark move of zero length does not lift the pen.
                 is_down &= step.lit || is_short;
                 continue;
             }
-            // A lit move goes on with the run that ends here. After a jump it begins another
-            // stroke.
+            // A lit move continues a run that ends at its beginning. After a jump, another begins.
             let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
             if !is_down || !runs.last().is_some_and(ends_here) {
                 runs.push(PenStroke { letter, points_m: vec![from], paces: Vec::new() });
@@ -77,28 +77,28 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
 }
 
 impl PenStroke {
-    /// The position of a dot. `None` for a stroke.
+    /// Returns the position of a dot. Returns `None` for a stroke.
     pub(super) fn dot_m(&self) -> Option<Vector2<f64>> {
         self.points_m.first().copied().filter(|_| self.points_m.len() == 1)
     }
 
-    /// Its last point.
+    /// Returns the last point of the stroke.
     fn last_m(&self) -> Vector2<f64> {
         self.points_m[self.points_m.len() - 1]
     }
 
-    /// True if it ends where it began.
+    /// True if the stroke ends at its beginning.
     fn is_closed(&self) -> bool {
         self.points_m.len() > 3 && (self.last_m() - self.points_m[0]).norm() <= SAME_M
     }
 
-    /// True if it comes back to its beginning without a corner.
+    /// True if the stroke returns to its beginning without a corner there.
     pub(super) fn is_loop(&self) -> bool {
         let along = |index: usize| (self.points_m[index + 1] - self.points_m[index]).normalize();
         self.is_closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
     }
 
-    /// The closed stroke continued over its beginning for a length, or once around at most.
+    /// Continues a closed stroke over its beginning for a length, up to once around.
     pub(super) fn overlapped(&self, mut remaining_m: f64) -> Self {
         let mut longer = self.clone();
         for (ends, pace) in self.points_m.windows(2).zip(&self.paces) {
@@ -113,16 +113,17 @@ impl PenStroke {
         longer
     }
 
-    /// Number of corners at which it may begin, if it is closed.
+    /// Returns the number of corners at which a closed stroke may begin.
     fn n_starts(&self) -> usize {
         (self.points_m.len() - 1).min(MAX_STARTS)
     }
 
-    /// The stroke drawn in one of its [`Self::ways`].
+    /// Returns the stroke as it is drawn in one of its [`Self::ways`].
     pub(super) fn along(&self, way: usize) -> Self {
         let Self { letter, mut points_m, mut paces } = self.clone();
         if way >= 2 {
-            // A closed stroke repeats its first point at its end: the new first one.
+            // A closed stroke repeats its first point at its end, and the old repetition is
+            // replaced.
             let begin = way / 2 * paces.len() / self.n_starts();
             points_m.pop();
             points_m.rotate_left(begin);
@@ -136,13 +137,14 @@ impl PenStroke {
         Self { letter, points_m, paces }
     }
 
-    /// All ways to draw it. Way 0 is as drawn, and way `2 k + 1` is way `2 k` backward.
+    /// Returns all ways in which the stroke can be drawn. Way 0 is as drawn, and way `2 k + 1` is
+    /// way `2 k` backward.
     pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
         let n_starts = if self.is_closed() { self.n_starts() } else { 1 };
         (0..2 * n_starts).map(|way| self.along(way).way(speed_m_s)).collect()
     }
 
-    /// The points and velocities at which it is entered and left if it is drawn as it is.
+    /// Returns the points and velocities at which the stroke is entered and left as it is.
     fn way(&self, speed_m_s: f64) -> Way {
         let along_m_s = |pair: Option<&[Vector2<f64>]>| {
             pair.map_or(Vector2::zeros(), |pair| (pair[1] - pair[0]).normalize() * speed_m_s)
@@ -156,12 +158,12 @@ impl PenStroke {
         }
     }
 
-    /// Length of the stroke.
+    /// Returns the length of the stroke in m.
     pub(super) fn length_m(&self) -> f64 {
         self.lengths_m().sum()
     }
 
-    /// Time for which it is lit if no corner slows the drone.
+    /// Returns the time in s for which the stroke is lit if no corner slows the drone.
     pub(super) fn lit_s(&self, speed_m_s: f64) -> f64 {
         match self.dot_m() {
             Some(_) => dot_s(speed_m_s),
@@ -169,7 +171,7 @@ impl PenStroke {
         }
     }
 
-    /// Lengths of its segments.
+    /// Returns the lengths of the stroke's segments in m.
     fn lengths_m(&self) -> impl Iterator<Item = f64> {
         self.points_m.windows(2).map(|pair| (pair[1] - pair[0]).norm())
     }
@@ -182,7 +184,7 @@ mod tests {
     use noctograph_letters::{LetterOptions, write};
 
     impl PenStroke {
-        /// A stroke in an even pace.
+        /// Makes a stroke with a constant pace.
         pub(crate) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
             let paces = vec![1.0; points_m.len() - 1];
             Self { letter, points_m, paces }

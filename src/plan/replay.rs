@@ -1,4 +1,4 @@
-//! Replay: a flight's setpoints as a plan, to be sent again.
+//! Replay, which converts a flight's setpoints to a plan that can be sent again.
 
 use nalgebra::Vector3;
 
@@ -8,31 +8,31 @@ use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::statistics::median;
 
-/// Gap between setpoints, in median steps, that means lost setpoints.
+/// Distance between setpoints, in median steps, from which setpoints were lost.
 const LOST_STEPS: f64 = 1.5;
-/// Speed between two setpoints by the median speed. Beyond it there was a jump or a wait, not a
-/// loss.
+/// Range of the speed between two setpoints, relative to the median speed. Outside this range, the
+/// drone jumped or waited, and no setpoint was lost.
 const LOST_SPEED: std::ops::Range<f64> = 0.7..1.3;
 
-/// A flight's setpoints, ready to be flown again.
+/// Setpoints of a flight, ready to be flown again.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Replay {
-    /// The setpoints.
+    /// Plan with the setpoints.
     pub plan: Plan,
-    /// Setpoints of the plan that the log had lost, see [`replay`].
+    /// Number of the plan's setpoints that the log had lost and [`replay`] restored.
     pub n_restored: usize,
 }
 
-/// The plan that a flight followed: a setpoint wherever its design, its letter or its lights
-/// change, at rest and held until the next, and a last one at the end of the flight.
+/// Returns the plan that a flight followed, with a setpoint at rest at each change of its design,
+/// letter or lights, held until the next, and a last one at the end of the flight.
 ///
-/// A log loses packets that the drone received: between two setpoints more than one and a half
-/// median steps apart, reached at the median speed, the missing setpoints are restored evenly. In
-/// the reference flight that is one setpoint in fifteen.
+/// A log loses packets that the drone received. If two setpoints are more than one and a half
+/// median steps apart and the drone moved at the median speed, the missing setpoints are restored
+/// at equal intervals. In the reference flight, this restores one setpoint in fifteen.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a flight without samples or setpoints (a design of zeros).
+/// Returns [`Error::Input`] for a flight without samples or setpoints (a design of zeros only).
 pub fn replay(flight: &Flight) -> Result<Replay> {
     if flight.samples.iter().all(|sample| sample.design_m == Vector3::zeros()) {
         let hint = "name a flight or a log with the columns of its setpoints";
@@ -43,7 +43,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     let channels: Vec<String> = flight.lights.keys().cloned().collect();
     let (mut plan, mut n_restored) = (PlanData::with_channels(&channels), 0);
     for (index, (setpoint, row)) in logged.iter().enumerate() {
-        // Lost setpoints come first, at even steps from the one before, with its letter and lights.
+        // Lost setpoints come first, at equal intervals, with the previous one's letter and lights.
         if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
             let n_lost = lost_between(before, setpoint, median);
             for k in 1..=n_lost {
@@ -63,7 +63,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     Ok(Replay { plan: Plan::new(plan)?, n_restored })
 }
 
-/// Adds a setpoint with the lights of a row of the flight.
+/// Adds a setpoint with the lights from a row of the flight.
 fn push(plan: &mut PlanData, setpoint: Setpoint, flight: &Flight, row: usize) {
     plan.setpoints.push(setpoint);
     for (column, levels) in plan.lights.values_mut().zip(flight.lights.values()) {
@@ -71,8 +71,8 @@ fn push(plan: &mut PlanData, setpoint: Setpoint, flight: &Flight, row: usize) {
     }
 }
 
-/// The setpoints that a flight logged, each with its row: the first row, the last, and each that
-/// differs from the one before.
+/// Returns the setpoints that a flight logged, each with its row, which are the first row, the
+/// last, and each that differs from the one before.
 fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     let lights_at = |row: usize| flight.lights.values().map(move |levels| levels[row]);
     let last = flight.samples.len() - 1;
@@ -94,7 +94,7 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
 }
 
-/// Medians of the distance and speed from one setpoint to the next that moves, or zeros.
+/// Returns the medians of the distance and speed between setpoints that move, or zeros.
 fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     let steps = logged.windows(2).map(|pair| step(&pair[0].0, &pair[1].0));
     let moves = steps.filter(|[length_m, lasts_s]| *length_m > 0.0 && *lasts_s > 0.0);
@@ -103,7 +103,7 @@ fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     [lengths, speeds].map(|values| median(values).unwrap_or(0.0))
 }
 
-/// Number of setpoints that the log lost between two, given the median distance and speed.
+/// Returns the number of setpoints that a log lost between two, by the median distance and speed.
 fn lost_between(from: &Setpoint, to: &Setpoint, [median_m, median_m_s]: [f64; 2]) -> u32 {
     let [length_m, lasts_s] = step(from, to);
     let steps = length_m / median_m;
@@ -113,7 +113,7 @@ fn lost_between(from: &Setpoint, to: &Setpoint, [median_m, median_m_s]: [f64; 2]
     n_lost
 }
 
-/// Distance and time from one setpoint to the next.
+/// Returns the distance in m and time in s from one setpoint to the next.
 fn step(from: &Setpoint, to: &Setpoint) -> [f64; 2] {
     [(to.position_m - from.position_m).norm(), to.time_s - from.time_s]
 }
@@ -124,7 +124,7 @@ mod tests {
     use noctograph_core::flight::FlightData;
     use noctograph_core::flight::FlightSample;
 
-    /// A log at 100 Hz of setpoints `(time, x, light)`, each held until the next, to 1 s.
+    /// Makes a log at 100 Hz of setpoints `(time, x, light)`, each held until the next, up to 1 s.
     fn logged(sent: &[(f64, f64, f64)]) -> Flight {
         let held = |time_s: f64| sent.iter().rfind(|s| s.0 <= time_s + 1e-9).unwrap();
         let times_s = (0..=100).map(|k| f64::from(k) / 100.0);
@@ -155,7 +155,8 @@ mod tests {
 
     #[test]
     fn lost_setpoints_are_restored_and_waits_and_jumps_are_not() {
-        // Steps of 0.02 m every 0.1 s. Those at 0.3 and 0.4 s are lost. Then a wait, and a jump.
+        // The steps are 0.02 m every 0.1 s. A wait and a jump follow. Two setpoints, at 0.3 and 0.4
+        // s, are lost.
         let sent = [
             (0.0, 0.0, 0.0),
             (0.1, 0.02, 0.0),

@@ -1,23 +1,23 @@
-//! Step response of a loop, and its inverse: the inputs for a wanted output.
+//! Step response of a loop, and its inverse, which gives the inputs for a desired output.
 
-/// Output of a stable loop from rest after its input stepped from 0 to 1, at even times from the
-/// step on. Afterwards it stays at the last value.
+/// Output of a stable loop from rest after its input stepped from 0 to 1, at equal intervals from
+/// the step on. After the last value, the output stays constant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepResponse {
-    /// Time between two values.
+    /// Time between two values in s.
     pub interval_s: f64,
-    /// The values, the first at the step itself.
+    /// Values of the output, of which the first is at the step itself.
     pub values: Vec<f64>,
 }
 
-/// Fraction of the step below which the rest of a response is neglected.
+/// Fraction of the step below which the remaining change of a response is neglected.
 const SETTLED: f64 = 1e-3;
-/// Comparisons of output and target per input. A comparison between two inputs prevents oscillation
-/// there.
+/// Number of comparisons between output and target per input. The comparison between two inputs
+/// prevents oscillation.
 const OUTPUTS_PER_INPUT: usize = 2;
 
 impl StepResponse {
-    /// The response at a time after the step, linear between two values. 0 before the step.
+    /// Returns the response at a time after the step, interpolated linearly, or 0 before the step.
     pub fn value_at(&self, time_s: f64) -> f64 {
         let intervals = time_s / self.interval_s;
         let Some(last) = self.values.len().checked_sub(1).filter(|_| intervals >= 0.0) else {
@@ -32,34 +32,35 @@ impl StepResponse {
         here + (next - here) * (intervals - f64::from(index))
     }
 
-    /// Time after which the response stays within `SETTLED` of its last value.
+    /// Returns the time in s after which the response stays within `SETTLED` of its last value.
     pub fn settled_s(&self) -> f64 {
         let end = self.values.last().copied().unwrap_or_default();
         let unsettled = self.values.iter().rposition(|v| (v - end).abs() > SETTLED);
         unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
-    /// Approximate number of multiplications of [`Self::inverse`] for inputs an interval apart.
+    /// Returns the approximate number of multiplications in [`Self::inverse`] for regular inputs.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
         n * (per_input + 1.0) * 0.5 * width * width
     }
 
-    /// The inverse of the loop for inputs at rising times, each held until the next.
+    /// Returns the inverse of the loop for inputs at ascending times, each held until the next.
     ///
-    /// `ridge` weighs the square of `input − wanted` against the square of the output's error
-    /// (Tikhonov regularization). 0.01 asks for corners sharply, 1 hardly at all.
+    /// `ridge` weights the square of `input − wanted` relative to the square of the output's error
+    /// (Tikhonov regularization). A ridge of 0.01 reproduces corners sharply, and 1 hardly at all.
     ///
-    /// Method: normal equations, banded since the response settles, by a Cholesky decomposition.
+    /// The method is a Cholesky decomposition of the normal equations, banded because the response
+    /// settles.
     ///
     /// # Panics
     ///
-    /// If the times do not rise.
+    /// Panics if the times do not ascend.
     pub fn inverse(&self, times_s: Vec<f64>, ridge: f64) -> Inverse<'_> {
         assert!(times_s.windows(2).all(|pair| pair[0] < pair[1]), "times rise");
         let settled_s = self.settled_s();
-        // An input counts from its time until it and the response to its end have settled.
+        // An input has an effect from its time until the response to its end has settled.
         let width = times_s.iter().enumerate().map(|(k, time_s)| {
             k - times_s.partition_point(|other| other + settled_s < *time_s) + 2
         });
@@ -72,15 +73,14 @@ impl StepResponse {
     }
 }
 
-/// The zero-phase inverse of a loop for inputs at given times. It begins to act before the target
-/// changes.
+/// Zero-phase inverse of a loop for inputs at given times. The inputs lead the target in time.
 #[derive(Debug)]
 pub struct Inverse<'a> {
     response: &'a StepResponse,
     settled_s: f64,
     times_s: Vec<f64>,
     ridge: f64,
-    /// Entries of a row of the band, from the diagonal on.
+    /// Number of entries in a row of the band, from the diagonal on.
     width: usize,
     /// Rows of the upper triangular Cholesky factor, and the divisor of each row.
     upper: Vec<f64>,
@@ -88,13 +88,13 @@ pub struct Inverse<'a> {
 }
 
 impl Inverse<'_> {
-    /// The inputs with which the output of the loop is closest to `wanted`, by least squares over
-    /// the whole span, after a rest at its first value.
+    /// Returns the inputs for which the output of the loop is closest to `wanted`, by least squares
+    /// over the whole span, after rest at its first value.
     pub fn inputs(&self, wanted: impl Fn(f64) -> f64) -> Vec<f64> {
         let Some(start_s) = self.times_s.first() else { return Vec::new() };
         let rest = wanted(*start_s);
         let wanted = |time_s: f64| wanted(time_s) - rest;
-        // The right-hand side W'y + ridge y, with a row of W for each output.
+        // The right-hand side is W'y + ridge y, where W has one row for each output.
         let mut right: Vec<f64> =
             self.times_s.iter().map(|time_s| self.ridge * wanted(*time_s)).collect();
         let mut weights = Vec::new();
@@ -108,7 +108,7 @@ impl Inverse<'_> {
         right.into_iter().map(|input| input + rest).collect()
     }
 
-    /// The even times at which the output is compared with the target.
+    /// Returns the equally spaced times at which the output is compared with the target.
     fn outputs_s(&self) -> impl Iterator<Item = f64> + use<> {
         let ends_s = [self.times_s.first(), self.times_s.last()];
         let [start_s, end_s] = ends_s.map(|end_s| end_s.copied().unwrap_or_default());
@@ -119,15 +119,14 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// Sets `weights` to a row of W for an output's time. Returns the index of the first input in
-    /// it.
+    /// Sets `weights` to the row of W for an output's time, and returns its first input's index.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;
         let until = times_s.partition_point(|t| *t <= time_s + 1e-9);
         let from = times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
         let response_to = |input_s: &f64| response.value_at(time_s - input_s);
-        // Everything before the window has settled and counts with the window's first input.
+        // All inputs before the window have settled, so that its first input has their weight, too.
         let mut begun = if from > 0 { 1.0 } else { response_to(&times_s[0]) };
         weights.clear();
         weights.extend((from..until).map(|k| {
@@ -137,13 +136,15 @@ impl Inverse<'_> {
         from
     }
 
-    /// Sets `upper` and `pivots` to the Cholesky factors of the normal equations. It is compiled
-    /// for the widest registers, and no product is fused with a sum, so that the bits are the same.
+    /// Computes the Cholesky factor of the normal equations in `upper` and `pivots`. The function
+    /// is compiled for the widest registers, but no product is fused with a sum, so that the bits
+    /// are the same everywhere.
     #[inline(always)]
     fn factor(&mut self) {
         let width = self.width;
         let mut normal = std::mem::take(&mut self.upper);
-        // W'W + ridge I, with a row of W for each output. Only the band from the diagonal on.
+        // The matrix is W'W + ridge I, where W has one row for each output. Only its band from the
+        // diagonal on is stored.
         normal.iter_mut().step_by(width).for_each(|diagonal| *diagonal += self.ridge);
         let mut weights = Vec::new();
         for time_s in self.outputs_s() {
@@ -153,8 +154,8 @@ impl Inverse<'_> {
                 row.iter_mut().zip(&weights[i..]).for_each(|(sum, other)| *sum += weight * other);
             }
         }
-        // Cholesky factorization, row by row. Each finished row is subtracted from the rows below
-        // it in the band.
+        // The Cholesky factorization proceeds row by row. Each finished row is subtracted from the
+        // rows below it in the band.
         for i in 0..self.times_s.len() {
             let (rows, below) = normal[i * width..].split_at_mut(width);
             let pivot = rows[0].max(f64::MIN_POSITIVE).sqrt();
@@ -170,10 +171,10 @@ impl Inverse<'_> {
         self.upper = normal;
     }
 
-    /// Solves the factored system: `right` is the right-hand side, and then the solution.
+    /// Solves the factored system, replacing the right-hand side `right` with the solution.
     fn solve(&self, right: &mut [f64]) {
         let (n, width) = (right.len(), self.width);
-        // Forward with the transposed factors, then backward.
+        // The transposed factor is applied forward first, followed by the factor backward.
         for (i, row) in self.upper.chunks_exact(width).enumerate() {
             right[i] /= self.pivots[i];
             let (value, below) = right[i..].split_at_mut(1);
@@ -190,14 +191,14 @@ impl Inverse<'_> {
 mod tests {
     use super::*;
 
-    /// `1 − e^(−t/τ)`.
+    /// Returns a first-order lag, `1 − e^(−t/τ)`.
     fn lag(tau_s: f64) -> StepResponse {
         let values = (0..4000).map(|k| 1.0 - libm::exp(-f64::from(k) * 0.004 / tau_s));
         StepResponse { interval_s: 0.004, values: values.collect() }
     }
 
-    /// Output at a time of a loop that rests until the first of its inputs, `(time, value)`, which
-    /// are each held until the next.
+    /// Returns the output at a time of a loop at rest until the first of its inputs, `(time,
+    /// value)`, each of which is held until the next.
     fn output(response: &StepResponse, inputs: &[(f64, f64)], time_s: f64) -> f64 {
         let (mut output, mut held) = (0.0, 0.0);
         for (at_s, input) in inputs.iter().take_while(|(at_s, _)| *at_s <= time_s) {
@@ -214,7 +215,7 @@ mod tests {
         let times_s: Vec<f64> = (0..200).map(|k| f64::from(k) * 0.05).collect();
         let ramp = |time_s: f64| 0.2 * time_s;
         let held: Vec<(f64, f64)> = times_s.iter().map(|t| (*t, ramp(*t))).collect();
-        // The hold adds half an interval.
+        // Holding the inputs adds a lag of half an interval.
         assert!((output(&loop_, &held, 8.0) - 0.2 * (8.0 - 0.525)).abs() < 1e-3);
         let sent = loop_.inverse(times_s.clone(), 1e-4).inputs(ramp);
         let sent: Vec<(f64, f64)> = times_s.iter().copied().zip(sent).collect();
@@ -242,7 +243,7 @@ mod tests {
 
     #[test]
     fn a_settled_response_is_inverted_over_any_span() {
-        // Settled inputs leave the window: a long rest changes nothing.
+        // Settled inputs leave the window, so that a long rest changes nothing.
         let loop_ = lag(0.1);
         let times_s: Vec<f64> = (0..600).map(|k| f64::from(k) * 0.1).collect();
         let sent =

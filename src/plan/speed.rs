@@ -1,36 +1,35 @@
-//! Speed of the pen along a polyline: the stroke speed times the pace of each segment, and less
-//! before and in corners that turn too far for it.
+//! Speed of the pen along a polyline, which is the stroke speed times each segment's pace, and
+//! lower near corners that turn too sharply for it.
 //!
-//! Corners that turn the velocity by more than the smoothing allows within its time are slowed, and
-//! two passes along the path respect the acceleration limit.
+//! Corners are slowed if they turn the velocity by more than the smoothing permits within its time,
+//! and two passes along the path enforce the acceleration limit.
 
 use nalgebra::Vector2;
 
 use super::pen::PenStroke;
 use super::smoothing::Smoothing;
 
-/// A point of the path and the speed there. Between two of them the acceleration is constant.
+/// Point of the path, and the speed there. The acceleration is constant between two nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) position_m: Vector2<f64>,
     pub(super) speed_m_s: f64,
 }
 
-/// Largest distance of nodes on a path whose speed changes, and most nodes of a stroke.
+/// Maximum distance in m of nodes on a path whose speed changes, and their maximum number.
 const STEP_M: f64 = 0.005;
 const MAX_NODES: f64 = 100_000.0;
-/// A corner's speed is held for this many times the longer average before and after it: within
-/// the average, only the corner may change the velocity.
+/// Multiple of the longer average for which a corner's speed is held before and after it, because
+/// only the corner may change the velocity within the average.
 const NEAR: f64 = 1.05;
-/// Factor of a step that slows a corner, and the greatest number of steps, which leaves 1 % of the
-/// speed.
+/// Factor of each step that slows a corner, and maximum number of steps (down to 1 %).
 const SLOWDOWN: f64 = 0.95;
 const MAX_SLOWDOWNS: usize = 90;
-/// Slack of the allowed turn, as a fraction, for rounding.
+/// Relative slack of the permitted turn, for rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// The points of a stroke with the speed at each: only its corners if it has one speed throughout,
-/// and close nodes between them otherwise.
+/// Returns points of a stroke with the speed at each, which are only its corners if its speed is
+/// constant, and closely spaced nodes otherwise.
 pub(super) fn profile(
     stroke: &PenStroke,
     smoothing: &Smoothing,
@@ -40,11 +39,11 @@ pub(super) fn profile(
     let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(stroke_speed_m_s, smoothing);
     let node = |position_m, pace: f64| Node { position_m, speed_m_s: pace * stroke_speed_m_s };
-    // Most strokes have one speed, and need no nodes between their corners.
+    // Most strokes have a constant speed, and therefore need no nodes between their corners.
     if caps_m_s.iter().all(|cap| *cap >= stroke_speed_m_s) && paces.iter().all(|p| *p == 1.0) {
         return points_m.iter().map(|point| node(*point, 1.0)).collect();
     }
-    // Nodes are close enough that a slow corner slows only its neighborhood.
+    // The nodes are so close that a slow corner slows only its neighborhood.
     let slowest_m_s = caps_m_s.iter().copied().fold(stroke_speed_m_s, f64::min);
     let near_s = NEAR * smoothing.long_s;
     let total_m = corners.distances_m[corners.distances_m.len() - 1];
@@ -66,15 +65,16 @@ pub(super) fn profile(
     nodes
 }
 
-/// Corners of a path: their distances along it, and how far each turns.
+/// Corners of a path, with their distances along it in m.
 struct Corners {
     distances_m: Vec<f64>,
-    /// Change of the unit tangent, 0 to 2. At the ends 0.
+    /// Change of the unit tangent at each corner, from 0 to 2. The change is 0 at both ends of the
+    /// path.
     turn: Vec<f64>,
 }
 
 impl Corners {
-    /// The corners of a polyline.
+    /// Measures the corners of a polyline.
     fn new(points_m: &[Vector2<f64>]) -> Self {
         let along = |pair: &[Vector2<f64>]| (pair[1] - pair[0]).normalize();
         let (mut distances_m, mut turn) = (vec![0.0], vec![0.0]);
@@ -87,7 +87,8 @@ impl Corners {
         Self { distances_m, turn }
     }
 
-    /// The greatest speed at each corner, so that no near corners turn the velocity too far.
+    /// Returns the maximum speed at each corner, such that corners close to each other do not turn
+    /// the velocity too far.
     fn caps_m_s(&self, fastest_m_s: f64, smoothing: &Smoothing) -> Vec<f64> {
         let n = self.distances_m.len();
         let mut caps_m_s = vec![fastest_m_s; n];
@@ -134,7 +135,7 @@ fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], distances_m: &
     let onward = (1..n).map(|i| (i - 1, i));
     let backward = (1..n).rev().map(|i| (i, i - 1));
     for (from, to) in onward.chain(backward) {
-        // v² = v₀² + 2 a s
+        // The final speed over the length s is given by v² = v₀² + 2 a s.
         let (from_m_s, length_m) =
             (nodes[from].speed_m_s, (distances_m[to] - distances_m[from]).abs());
         let most_m_s = (from_m_s * from_m_s + 2.0 * acceleration_m_s2 * length_m).sqrt();
@@ -178,7 +179,7 @@ mod tests {
         let mut stroke = PenStroke::even(0, points);
         stroke.paces[1] = 0.5;
         let nodes = profile(&stroke, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
-        // From 0.25 to 0.5 m/s at 2 m/s² takes 47 mm.
+        // At 2 m/s², the change from 0.25 to 0.5 m/s takes 47 mm.
         let speed_at = |x| nodes.iter().find(|node| node.position_m.x >= x).unwrap().speed_m_s;
         assert_eq!([0.0, 0.95, 1.0, 1.9].map(speed_at), [0.5, 0.5, 0.25, 0.25]);
         assert!(speed_at(0.98) < 0.4, "braked before the slow segment: {}", speed_at(0.98));

@@ -1,6 +1,7 @@
-//! Stroke ends: errors of the light at the beginnings and ends of strokes, in a flight.
+//! Errors of the light at the beginnings and ends of strokes in a flight.
 //!
-//! Lag and mean error of the flight are removed first: the error between light and drone is left.
+//! The flight's lag and mean error are removed first, which leaves the error of the light relative
+//! to the drone.
 
 use nalgebra::Vector3;
 
@@ -14,33 +15,34 @@ use noctograph_core::flight::{Flight, FlightSample};
 /// Error of the light at one end of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrokeEnd {
-    /// Time at which the light changes, in the middle of its ramp.
+    /// Time in s at which the light changes, in the middle of its ramp.
     pub time_s: f64,
-    /// Position at which the design changes it.
+    /// Position in m at which the light changes in the design.
     pub at_m: Vector3<f64>,
     /// True if the light goes on.
     pub on: bool,
-    /// Light beyond the end of the stroke, along it. Negative if the stroke falls short.
+    /// Length in m by which the light extends beyond the stroke's end, along the stroke. The length
+    /// is negative if the light falls short of the end.
     pub streak_m: f64,
 }
 
-/// Search range of the lag at an edge, around the flight's lag.
+/// Range in s around the flight's lag in which the lag at an edge is sought.
 const SEARCH_S: f64 = 0.3;
-/// Cost of a second away from the flight's lag, m/s: the drone may wait at an edge.
+/// Cost in m per second of a lag that differs from the flight's (the drone may wait at an edge).
 const LAG_COST_M_S: f64 = 0.03;
-/// Most samples of a flight that are used for its lag.
+/// Maximum number of samples that determine the lag of a flight.
 const MAX_SAMPLES: usize = 2000;
 
-/// Errors of a plan's light commands at the ends of its strokes, in a flight.
+/// Measures the errors of a plan's light commands at the ends of its strokes in a flight.
 ///
 /// # Errors
 ///
-/// [`noctograph_core::error::Error::Input`] for a flight without samples or without a design.
+/// Returns [`noctograph_core::error::Error::Input`] for a flight without samples or design.
 pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Vec<StrokeEnd>> {
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }
 
-/// The rows at which the light switches, each with true if it goes on.
+/// Returns the rows at which the light switches, each with true if it goes on.
 fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
     let rows = stretches(levels).into_iter().flat_map(|lit| [(lit.start, true), (lit.end, false)]);
     rows.filter(|(row, _)| *row < levels.len())
@@ -54,8 +56,8 @@ pub(super) struct Edge {
 }
 
 impl Edge {
-    /// A stroke begins with its first setpoint. It ends with the setpoint before the first dark
-    /// one, which may go elsewhere or be elsewhere already.
+    /// Makes the edge at a row, where a stroke begins with its first setpoint. A stroke ends with
+    /// the setpoint before the first dark one, which may already be elsewhere.
     pub(super) fn new(plan: &Plan, row: usize, on: bool) -> Self {
         let time_s = plan.setpoints[row].time_s;
         let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];
@@ -68,11 +70,11 @@ impl Edge {
     }
 }
 
-/// A flight whose lag and mean error are known.
+/// Flight whose lag and mean error are known.
 pub(super) struct Aligned<'a> {
     samples: &'a [FlightSample],
     pub(super) lag_s: f64,
-    /// Mean of `flown − design` after the lag, which shifts the whole picture.
+    /// Mean of `flown − design` in m after the lag, which shifts the whole picture.
     offset_m: Vector3<f64>,
 }
 
@@ -84,7 +86,7 @@ impl<'a> Aligned<'a> {
         let writing: Vec<&FlightSample> =
             flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
         let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
-        // The lag with the least variance of the error: in steps of 25 ms, then of 1 ms about it.
+        // The lag with the least variance is sought in steps of 25 ms, then of 1 ms around it.
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
             let fits = lags_s.map(|lag_s| {
@@ -99,15 +101,15 @@ impl<'a> Aligned<'a> {
         Ok(aligned)
     }
 
-    /// The mean of `flown − design` after a lag, and the variance of that in the word's plane, over
-    /// samples in the order of time.
+    /// Returns the mean of `flown − design` after a lag, and its variance in the word's plane, over
+    /// samples in chronological order.
     fn offset_and_variance<'s>(
         &self,
         samples: impl Iterator<Item = &'s FlightSample>,
         lag_s: f64,
     ) -> (Vector3<f64>, f64) {
         let (mut n, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
-        // Times rise, so that the search continues from the samples around the last time.
+        // Because times ascend, each search continues from the samples around the previous time.
         let mut next = 0;
         for sample in samples {
             let time_s = sample.time_s + lag_s;
@@ -121,12 +123,13 @@ impl<'a> Aligned<'a> {
         (mean_m, squares / f64::max(n, 1.0) - mean_m.xz().norm_squared())
     }
 
-    /// Position of the drone at a time, without the mean error.
+    /// Returns the position of the drone at a time in m, minus the mean error.
     fn position_m(&self, time_s: f64) -> Vector3<f64> {
         self.interpolated_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
     }
 
-    /// Position at a time without the mean error, between the sample before `next` and this one.
+    /// Returns the position at a time, minus the mean error, interpolated between the sample before
+    /// `next` and that at `next`.
     fn interpolated_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
         let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
         let [a, b] = [&self.samples[before], &self.samples[after]];
@@ -136,25 +139,27 @@ impl<'a> Aligned<'a> {
         a.position_m.lerp(&b.position_m, fraction) - self.offset_m
     }
 
-    /// The lag with which the drone passes an edge of the design, given the lag at the edge before.
-    /// It minimizes the distance from the edge plus a cost of lags other than the flight's.
+    /// Returns the lag in s with which the drone passes an edge of the design, given the lag at the
+    /// previous edge. This lag minimizes the distance from the edge plus a cost of lags that differ
+    /// from the flight's.
     pub(super) fn lag_at_s(&self, edge: &Edge, previous_lag_s: f64) -> f64 {
         let cost = |lag_s: f64| {
             let error_m2 = (self.position_m(edge.time_s + lag_s) - edge.at_m).xz().norm_squared();
             let lag_cost_m = LAG_COST_M_S * (lag_s - self.lag_s);
             error_m2 + lag_cost_m * lag_cost_m
         };
-        // A grid search: the cost may have several minima, as at the crossing of two strokes.
+        // The search uses a grid, because the cost may have several minima, for example at the
+        // crossing of two strokes.
         let middle_s = 0.5 * (previous_lag_s + self.lag_s);
         let steps = (-75..=75).map(|step| middle_s + f64::from(step) / 75.0 * SEARCH_S);
         steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(previous_lag_s)
     }
 
-    /// Errors of the light at both ends of each stroke.
+    /// Returns the errors of the light at both ends of each stroke.
     pub(super) fn stroke_ends(&self, plan: &Plan, lamp: &LampTiming) -> Vec<StrokeEnd> {
         let (wanted, commanded) = (plan.lit(), plan.commanded());
         let pairs = switches(&wanted).zip(switches(&commanded));
-        // How far the drone is beyond the design's end, along the stroke, when the light changes.
+        // The error is the drone's distance along the stroke beyond its end when the light changes.
         let ends = pairs.map(|((row, on), (sent, _))| {
             let time_s = lamp.light_s(plan.setpoints[sent].time_s);
             let edge = Edge::new(plan, row, on);

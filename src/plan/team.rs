@@ -1,8 +1,8 @@
-//! Style `team`: up, letter by letter at constant speed, down.
+//! Style `team`, which flies up, letter by letter at constant speed, and down.
 //!
-//! Every segment sends a setpoint at its start and then at a fixed interval. Steps between letters
-//! are sent as one setpoint. Source: the flight script of the reference team, whose setpoints are
-//! in the log of their flight (2022).
+//! On every segment, a setpoint is sent at its start and then at a fixed interval. Each step
+//! between letters is sent as a single setpoint. The source is the flight script of the reference
+//! team, whose setpoints are in the log of their flight (2022).
 
 use nalgebra::Vector3;
 
@@ -15,7 +15,7 @@ use noctograph_core::strokes::{Glyph, Strokes};
 
 /// Plans the flight that writes strokes letter by letter. Fails if it would take too long.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
-    // Refused before any of it is planned.
+    // A flight that is too long is refused before any of it is planned.
     let duration_s = longest_duration_s(strokes, options, style);
     if duration_s > MAX_DURATION_S {
         return Err(Error::infeasible(
@@ -41,7 +41,8 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
     Plan::new(script.plan)
 }
 
-/// Upper bound of the duration: all strokes, waits, and the paths to and from the word.
+/// Returns an upper bound of the duration in s, with strokes, waits, and paths to and from the
+/// word.
 fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
     let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
     let strokes_m: f64 = moves.map(|m| distance(m.from_m, m.to_m)).sum();
@@ -53,7 +54,7 @@ fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyl
     (strokes_m + paths_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
 }
 
-/// The flight script under construction, up to a time.
+/// Flight script under construction, up to a time in s.
 struct Script<'a> {
     options: &'a PlanOptions,
     style: &'a TeamStyle,
@@ -77,7 +78,7 @@ impl Script<'_> {
         let mut last = self.position_m();
         for (index, step) in glyph.moves.iter().enumerate() {
             let [from, to] = [step.from_m, step.to_m].map(|[x, up]| Vector3::new(x, 0.0, up));
-            // An empty dark move at the beginning asks for a flight to the letter.
+            // An empty dark move at the beginning means that the drone flies to the letter first.
             if index == 0 && !step.lit && from == to {
                 self.fly(last, to, false);
             }
@@ -90,7 +91,7 @@ impl Script<'_> {
         self.wait(beside, self.style.letter_wait_s);
     }
 
-    /// Flies straight down, back to below the middle of the word, and stops the motors.
+    /// Flies straight down, returns to below the middle of the word, and stops the motors.
     fn land(&mut self) {
         let above = self.position_m();
         let down = Vector3::new(above.x, 0.0, self.options.landing_height_m);
@@ -100,7 +101,7 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// Flies a straight segment at the stroke speed. A short lit one takes as long as a dot.
+    /// Flies a straight segment at the stroke speed. A short lit segment takes as long as a dot.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
         let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {
@@ -110,12 +111,12 @@ impl Script<'_> {
         }
     }
 
-    /// Stays at a position in the dark.
+    /// Waits at a position in the dark.
     fn wait(&mut self, position_m: Vector3<f64>, duration_s: f64) {
         self.segment(position_m, Vector3::zeros(), duration_s, false);
     }
 
-    /// Sends setpoints at the interval from now on until `duration_s` is over.
+    /// Sends setpoints at the interval for `duration_s` from now.
     fn segment(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
         let start_s = self.time_s;
         let offsets_s = (0..).map(|n| f64::from(n) * self.options.setpoint_interval_s);
@@ -139,7 +140,7 @@ impl Script<'_> {
         self.plan.push(setpoint, f64::from(lit));
     }
 
-    /// The position that was sent last, or the origin.
+    /// Returns the position that was sent last, or the origin.
     fn position_m(&self) -> Vector3<f64> {
         self.plan.setpoints.last().map_or_else(Vector3::zeros, |last| last.position_m)
     }

@@ -1,8 +1,8 @@
-//! Transits: the fastest paths in the dark within limits of speed, acceleration and jerk.
+//! Transits, which are the fastest paths in the dark within limits of speed, acceleration and jerk.
 //!
-//! Time-optimal per axis and synchronized, by Ruckig (Berscheid and Kröger, RSS 2021). The axes lie
-//! along the path and across it. An angle each divides the limits of speed and of acceleration
-//! between them, and the fastest of a few angles is taken.
+//! The paths are time-optimal for each axis and synchronized, by Ruckig (Berscheid and Kröger, RSS
+//! 2021). One axis is along the path, the other across it. One angle each divides the limits of
+//! speed and of acceleration between the axes, and the fastest path for a few angles is taken.
 
 use nalgebra::{Rotation2, Vector2};
 use rsruckig::prelude::{
@@ -12,23 +12,23 @@ use rsruckig::prelude::{
 use super::EvenStyle;
 use super::motion::{MAX_EXCESS, State};
 
-/// Angles that split the limits between the two axes.
+/// Angles in rad that divide the limits between the two axes.
 const SPLITS_RAD: [f64; 3] = [0.25, 0.5, 0.785];
 
-/// Fractions of the acceleration limit that are tried in turn while both axes together exceed it.
+/// Fractions of the acceleration limit, tried in turn while both axes together exceed it.
 const ACCELERATION_FRACTIONS: [f64; 5] = [1.0, 0.9, 0.8, 0.6, 0.4];
 
 /// Factor by which a path may exceed the speed limit between the times that are checked, and factor
 /// of the limits of an axis for rounding.
 const SPEED_SLACK: f64 = 1.01;
 const ROUNDING: f64 = 1.0 + 1e-9;
-/// Control cycle of Ruckig, which offline calculation does not use.
+/// Control cycle of Ruckig in s, which offline calculation does not use.
 const CONTROL_CYCLE_S: f64 = 0.01;
-/// Slack of a whole number of ticks, and most durations that are tried to reach one.
+/// Slack of a whole number of ticks, and maximum number of durations that are tried to reach one.
 const TICK_SLACK: f64 = 1e-6;
 const MAX_TRIALS: usize = 8;
 
-/// A path in the dark.
+/// Path in the dark.
 #[derive(Debug)]
 pub(super) struct Transit {
     from_m: Vector2<f64>,
@@ -38,16 +38,16 @@ pub(super) struct Transit {
 
 impl Transit {
     /// Returns the fastest path between two states that keeps the acceleration limit, or, if none
-    /// does, the one that exceeds it least. It lasts a multiple of `tick_s`. `None` if there is no
-    /// path, which has not happened for states within the limits.
+    /// does, the one that exceeds it least. The duration of the path is a multiple of `tick_s`.
+    /// Returns `None` if there is no path, which has not occurred for states within the limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
-        // Each axis is allowed the acceleration of either end, so that both together may exceed the
-        // limit.
+        // Each axis is allowed the acceleration of either end, so that both together may exceed
+        // the limit.
         let mut gentlest: Option<(f64, Self)> = None;
         for fraction in ACCELERATION_FRACTIONS {
             let acceleration_m_s2 = fraction * style.acceleration_m_s2;
             let gentler = EvenStyle { acceleration_m_s2, ..style.clone() };
-            // A lower limit has no path either.
+            // If there is no path, a lower limit has none either.
             let Some(path) = Self::fastest(from, to, &gentler, tick_s) else { break };
             let most_m_s2 = path.max_norm(|state| state.acceleration_m_s2);
             if most_m_s2 <= MAX_EXCESS * style.acceleration_m_s2 {
@@ -60,8 +60,8 @@ impl Transit {
         gentlest.map(|(_, path)| path)
     }
 
-    /// The fastest of the transits whose axes split the limits by an angle each, and keep to the
-    /// speed limit together if one does. `None` if Ruckig finds none.
+    /// Returns the fastest transit for any pair of angles that divide the limits between the axes,
+    /// preferably one that keeps the speed limit. Returns `None` if Ruckig finds none.
     fn fastest(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let path_m = to.position_m - from.position_m;
         let angle_rad = if path_m.norm() > 1e-9 { libm::atan2(path_m.y, path_m.x) } else { 0.0 };
@@ -74,7 +74,7 @@ impl Transit {
         });
         let mut paths: Vec<Self> = paths.collect();
         paths.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
-        // Both axes together may exceed the limit of speed: such a path is only the last resort.
+        // Both axes together may exceed the speed limit, and such a path is only the last resort.
         let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = SPEED_SLACK * fastest_m_s.max(to.velocity_m_s.norm());
         let within_limit =
@@ -82,18 +82,18 @@ impl Transit {
         paths.into_iter().nth(within_limit.unwrap_or(0))
     }
 
-    /// Greatest norm of a vector of the state at 33 even times.
+    /// Returns the greatest norm of a vector of the state at 33 equally spaced times.
     fn max_norm(&self, vector: impl Fn(&State) -> Vector2<f64>) -> f64 {
         let times_s = (0..=32).map(|k| self.duration_s() * f64::from(k) / 32.0);
         times_s.map(|time_s| vector(&self.state_at(time_s)).norm()).fold(0.0, f64::max)
     }
 
-    /// Its duration.
+    /// Returns the duration in s.
     pub(super) fn duration_s(&self) -> f64 {
         self.trajectory.get_duration()
     }
 
-    /// The state at a time after its beginning, in the plane of the word.
+    /// Returns the state at a time after the transit's beginning, in the plane of the word.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());
@@ -108,8 +108,8 @@ impl Transit {
     }
 }
 
-/// The input of Ruckig: states and limits along the path (axis 0) and across it (axis 1), with the
-/// limits of speed and acceleration split between the axes by an angle each.
+/// Returns the input of Ruckig, which contains states and limits along the path (axis 0) and across
+/// it (axis 1). One angle each divides the limits of speed and of acceleration between the axes.
 fn input(
     from: &State,
     to: &State,
@@ -131,7 +131,7 @@ fn input(
         input.target_position[axis] = target[axis];
         input.target_velocity[axis] = target_v[axis];
         input.target_acceleration[axis] = target_a[axis];
-        // The limits are at least the values at either end.
+        // The limits are at least as great as the values at both ends.
         let ends_v = v[axis].abs().max(target_v[axis].abs());
         let ends_a = a[axis].abs().max(target_a[axis].abs());
         input.max_velocity[axis] = (style.dark_speed_m_s * fraction_v).max(ends_v) * ROUNDING;
@@ -142,7 +142,8 @@ fn input(
     input
 }
 
-/// The fastest trajectory that lasts whole ticks. `None` if Ruckig finds none.
+/// Calculates the fastest trajectory whose duration is a whole number of ticks. Returns `None` if
+/// Ruckig finds none.
 fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>> {
     let mut ruckig = Ruckig::<2, IgnoreErrorHandler>::new(None, CONTROL_CYCLE_S);
     for _trial in 0..MAX_TRIALS {
@@ -206,7 +207,8 @@ mod tests {
         let rest = |x: f64| State { position_m: Vector2::new(x, 0.0), ..State::default() };
         let style = EvenStyle { jerk_m_s3: 1e4, ..EvenStyle::default() };
         let transit = Transit::new(&rest(0.0), &rest(1.0), &style, 1e-4).unwrap();
-        // 0.97 of 1 m/s and 2 m/s²: v/a to rise and as long to fall, the rest at full speed.
+        // At 0.97 of 1 m/s and 2 m/s², accelerating and braking take v/a each, and the rest is
+        // flown at full speed.
         let (v, a) = (libm::cos(0.25), 2.0 * libm::cos(0.25));
         let found_s = transit.duration_s();
         assert!((found_s - (1.0 / v + v / a)).abs() < 2e-3, "{found_s} s");

@@ -1,4 +1,4 @@
-//! Avionics: a drone's sensors, estimator and controller, from tick to tick.
+//! Avionics, which are a drone's sensors, estimator and controller, updated at every tick.
 
 use nalgebra::Vector3;
 
@@ -18,13 +18,13 @@ use noctograph_core::flight::warning::{self, BATTERY};
 use noctograph_core::geometry::turned;
 use noctograph_core::plan::Plan;
 
-/// A setpoint counts as sent when it is due within this time: plans are written to the microsecond.
+/// Tolerance in s within which a setpoint is due, because plans are written to the microsecond.
 pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
-/// Magnitude of any state (m, rad, m/s, rad/s) beyond which the drone is lost. A flight stays
-/// within a few meters and a few rad/s.
+/// Magnitude of any state (m, rad, m/s, rad/s) beyond which the drone is lost. In a flight, the
+/// states stay within a few meters and a few rad/s.
 pub(super) const LOST: f64 = 1e4;
 
-/// The onboard system of one drone: everything that changes from tick to tick but its motion.
+/// Onboard system of one drone, which is everything that changes at a tick except its motion.
 #[derive(Debug)]
 pub struct Avionics {
     controller: Box<dyn Controller>,
@@ -33,35 +33,35 @@ pub struct Avionics {
     motor_max: f64,
     tick_s: f64,
     kinds: Kinds,
-    /// Heading that is held, from world x toward y.
+    /// Heading in rad that is held, from world x toward y.
     yaw_rad: f64,
     estimate: State,
-    /// True if `estimate` is of the present tick.
+    /// True if `estimate` is that of the present tick.
     fresh: bool,
-    /// Held between two runs of the controller.
+    /// Motor commands, held between two runs of the controller.
     command: Command,
     ticks: u32,
     ticks_per_command: u32,
-    /// The setpoint that is due, and the one that was heard last.
+    /// Index of the setpoint that is due, and of the last one received.
     setpoint: usize,
     heard: usize,
     link: Option<Link>,
-    /// True if setpoints come over the link.
+    /// True if setpoints are received over the link.
     streamed: bool,
-    /// When the motors stopped for good, because the host was silent.
+    /// Time in s at which the motors stopped permanently because the host was silent.
     stopped_s: Option<f64>,
-    /// First setpoint of the firmware's landing, if those before it are of another kind.
+    /// Index of the first setpoint of the firmware's landing, if others precede it.
     lands_from: Option<usize>,
     mode: Mode,
     short_steps: u32,
-    /// Ticks with a motor at its limit, and the number of them during which a letter was written.
+    /// Number of ticks with a motor at its limit, and of those in which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
-    /// True if the filter logs its covariance, as a fleet's always does.
+    /// True if the covariance of the filter is logged, which is always the case for a fleet's.
     logs_covariance: bool,
 }
 
-/// Kinds of the controller and the estimator. `None` is an estimator outside the program.
+/// Kinds of the controller and the estimator. The estimator is `None` if it is outside the program.
 #[derive(Clone, Copy, Debug)]
 struct Kinds {
     controller: ControllerKind,
@@ -71,32 +71,33 @@ struct Kinds {
 /// Kinds of setpoints that the firmware distinguishes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
-    /// Those of the host.
+    /// Setpoints that the host sends.
     Sent,
-    /// The firmware's own since the host is silent.
+    /// Setpoints that the firmware makes after the host fell silent.
     Level,
-    /// The firmware's own landing, after setpoints of another kind.
+    /// Setpoints of the firmware's landing, if they follow setpoints of another kind.
     Landing,
 }
 
-/// Time after which an exported script sends a full state again (`RESEND_S`, `cflib.py`), and after
-/// which the commander on board evaluates its trajectory again (`RATE_HL_COMMANDER`), s.
+/// Interval in s at which an exported script repeats a full state (`RESEND_S`, `cflib.py`), and at
+/// which the onboard commander evaluates its trajectory (`RATE_HL_COMMANDER`).
 const RESEND_S: f64 = 0.1;
 const COMMANDER_S: f64 = 0.01;
 
-/// Time after the last letter at which an exported script tells the firmware to land, s: a run-out,
-/// and the lamps are dark.
+/// Time in s after the last letter at which an exported script tells the firmware to land, when the
+/// lamps are dark after a run-out.
 const LANDS_AFTER_S: f64 = 0.5;
 
 impl Avionics {
-    /// The onboard system of a drone at rest at its starting position in the fleet.
+    /// Makes the onboard system of a drone at rest at its starting position in the fleet.
     pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, plan: &Plan) -> Result<Self> {
         let yaw_rad = plan.yaw_rad;
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
-        // The sensors are true. Estimator and controller are designed for the believed drone. The
-        // estimate starts with the sensors' steady error, as after a wait on the floor.
+        // The sensors are those of the actual drone. The estimator and the controller are designed
+        // for the believed drone. The estimate starts with the constant error of the sensors, as
+        // after a wait on the floor.
         let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
         Ok(Self {
@@ -132,8 +133,8 @@ impl Avionics {
         })
     }
 
-    /// Logs the standard deviation of the estimated position and its normalized squared error
-    /// (`estimate_sigma_m`, `estimate_nees`), if the drone's filter has a covariance.
+    /// Enables logging of the estimated position's standard deviation and normalized squared error
+    /// (`estimate_sigma_m`, `estimate_nees`), if the filter has a covariance.
     pub fn log_covariance(&mut self) {
         self.logs_covariance = true;
     }
@@ -146,8 +147,9 @@ impl Avionics {
         self.kinds.estimator = None;
     }
 
-    /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions
-    /// of the fleet, between which ranges are measured. True if the motors are to be commanded.
+    /// Begins a tick by measuring and updating the estimate. `fleet_m` contains the true positions
+    /// of the fleet, between which ranges are measured. Returns true if the motors are to be
+    /// commanded.
     pub(super) fn sense(
         &mut self,
         plan: &Plan,
@@ -160,7 +162,7 @@ impl Avionics {
         self.saturated_ticks += u32::from(self.command.saturated || is_battery_limited);
         self.advance_setpoint(plan, time_s);
 
-        // Sensors and estimator run at every tick, also while the motors are off.
+        // The sensors and the estimator run at every tick, even while the motors are off.
         let body = plant.body();
         let throttle = self.command.motors.mean() / self.motor_max;
         let readings = self.sensors.read(&body, plant.specific_force_m_s2(), fleet_m);
@@ -168,7 +170,7 @@ impl Avionics {
         self.fresh = false;
 
         // A setpoint at or below the floor switches the motors off. A host that was silent for too
-        // long does so for good.
+        // long switches them off permanently.
         let target_m = &plan.setpoints[self.followed_setpoint()].position_m;
         let is_grounded = target_m.z <= plant.floor_m(target_m.x, target_m.y);
         if !is_grounded && self.silent_s(time_s) > MOTORS_STOP_S {
@@ -190,7 +192,7 @@ impl Avionics {
         due
     }
 
-    /// Moves on to the setpoint that is due, and to the one that the radio has brought.
+    /// Advances to the setpoint that is due, and to the last one received by radio.
     fn advance_setpoint(&mut self, plan: &Plan, time_s: f64) {
         let later = plan.setpoints.iter().skip(self.setpoint + 1);
         self.setpoint += later.take_while(|s| s.time_s <= time_s + TIME_TOLERANCE_S).count();
@@ -200,21 +202,24 @@ impl Avionics {
         };
     }
 
-    /// Commands the motors by the drone's controller.
+    /// Commands the motors with the drone's controller.
     pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
         let row = self.followed_setpoint();
         let setpoint = &plan.setpoints[row];
         let reference_s = self.reference_time_s(plan, time_s);
         let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(row), reference_s);
         reference.jerk_m_s3 = plan.jerk_m_s3(row);
-        // Controllers are designed for a drone that looks along world x.
+        // Controllers are designed for a drone whose nose points along world x.
         let mut reference = reference.turned(-self.yaw_rad);
         let mut estimate = turned_ahead(&self.estimate, self.yaw_rad);
-        // A change of the kind of setpoint resets the controller before it flies the first one.
-        let mode = match self.silent_s(time_s) > LEVEL_OUT_S {
-            true => Mode::Level,
-            false if self.lands_from.is_some_and(|first| row >= first) => Mode::Landing,
-            false => Mode::Sent,
+        // If the kind of setpoint changes, the controller is reset before the first setpoint of the
+        // new kind.
+        let mode = if self.silent_s(time_s) > LEVEL_OUT_S {
+            Mode::Level
+        } else if self.lands_from.is_some_and(|first| row >= first) {
+            Mode::Landing
+        } else {
+            Mode::Sent
         };
         if std::mem::replace(&mut self.mode, mode) != mode {
             self.controller.change_mode(&estimate);
@@ -228,23 +233,23 @@ impl Avionics {
         self.command = self.controller.command(&estimate, &reference);
     }
 
-    /// Commands the motors m1…m4, clamped to their range. NaN stops a motor.
+    /// Commands the motors m1…m4, clamped to their range. A command of NaN stops a motor.
     pub(super) fn command(&mut self, wanted: [f64; 4]) {
         let motors = wanted.map(|motor| motor.max(0.0).min(self.motor_max));
         self.command = Command { motors: motors.into(), saturated: motors != wanted };
     }
 
-    /// Index of the setpoint that the drone follows: the last one heard if they are streamed, else
-    /// the one that is due.
+    /// Returns the index of the setpoint that the drone follows, which is the last one received if
+    /// they are streamed, else the one that is due.
     fn followed_setpoint(&self) -> usize {
         if self.streamed { self.heard } else { self.setpoint }
     }
 
-    /// Time at which the setpoint's motion is evaluated to give the reference.
+    /// Returns the time at which the setpoint's motion is evaluated for the reference.
     fn reference_time_s(&self, plan: &Plan, time_s: f64) -> f64 {
         let holds = self.kinds.controller == ControllerKind::Geometric;
         let from_s = plan.setpoints[self.followed_setpoint()].time_s;
-        // A late setpoint moves on from when it was heard, until the next one is due.
+        // The motion of a late setpoint begins at its reception, and ends when the next one is due.
         let now_s = match self.link.as_ref().filter(|_| self.streamed) {
             None => time_s,
             Some(link) => {
@@ -257,19 +262,19 @@ impl Avionics {
         if !holds {
             return now_s;
         }
-        // The firmware's geometric controller holds the last state: of the script, which repeats a
-        // long setpoint as it moves, or of the commander on board.
+        // The firmware's geometric controller holds the last state that it received, either from
+        // the script, which repeats a long setpoint as it moves, or from the onboard commander.
         let step_s = if self.streamed { RESEND_S } else { COMMANDER_S };
         from_s + ((now_s - from_s + TIME_TOLERANCE_S) / step_s).floor() * step_s
     }
 
-    /// Time since the last setpoint was heard, or 0 for a trajectory on board.
+    /// Returns the time in s since the last setpoint was received, or 0 for an onboard trajectory.
     fn silent_s(&self, time_s: f64) -> f64 {
         let streamed = self.link.as_ref().filter(|_| self.streamed);
         streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
-    /// Ends a tick. A drone that the controller has lost is an error.
+    /// Ends a tick. Returns an error if the drone has flown away or turned over.
     pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
         let is_writing = plan.setpoints[self.setpoint].letter.is_some();
@@ -290,23 +295,23 @@ impl Avionics {
         ))
     }
 
-    /// The estimated state, as of the last refresh.
+    /// Returns the estimated state as of the last refresh.
     pub(super) fn estimate(&self) -> &State {
         &self.estimate
     }
 
-    /// The planned motion at this instant, without the offset of sent positions.
+    /// Returns the planned motion at this instant, without the offset of sent positions.
     pub(super) fn design(&self, plan: &Plan, time_s: f64) -> Reference {
         let setpoint = &plan.setpoints[self.setpoint];
         Reference::from_setpoint(setpoint, setpoint.position_m, time_s)
     }
 
-    /// The drone's next message to the fleet, or `None` if its estimator sends none.
+    /// Returns the drone's next message to the fleet, or `None` if its estimator sends none.
     pub(super) fn message(&mut self) -> Option<Message> {
         self.estimator.fleet_filter()?.message()
     }
 
-    /// Receives a message of the fleet.
+    /// Receives a message from the fleet.
     pub(super) fn receive(&mut self, message: &Message) {
         if let Some(filter) = self.estimator.fleet_filter() {
             filter.receive(message);
@@ -314,23 +319,23 @@ impl Avionics {
         }
     }
 
-    /// Commands of the motors m1…m4.
+    /// Returns the commands of the motors m1…m4.
     pub fn motors(&self) -> [f64; 4] {
         self.command.motors.into()
     }
 
-    /// The altitude filter, if the estimator has one.
+    /// Returns the altitude filter, if the estimator has one.
     pub fn altitude(&self) -> Option<&AltitudeFilter> {
         self.estimator.altitude()
     }
 
-    /// The sensors.
+    /// Returns the sensors.
     pub fn sensors(&self) -> &Sensors {
         &self.sensors
     }
 
-    /// Logs this tick. Values are rounded to 1e-6, so that a file with six decimals gives back
-    /// exactly the flight that was written.
+    /// Logs this tick. Values are rounded to 1e-6, so that reading a file with six decimals
+    /// reproduces exactly the flight that was written.
     pub(super) fn log(&mut self, recorder: &mut Recorder, plan: &Plan, time_s: f64, plant: &Plant) {
         self.refresh_estimate();
         let (setpoint, body) = (&plan.setpoints[self.setpoint], plant.body());
@@ -346,7 +351,8 @@ impl Avionics {
             motors: self.motors().map(on_grid),
             letter: setpoint.letter,
         };
-        // NEES over three axes: eᵀ P⁻¹ e / 3, which is 1 on average for a consistent filter.
+        // The normalized squared error of three axes, eᵀ P⁻¹ e / 3, is 1 on average if the filter
+        // is consistent.
         let covariance_m2 = self.estimator.covariance_m2().filter(|_| self.logs_covariance);
         let error_m = estimate_m - body.position_m;
         let nees = covariance_m2.map(|covariance_m2| {
@@ -355,13 +361,13 @@ impl Avionics {
         let (volts, joules) = plant.battery().unzip();
         let saturated_s = f64::from(self.saturated_ticks) * self.tick_s;
         let sigma_m = covariance_m2.map(|covariance_m2| covariance_m2.trace().sqrt());
-        // Light commands come over the radio, also for a trajectory on board.
+        // Light commands are received by radio, even with an onboard trajectory.
         let lights = plan.lights.values().map(|levels| levels[self.heard]);
         recorder.record(sample, lights, [Some(saturated_s), volts, joules, sigma_m, nees]);
     }
 
-    /// Updates the estimated state if it is not of the present tick. It is called only when the
-    /// state is used, since its angles take as long as a step of the physics.
+    /// Updates the estimated state if it is not that of the present tick. The estimated state is
+    /// updated only when it is used, because its angles take as long as a step of the physics.
     fn refresh_estimate(&mut self) {
         if !self.fresh {
             self.estimate = self.estimator.state();
@@ -369,7 +375,7 @@ impl Avionics {
         }
     }
 
-    /// Warnings about saturated motors, a silent host, the plant and the sensors.
+    /// Returns the warnings about saturated motors, a silent host, the plant and the sensors.
     pub(super) fn warnings(&self, plant: &Plant) -> Vec<Diagnostic> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let saturated = (saturated_s > 0.0).then(|| warning::motor_at_limit(saturated_s));
@@ -383,8 +389,8 @@ impl Avionics {
     }
 }
 
-/// Index of the first setpoint after an exported script has handed over to the firmware's landing,
-/// or `None` if no letter is written or none follows the last letter.
+/// Returns the index of the first setpoint after an exported script has handed over to the
+/// firmware's landing, or `None` if no letter is written or no setpoint follows the last letter.
 fn landing_setpoint(plan: &Plan) -> Option<usize> {
     let last_written = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some())?;
     let written_s = plan.setpoints.get(last_written + 1)?.time_s;
@@ -392,13 +398,13 @@ fn landing_setpoint(plan: &Plan) -> Option<usize> {
     Some(plan.setpoints.partition_point(|setpoint| setpoint.time_s < lands_s))
 }
 
-/// The state turned about the vertical by `-yaw_rad`: the held heading is then along world x, for
-/// which controllers are designed.
+/// Returns the state rotated about the vertical by `-yaw_rad`, so that the held heading is along
+/// world x, for which controllers are designed.
 pub(super) fn turned_ahead(state: &State, yaw_rad: f64) -> State {
     if yaw_rad == 0.0 {
         return *state;
     }
-    // Position and yaw change. Velocity and rate are in the body frame.
+    // Only position and yaw change. Velocity and rate are in the body frame and stay the same.
     let mut ahead = *state;
     ahead.fixed_rows_mut::<3>(0).copy_from(&turned(&state.fixed_rows::<3>(0).into(), -yaw_rad));
     let (sin, cos) = libm::sincos(state[3] - yaw_rad);
@@ -406,7 +412,7 @@ pub(super) fn turned_ahead(state: &State, yaw_rad: f64) -> State {
     ahead
 }
 
-/// Scene keys of the gains and weights of the controller and the estimator, for messages.
+/// Returns the scene keys of the controller's and the estimator's gains and weights, for messages.
 fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
     use EstimatorKind::{Altitude, Cooperative, Ekf, EkfImproved, Luenberger, Truth};
     let estimator_keys = match estimator {
@@ -419,13 +425,14 @@ fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
     format!("{}{estimator_keys}", controller.keys())
 }
 
-/// Advice for a drone that is lost with an empty battery.
+/// Hint for a drone that is lost because its battery is empty.
 const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.style.stroke_speed_m_s, \
                           shorter plan.style.hover_s, or a larger battery.capacity_ah";
 
-/// How the controller has lost a drone, by its true or its estimated state, if it has.
+/// Returns how a drone was lost, according to its true or its estimated state, or `None`.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
-    // Without a branch per value, which a processor would have to predict. NaN is out of bounds.
+    // The check is free of branches, which a processor would have to predict. NaN counts as out of
+    // bounds.
     fn are_bounded(values: &[f64]) -> bool {
         values.iter().fold(true, |are_bounded, x| are_bounded & (x.abs() < LOST))
     }

@@ -1,4 +1,4 @@
-//! Flies a plan, tick by tick.
+//! Flight of a plan, tick by tick.
 
 use nalgebra::Vector3;
 
@@ -13,7 +13,7 @@ use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_core::input_error;
 use noctograph_core::plan::Plan;
 
-/// Ticks between two reports of progress.
+/// Number of ticks between two reports of progress.
 const TICKS_PER_REPORT: u32 = 250;
 
 /// Flies a plan with one drone.
@@ -23,30 +23,32 @@ const TICKS_PER_REPORT: u32 = 250;
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`](crate::SimOptions::check). [`Error::Input`] for a plan without
-/// setpoints or with values that no drone can reach. [`Error::Infeasible`] for one longer than an
-/// hour, for weights without a gain, and for a drone that turns over or flies away.
+/// Returns the errors of [`SimOptions::check`](crate::SimOptions::check). Returns [`Error::Input`]
+/// for a plan without setpoints or with values that no drone can reach. Returns
+/// [`Error::Infeasible`] for a plan longer than an hour, for weights without a gain, and for a
+/// drone that turns over or flies away.
 ///
 /// # Panics
 ///
-/// If a column of `plan.lights` is not as long as `plan.setpoints`, or if the believed and the
-/// actual drone have different rates.
+/// Panics if a column of `plan.lights` is not as long as `plan.setpoints`, or if the believed and
+/// the actual drone have different rates.
 pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
     Ok(fly_fleet(&[(plan, *drone)], progress)?.remove(0))
 }
 
-/// Flies several plans in step. Drones are in the downwash of those above (`air.downwash`). If
-/// their sensors and estimators are set to, they measure the distances between each other and
-/// exchange their measurements. A drone that has landed goes on ranging until the last one has.
+/// Flies several plans in lockstep. Drones are affected by the downwash of those above
+/// (`air.downwash`). If their sensors and estimators are set accordingly, they measure the
+/// distances between them and exchange their measurements. A drone that has landed continues
+/// ranging until the last one has landed.
 ///
 /// # Errors
 ///
-/// As [`fly`], with the number of the drone. [`Error::Input`] for a drone without a list of heard
-/// anchors.
+/// Returns the errors of [`fly`], with the number of the drone. Returns [`Error::Input`] for a
+/// drone without a list of received anchors.
 ///
 /// # Panics
 ///
-/// As [`fly`], and if the drones have different clocks or seeds.
+/// Panics in the cases of [`fly`], and if the drones have different clocks or seeds.
 pub fn fly_fleet(
     fleet: &[(&Plan, Drone<'_>)],
     progress: &mut dyn FnMut(f64),
@@ -54,7 +56,7 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// As [`fly_fleet`], with `watch` called for every drone after the commands of every tick.
+/// Does the same as [`fly_fleet`], and calls `watch` for every drone after the commands of a tick.
 pub fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
@@ -69,7 +71,7 @@ pub fn fly_watched(
     let has_downwash = is_fleet && first.actual.air.downwash == Downwash::Jet;
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(first.actual.rates.control_hz);
-        // Positions, downwash and messages of one instant are gathered before any drone moves, so
+        // Positions, downwash and messages at one instant are collected before any drone moves, so
         // that the order of the drones has no effect.
         let in_fleet = rigs.iter().filter(|_| is_fleet);
         let fleet_m: Vec<_> = in_fleet.map(|rig| rig.plant.body().position_m).collect();
@@ -87,12 +89,11 @@ pub fn fly_watched(
                 rig.avionics.control(plan, time_s);
             }
             let concluded = rig.conclude(plan, tick, time_s, watch);
-            concluded.map_err(|error| match is_fleet {
-                true => error.of_drone(DroneIndex(place)),
-                false => error,
-            })?;
+            concluded.map_err(
+                |error| if is_fleet { error.of_drone(DroneIndex(place)) } else { error },
+            )?;
         }
-        // Messages hold the measurements up to this tick, and arrive in a later tick.
+        // Messages contain the measurements up to this tick, and arrive in a later tick.
         if is_fleet && air.is_due(time_s) {
             let messages = rigs.iter_mut().filter_map(|rig| rig.avionics.message());
             messages.for_each(|message| air.send(&message));
@@ -105,7 +106,7 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// The drones of a fleet at rest at their starts, after the checks of options and plans.
+/// Makes the drones of a fleet, at rest at their starts, after the checks of options and plans.
 pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     let first = &fleet[0].1;
     let mut members = Vec::new();
@@ -131,14 +132,14 @@ pub(super) struct Rig {
     pub(super) avionics: Avionics,
     recorder: Recorder,
     pub(super) n_ticks: u32,
-    /// Seconds between two ticks.
+    /// Time between two ticks in s.
     pub(super) tick_s: f64,
     ticks_per_sample: u32,
     steps_per_tick: u32,
 }
 
 impl Rig {
-    /// A drone at rest at the start of its plan.
+    /// Makes a drone at rest at the start of its plan.
     fn new(plan: &Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
         let rates = &drone.actual.rates;
         let n_ticks = n_ticks(plan, rates.control_hz)?;
@@ -157,7 +158,7 @@ impl Rig {
         })
     }
 
-    /// Ends a tick: checks that the drone is not lost, calls `watch`, logs, and moves the drone.
+    /// Ends a tick by checking that the drone is not lost, calling `watch`, logging and moving it.
     pub(super) fn conclude(
         &mut self,
         plan: &Plan,
@@ -177,13 +178,14 @@ impl Rig {
         Ok(())
     }
 
-    /// The recorded flight with its warnings.
+    /// Returns the recorded flight with its warnings.
     pub(super) fn finish(self) -> Flight {
         self.recorder.finish(self.avionics.warnings(&self.plant))
     }
 }
 
-/// True position at the start: the first setpoint's, or on the floor if that is below it.
+/// Returns the true position at the start, which is that of the first setpoint, or on the floor if
+/// the setpoint is below it.
 fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     let first_m = plan.setpoints[0].position_m;
     Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
@@ -209,18 +211,19 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
 
 /// Checks that the plan stays above the steps of the floor while the drone is in the air.
 fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
-    // Height of each setpoint, and of the floor below it.
+    // Each setpoint has its height, and that of the floor below it.
     let positions_m = plan.setpoints.iter().map(|s| s.position_m);
     let heights_m: Vec<[f64; 2]> = positions_m.map(|p| [p.z, floor.height_m(p.x, p.y)]).collect();
-    // The drone is in the air from the first setpoint above the floor, or of a letter, to the last.
+    // The drone is in the air from the first setpoint that is above the floor or belongs to a
+    // letter, to the last such setpoint.
     let mut in_air = (0..heights_m.len()).filter(|row| {
         let [z, floor] = heights_m[*row];
         z > floor || plan.setpoints[*row].letter.is_some()
     });
     let first = in_air.clone().next().unwrap_or(0);
     let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
-    // Before and after that, setpoints of a ramp may be within a step if the ramp rises above it.
-    // The drone then rests on the step with its motors off.
+    // Before and after that, setpoints of a ramp may be inside a step if the ramp rises above it.
+    // In this case, the drone rests on the step with its motors off.
     let mut numbered = heights_m.iter().enumerate();
     let refused = numbered.find(|(row, [z, floor])| {
         let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);
@@ -235,13 +238,13 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     ))
 }
 
-/// Number of control ticks to the last setpoint. A plan longer than an hour is an error.
+/// Returns the number of control ticks to the last setpoint. Fails for a plan longer than an hour.
 fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
         return Err(Error::infeasible(
-            format!("the plan lasts {duration_s} s, the longest flight {MAX_DURATION_S} s"),
-            "write a shorter word, or draw faster",
+            format!("the plan lasts {duration_s} s, but the longest flight is {MAX_DURATION_S} s"),
+            "write a shorter word, or raise plan.stroke_speed_m_s",
         )
         .coded(FLIGHT_LONG));
     }

@@ -1,15 +1,15 @@
-//! Design: gains of regulator and observer for a drone, and their stability margins.
+//! Design of a drone's regulator and observer gains, with their stability margins.
 //!
-//! In: [`SimOptions`] and a motor lag. Out: [`Design`]. Method: the model at hover is linearized,
-//! both gains come from their Riccati equations, and poles and margins of the closed loop are
+//! Input: [`SimOptions`] and a motor lag. Output: [`Design`]. The model at hover is linearized,
+//! both gains follow from their Riccati equations, and poles and margins of the closed loop are
 //! computed for immediate and for lagging motors. A cascade of PID loops and the geometric
-//! controller have no such gain. Their code is linearized at hover, and gives poles and margins of
-//! its loops.
+//! controller have no such gain. The code of both is linearized at hover instead, which gives the
+//! poles and margins of their loops.
 //!
-//! Sources: the reference flight's design (AE483, 2022), and Bryson, Ho, "Applied Optimal Control"
-//! (1975), for the weights. The gain is designed without the drone's drag. The printed model, its
-//! poles and margins include it. Not modeled: the observer's part in the margins, and the time
-//! between two ticks.
+//! The sources are the reference flight's design (AE483, 2022), and Bryson, Ho, "Applied Optimal
+//! Control" (1975), for the weights. The gain is designed without the drone's drag. The printed
+//! model and its poles and margins include the drag. The observer's effect on the margins and the
+//! time between two ticks are not modeled.
 
 use nalgebra::{Complex, DMatrix, Matrix4, SMatrix};
 use serde::{Serialize, Serializer};
@@ -26,45 +26,49 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Result, within};
 
-/// Lag of a Crazyflie's motors, for a vehicle without one: Eschmann, Albani, Loianno, "Data-driven
-/// system identification of quadrotors subject to motor delays" (IROS 2024), 0.072 s. Other flights
-/// gave 0.05 to 0.14 s.
+/// Lag of a Crazyflie's motors in s, for a vehicle without one (Eschmann, Albani, Loianno,
+/// "Data-driven system identification of quadrotors subject to motor delays", IROS 2024). Other
+/// flights gave 0.05 to 0.14 s.
 pub const MOTOR_LAG_S: f64 = 0.072;
-/// Longest lag that is searched.
+/// Maximum lag in s that is searched.
 const MAX_LAG_S: f64 = 1.0;
-/// Bisections of the longest lag: to a microsecond.
+/// Number of bisections of the maximum lag, which gives a resolution of a microsecond.
 const HALVINGS: u32 = 20;
 
-/// States in the order of the columns of `K`. The first nine without the yaw are the rows of `L`.
+/// Names of the states in the order of the columns of `K`. The first nine, except the yaw, are the
+/// rows of `L`.
 pub const STATES: [&str; 15] = [
     "o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z",
     "int o_x", "int o_y", "int o_z",
 ];
-/// Further columns of `K` if the gain is designed for lagging rotors: the modeled rotors' output.
+/// Names of further columns of `K` if the gain is designed for lagging rotors, which are the
+/// modeled rotors' outputs.
 const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
-/// Inputs in the order of the rows of `K`.
+/// Names of the inputs in the order of the rows of `K`.
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 
 /// Gains of a drone and their stability margins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
-    /// The drone at hover, `ẋ = A x + B u`: A (12×12) by the first twelve [`STATES`].
+    /// Matrix A (12×12) of the drone at hover, `ẋ = A x + B u`, for the first twelve [`STATES`].
     #[serde(rename = "A", serialize_with = "rows")]
     pub a: DMatrix<f64>,
-    /// Its B (12×4), by [`INPUTS`].
+    /// Matrix B (12×4) of the drone at hover, for the [`INPUTS`].
     #[serde(rename = "B", serialize_with = "rows")]
     pub b: DMatrix<f64>,
-    /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`. It has
-    /// four columns more if it is designed for lagging rotors. `None` for other controllers.
+    /// Gain of the regulator, 4×12, or 4×15 with integrals, in `u = u_hover − K (x̂ − x_des)`. The
+    /// gain has four more columns if it is designed for lagging rotors. The gain is `None` for
+    /// other controllers.
     #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
-    /// Its columns: the first of [`STATES`], and the states of the rotors.
+    /// Names of the columns of `K`, which are the first of [`STATES`], and then those of the
+    /// rotors.
     pub states: Vec<&'static str>,
-    /// States of the controller, beside the twelve of the drone: integrals, last measurements,
-    /// filters, modeled rotors.
+    /// Number of states of the controller in addition to the twelve of the drone, which are
+    /// integrals, last measurements, filters and modeled rotors.
     #[serde(rename = "controller_states")]
     pub n_controller_states: usize,
-    /// Gain of the observer, 8×3: `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
+    /// Gain of the observer, 8×3, in `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
     #[serde(rename = "L", serialize_with = "rows")]
     pub l: DMatrix<f64>,
     /// Number of the twelve states that the inputs reach.
@@ -72,33 +76,34 @@ pub struct Design {
     /// Number of the nine states of position, attitude and velocity that are observable from the
     /// measured position.
     pub observability_rank: usize,
-    /// The others.
+    /// Names of the unobservable states.
     pub unobservable: Vec<&'static str>,
-    /// Poles of the loop with immediate motors, 1/s, the slowest first. `None` if the iteration did
-    /// not converge.
+    /// Poles of the loop with immediate motors in 1/s, slowest first. The poles are `None` if the
+    /// iteration did not converge.
     pub regulator_poles: Option<Vec<Complex<f64>>>,
-    /// Poles of the observer.
+    /// Poles of the observer in 1/s.
     pub observer_poles: Option<Vec<Complex<f64>>>,
-    /// Margins at each input with immediate motors. `None`: not stable.
+    /// Margins at each input with immediate motors. The margins are `None` if the loop is not
+    /// stable.
     pub margins: Option<[Margins; 4]>,
-    /// Lag of the motors that the next two are for, s.
+    /// Lag of the motors in s for the lagging poles and margins.
     pub motor_lag_s: f64,
-    /// Poles of the loop with that lag.
+    /// Poles of the loop with that lag in 1/s.
     pub lagging_poles: Option<Vec<Complex<f64>>>,
-    /// Margins with that lag. `None`: not stable.
+    /// Margins at each input with that lag. The margins are `None` if the loop is not stable.
     pub lagging_margins: Option<[Margins; 4]>,
-    /// Longest motor lag with a stable loop, s. `None`: more than a second.
+    /// Longest motor lag in s with a stable loop. The lag is `None` if it may exceed a second.
     pub longest_lag_s: Option<f64>,
-    /// Largest deviation from hover of each input within the motors' range, N m and N.
+    /// Largest deviation from hover of each input within the motors' range, in N m and N.
     pub largest_inputs: [f64; 4],
-    /// Bryson's rule for `controller.lqr.r`: 1 / deviation².
+    /// Weights by Bryson's rule for `controller.lqr.r`, which are 1 / deviation².
     pub bryson_r: [f64; 4],
     /// Warnings about the gains.
     #[serde(serialize_with = "messages")]
     pub warnings: Vec<Diagnostic>,
 }
 
-/// A matrix, or `None`, as an array of its rows.
+/// Serializes a matrix as an array of its rows, or `None` as null.
 fn rows<'a, S: Serializer>(
     matrix: impl Into<Option<&'a DMatrix<f64>>>,
     to: S,
@@ -110,12 +115,12 @@ fn rows<'a, S: Serializer>(
     rows.serialize(to)
 }
 
-/// Warnings as an array of their messages.
+/// Serializes warnings as an array of their messages.
 fn messages<S: Serializer>(warnings: &[Diagnostic], to: S) -> std::result::Result<S::Ok, S::Error> {
     to.collect_seq(warnings.iter().map(ToString::to_string))
 }
 
-/// A plant `ẋ = A x + B u` with its feedback `u = −K x`.
+/// Plant `ẋ = A x + B u` with its feedback `u = −K x`.
 struct Loop {
     a: DMatrix<f64>,
     b: DMatrix<f64>,
@@ -123,41 +128,43 @@ struct Loop {
 }
 
 impl Loop {
-    /// The loop with inputs that follow their commands with a lag.
+    /// Returns the loop with inputs that follow their commands with a lag.
     fn lagging(&self, lag_s: f64) -> Self {
         let [a, b, k] = with_input_lag(&self.a, &self.b, &self.k, lag_s);
         Self { a, b, k }
     }
 
-    /// Matrix of the closed loop, `A − B K`.
+    /// Returns the matrix of the closed loop, `A − B K`.
     fn closed(&self) -> DMatrix<f64> {
         &self.a - &self.b * &self.k
     }
 
-    /// Margins at the four inputs. `None` for a loop that is not stable.
+    /// Returns the margins at the four inputs. Returns `None` for a loop that is not stable.
     fn margins(&self) -> Option<[Margins; 4]> {
         margins(&self.a, &self.b, &self.k)?.try_into().ok()
     }
 }
 
-/// Designs both gains of a drone and computes their margins with a motor lag of `motor_lag_s`.
+/// Designs both gains of a drone, and computes their margins with a motor lag of `motor_lag_s`.
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`], [`Error::Input`](noctograph_core::error::Error::Input) for a lag
-/// outside 1 µs to 1 s, [`Error::Infeasible`](noctograph_core::error::Error::Infeasible) for
-/// weights that have no gain.
+/// Returns the errors of [`SimOptions::check`],
+/// [`Error::Input`](noctograph_core::error::Error::Input) for a lag outside 1 µs to 1 s, and
+/// [`Error::Infeasible`](noctograph_core::error::Error::Infeasible) for weights for which there is
+/// no gain.
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
     within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
-    // The model at hover. Gains are designed without drag, and judged with it.
+    // The model is that at hover. Gains are designed without drag, but evaluated with it.
     let vehicle = &options.vehicle;
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
     let dragged_a = a + drag(vehicle);
     let (feedback, states) = feedback_loop(options, [&a, &dragged_a], &b)?;
 
-    // Poles and margins of the loop without lag and with it, and the longest lag by bisection.
+    // Poles and margins are those of the loop without and with lag. Bisection finds the longest
+    // lag.
     let lagging = feedback.lagging(motor_lag_s);
     let [regulator_poles, lagging_poles] = [&feedback, &lagging].map(|l| poles(&l.closed()));
     let lagging_margins = lagging.margins();
@@ -170,8 +177,8 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         longest_lag_s,
     );
 
-    // The observer: the nine states of `Motion` with body rate and thrust as inputs. It runs
-    // without the yaw, which no position shows.
+    // The observer has the nine states of `Motion`, with body rate and thrust as inputs. It runs
+    // without the yaw, which measured positions do not reveal.
     let (motion_a, _) = hover_model(linearize_finely);
     let l = observer_gain(&options.observer.luenberger, &motion_a)?;
     let observer_a = without_yaw(&motion_a) - l * SMatrix::<f64, 3, 8>::identity();
@@ -201,8 +208,8 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     })
 }
 
-/// The loop of the options' controller on the plant with drag, and the names of the regulator's
-/// states, or none for other controllers. A regulator is designed for `A` without drag.
+/// Returns the loop of the options' controller on the plant with drag, and the names of the
+/// regulator's states, or none for other controllers. A regulator is designed for `A` without drag.
 fn feedback_loop(
     options: &SimOptions,
     [a, dragged_a]: [&SMatrix<f64, 12, 12>; 2],
@@ -220,14 +227,14 @@ fn feedback_loop(
     })
 }
 
-/// Number of states that the inputs reach, by duality with observability.
+/// Returns the number of states that the inputs reach, by duality with observability.
 fn controllability_rank(a: &SMatrix<f64, 12, 12>, b: &SMatrix<f64, 12, 4>) -> usize {
-    // The scale of an input does not change the states that it reaches.
+    // The scale of an input does not affect the states that it reaches.
     let unit_b = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
     observability_rank(&dynamic(&a.transpose()), &dynamic(&unit_b.transpose()))
 }
 
-/// The loop of a regulator, for lagging or immediate motors, and the names of its states.
+/// Returns the loop of a regulator, for lagging or immediate motors, and the names of its states.
 fn regulator_loop(
     [a, b]: [DMatrix<f64>; 2],
     gain: Gain,
@@ -238,8 +245,9 @@ fn regulator_loop(
     let Some(modeled_lag_s) = modeled_lag_s else {
         return (Loop { a, b, k: gain.k }, states.collect());
     };
-    // The modeled rotors run on the regulator's commands, so they are part of the regulator and not
-    // of the loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
+    // The modeled rotors run on the regulator's commands, so that they are part of the regulator
+    // instead of the loop that is opened at the motors. Their equation is τ dû/dt = u − û with u =
+    // −K x − K_u û.
     let from_state = -&gain.k / modeled_lag_s;
     let decay = -(gain.k_rotor + Matrix4::identity()) / modeled_lag_s;
     let a = with_states(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));
@@ -248,7 +256,7 @@ fn regulator_loop(
     (Loop { a, b: b.resize_vertically(n + 4, 0.0), k }, states.chain(ROTOR_STATES).collect())
 }
 
-/// The loop of a controller with a memory, whose states come after the drone's twelve.
+/// Returns the loop of a controller with a memory, whose states follow the drone's twelve.
 fn controller_loop(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> Loop {
     let LinearController { k, h, f, g } = controller;
     let m = f.nrows();
@@ -258,7 +266,8 @@ fn controller_loop(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearContro
     Loop { a, b: b.clone().resize_vertically(12 + m, 0.0), k }
 }
 
-/// Largest deviation of each input by itself from hover at which no motor exceeds its limits.
+/// Returns the largest deviation of each input, taken by itself, from hover at which no motor
+/// exceeds its limits.
 fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
     let mixer = Mixer::new(vehicle);
     let hover = mixer.motors(&vehicle.hover()).0;
@@ -270,8 +279,8 @@ fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
     })
 }
 
-/// Warnings about a loop that is unstable with the lag, and about the altitude's loop. `poles` are
-/// those without lag and with it.
+/// Returns warnings about a loop that is unstable with the lag, and about the altitude loop.
+/// `poles` contains the poles without and with lag.
 fn warnings(
     options: &SimOptions,
     lag_s: f64,
@@ -279,42 +288,42 @@ fn warnings(
     is_stable: bool,
     longest_s: Option<f64>,
 ) -> Vec<Diagnostic> {
-    // Real part of the slowest pole, without lag and with it.
+    // The slowest pole, without and with lag, has the largest real part.
     let [without, with] = poles.map(|poles| {
         let real = poles.iter().flatten().map(|pole| pole.re);
         real.fold(f64::NEG_INFINITY, f64::max)
     });
     let mut warnings = Vec::new();
     if !is_stable && without <= 0.0 {
-        let longest = longest_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"));
+        let longest = longest_s.map_or(String::new(), |s| format!(" (only up to {s:.3} s)"));
         warnings.push(Diagnostic::warning(
             "lag-unstable",
-            format!("the loop is stable only without motor lag: with {lag_s} s it is not{longest}"),
+            format!("the loop is stable without motor lag, but not with {lag_s} s{longest}"),
         ));
     } else if !is_stable {
         let message = format!(
-            "the loop is unstable: a pole at {without:+.2} 1/s without motor lag, {with:+.2} 1/s \
-             with {lag_s} s. Is the gain meant for u = u_hover - K (x - x_des), with its signs \
-             and units (rad, m)?"
+            "the loop is unstable, with a pole at {without:+.2} 1/s without motor lag, and at \
+             {with:+.2} 1/s with {lag_s} s. Is the gain meant for u = u_hover - K (x - x_des), \
+             with its signs and units (rad, m)?"
         );
         warnings.push(Diagnostic::warning("loop-unstable", message));
     }
     if options.controller.kind == ControllerKind::Altitude {
-        let message = "the loop at f_z is the loop of lqr-feedforward: `noctograph hold` shows \
-                       the loop of the altitude";
+        let message = "the results at f_z are those of lqr-feedforward, and `noctograph hold` \
+                       shows the loop of the altitude controller";
         warnings.push(Diagnostic::warning("altitude-loop", message));
     }
     warnings
 }
 
-/// The part of `A` that the air causes at hover: drag of body and rotors, and the moment of the air
-/// across the rotors, for a small velocity in the body frame.
+/// Returns the part of `A` that the air causes at hover, which is the drag of body and rotors, and
+/// the moment of the air across the rotors, for a small velocity in the body frame.
 fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     const VELOCITY: usize = 6;
     const RATE: usize = 9;
     let hover_n = 0.25 * vehicle.mass_kg * GRAVITY_M_S2;
     let rotors = 4.0 * vehicle.rotor_drag_n_s2_m * (hover_n / vehicle.rotor_thrust_n_s2).sqrt();
-    // Rotors drag across their axes only.
+    // Rotors have drag only across their axes.
     let mut drag = SMatrix::zeros();
     for (axis, rotors_n_s_m) in [rotors, rotors, 0.0].into_iter().enumerate() {
         let total_n_s_m = vehicle.body_drag_n_s_m[axis] + rotors_n_s_m;
@@ -326,7 +335,7 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     drag
 }
 
-/// Longest stable lag, by bisection. `None` if even [`MAX_LAG_S`] is stable.
+/// Returns the longest stable lag in s by bisection, or `None` if even [`MAX_LAG_S`] is stable.
 fn longest_lag_s(is_stable: impl Fn(f64) -> bool) -> Option<f64> {
     if is_stable(MAX_LAG_S) {
         return None;

@@ -1,21 +1,22 @@
 //! Simulation of a flight.
 //!
-//! Product in: [`Plan`](noctograph_core::plan::Plan). Product out:
-//! [`Flight`](noctograph_core::flight::Flight), which the log of a real flight gives as well.
+//! Input: a [`Plan`](noctograph_core::plan::Plan). Output: a
+//! [`Flight`](noctograph_core::flight::Flight), which a real flight's log provides as well.
 //!
-//! Method: at every tick (500 Hz) the sensors are read, the estimator is updated, and a controller
-//! turns the estimate into four motor commands, which it may hold for some ticks. They drive the
-//! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone
-//! starts at rest at the first setpoint, and a setpoint at or below the floor switches the motors
-//! off. [`ControllerKind`] lists the controllers. [`gain_design`] computes gains without a flight.
+//! At every tick (500 Hz), the sensors are read, the estimator is updated, and a controller
+//! converts the estimate to four motor commands, which it may hold for some ticks. The commands
+//! drive the drone ([`Plant`](crate::vehicle::Plant)), which consists of rotors, rigid body,
+//! battery, air and floor. The drone starts at rest at the first setpoint, and a setpoint at or
+//! below the floor switches the motors off. [`ControllerKind`] lists the controllers.
+//! [`gain_design`] computes gains without a flight.
 //!
-//! Sources: equations, weights and values of the reference flight (AE483, 2022, preset
-//! `ae483-2022`, the default of [`SimOptions`]). Lighthouse errors from Bitcraze's
-//! `positioning_dataset` (arXiv 2104.11523). IMU noise from the data sheet of the BMI088. The other
-//! sensors and the Kalman filter follow the Crazyflie's firmware.
+//! Equations, weights and values are those of the reference flight (AE483, 2022, preset
+//! `ae483-2022`, the default of [`SimOptions`]). Lighthouse errors are from Bitcraze's
+//! `positioning_dataset` (arXiv 2104.11523). IMU noise is from the data sheet of the BMI088. The
+//! other sensors and the Kalman filter follow the Crazyflie's firmware.
 //!
-//! Not modeled: whole-number motor commands, filters of the inertial sensors, and sliding, bouncing
-//! and tipping on the floor.
+//! Whole-number motor commands, filters of the inertial sensors, and sliding, bouncing and tipping
+//! on the floor are not modeled.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

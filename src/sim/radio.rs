@@ -1,38 +1,38 @@
-//! The radio link of one drone: which setpoint it has heard last, and when.
+//! Radio link of one drone, which determines the last setpoint received and its time.
 //!
-//! The host offers its newest setpoint at every turn of the drone, so that a late one overtakes
-//! what it replaces. Turns fail independently by chance, and all of them in outages.
+//! The host offers its newest setpoint at every turn of the drone, so that a late setpoint is
+//! skipped in favor of a newer one. Turns fail independently at random, and all of them in outages.
 //!
-//! Not modeled: signal strength and its dependence on the position, broadcasts, and a host that
-//! blocks while its queue is full (cflib's holds one packet).
+//! Signal strength and its dependence on the position, broadcasts, and a host that blocks while its
+//! queue is full (cflib's contains one packet) are not modeled.
 
 use super::options::RadioOptions;
 use noctograph_core::random::Noise;
 
-/// Time of a packet with its answer, and of the switch to another drone's address
+/// Durations in s of a packet with its answer, and of the switch to another drone's address
 /// (`crazyradio2-firmware` issue 9: 2.5 ms for the USB request that sets the address, 0.7 ms for
 /// packet and answer).
 const PACKET_S: f64 = 0.7e-3;
 const SWITCH_S: f64 = 2.5e-3;
 
-/// The setpoints that a drone hears.
+/// Setpoints that a drone receives.
 #[derive(Debug)]
 pub(super) struct Link {
     options: RadioOptions,
     chance: Noise,
     outages: Noise,
-    /// Begin and end of the present outage, or of the next one.
+    /// Beginning and end in s of the present outage, or of the next one if there is none.
     outage: [f64; 2],
     turn_s: f64,
     round_s: f64,
-    /// Index of the last setpoint that was heard, and when it was heard first and last.
+    /// Index of the last setpoint received, and the first and last times at which it was received.
     heard: usize,
     since_s: f64,
     last_s: f64,
 }
 
 impl Link {
-    /// The link of the drone `index`, or `None` if commands arrive at once.
+    /// Makes the link of the drone `index`, or returns `None` if commands arrive immediately.
     pub(super) fn new(options: &RadioOptions, seed: u64, index: u64) -> Option<Self> {
         if options.drones == 0 {
             return None;
@@ -43,7 +43,7 @@ impl Link {
         let mut link = Self {
             options: options.clone(),
             chance: Noise::new(seed, index, "radio"),
-            // Other senders disturb all drones alike.
+            // Other transmitters disturb all drones in the same way.
             outages: Noise::new(seed, 0, "radio outages"),
             outage: [f64::INFINITY; 2],
             turn_s: slot * (PACKET_S + switch_s),
@@ -59,13 +59,15 @@ impl Link {
         Some(link)
     }
 
-    /// Index of the setpoint that the drone has heard by `time_s`, while the host sends `newest`.
+    /// Returns the index of the setpoint that is received by `time_s`, while the host sends
+    /// `newest`.
     pub(super) fn hear(&mut self, time_s: f64, newest: usize) -> usize {
         while self.turn_s <= time_s {
             while self.turn_s >= self.outage[1] {
                 self.next_outage();
             }
-            // Chance is drawn first, at every turn, so that outages do not shift its stream.
+            // The random number is drawn first, at every turn, because outages must not change its
+            // stream.
             let is_lost =
                 self.chance.uniform() < self.options.loss_frac || self.turn_s >= self.outage[0];
             if !is_lost {
@@ -79,23 +81,23 @@ impl Link {
         self.heard
     }
 
-    /// Time at which the setpoint that the drone follows was heard first.
+    /// Returns the time at which the setpoint that the drone follows was first received.
     pub(super) fn since_s(&self) -> f64 {
         self.since_s
     }
 
-    /// Time since the drone last heard a setpoint.
+    /// Returns the time in s since the drone last received a setpoint.
     pub(super) fn silent_s(&self, time_s: f64) -> f64 {
         time_s - self.last_s
     }
 
     /// Draws the next outage, after the end of the present one.
     fn next_outage(&mut self) {
-        // Exponential times, by the inverse of their distribution function.
+        // Exponential times are drawn by inverting their distribution function.
         let [after_s, lasts_s] = [self.options.outage_every_s, self.options.outage_s]
             .map(|mean_s| -mean_s * libm::log(1.0 - self.outages.uniform()));
         let from_s = self.outage[1] + after_s;
-        // An outage lasts a round at least, so that the search for the next one ends.
+        // An outage lasts at least one round, so that the search for the next one ends.
         self.outage = [from_s, from_s + lasts_s.max(self.round_s)];
     }
 }
@@ -110,7 +112,7 @@ mod tests {
         Link::new(&options, 3, index).unwrap()
     }
 
-    /// The silence after each 10 ms.
+    /// Returns the silence after each 10 ms.
     fn silences_s(link: &mut Link, ticks: u32) -> Vec<f64> {
         let silences_s = (0..ticks).map(|tick| {
             let time_s = f64::from(tick) * 0.01;
@@ -120,7 +122,7 @@ mod tests {
         silences_s.collect()
     }
 
-    /// Fraction of silences that are longer.
+    /// Returns the fraction of silences that are longer than `least_s`.
     fn longer_frac(silences_s: &[f64], least_s: f64) -> f64 {
         silences_s.iter().filter(|s| **s > least_s).count() as f64 / silences_s.len() as f64
     }
@@ -139,7 +141,7 @@ mod tests {
 
     #[test]
     fn losses_and_outages_have_their_fractions_and_outages_are_common_to_all() {
-        // Lost packets in a row: a fraction p² of the turns is the second in a row.
+        // If a fraction p of packets is lost, p² of the turns are the second lost one in a row.
         let lossy = longer_frac(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
         assert!((lossy - 0.25).abs() < 0.02, "{lossy}");
         let [one, other] =

@@ -1,4 +1,4 @@
-//! Records a flight while it is simulated.
+//! Recorder of a flight while it is simulated.
 
 use std::collections::BTreeMap;
 
@@ -10,19 +10,19 @@ use noctograph_core::flight::{
 };
 use noctograph_core::plan::Plan;
 
-/// Further columns of a flight. Those without a value are left out.
+/// Names of the further columns of a flight. Columns without a value are left out.
 const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, ESTIMATE_NEES];
 
-/// Collects samples and columns.
+/// Collection of samples and columns.
 #[derive(Debug)]
 pub(super) struct Recorder {
     flight: FlightData,
-    /// [`COLUMNS`].
+    /// Values of the [`COLUMNS`].
     extra: [Vec<f64>; 5],
 }
 
 impl Recorder {
-    /// An empty recorder with room for `n` samples, and for the plan's light channels.
+    /// Makes an empty recorder with room for `n` samples, and for the plan's light channels.
     pub(super) fn new(plan: &Plan, n: usize) -> Self {
         let lights: BTreeMap<_, _> =
             plan.lights.keys().map(|channel| (channel.clone(), Vec::with_capacity(n))).collect();
@@ -32,7 +32,7 @@ impl Recorder {
         }
     }
 
-    /// Adds a sample with the levels of its lights and the values of [`COLUMNS`].
+    /// Adds a sample with the levels of its lights and the values of the [`COLUMNS`].
     pub(super) fn record(
         &mut self,
         sample: FlightSample,
@@ -48,7 +48,7 @@ impl Recorder {
         }
     }
 
-    /// The flight with its warnings, and a further warning if the drone never took off.
+    /// Returns the flight with its warnings, and another warning if the drone never took off.
     pub(super) fn finish(self, mut warnings: Vec<Diagnostic>) -> Flight {
         warnings.extend(grounded(&self.flight.samples));
         let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);
@@ -57,10 +57,10 @@ impl Recorder {
     }
 }
 
-/// Least rise of a plan that takes off, m.
+/// Minimum rise in m of a plan that takes off.
 const TAKE_OFF_M: f64 = 0.2;
 
-/// A warning about a drone that stays on the floor while its plan rises, or `None`.
+/// Returns a warning if the drone stays on the floor while its plan rises, and `None` otherwise.
 fn grounded(samples: &[FlightSample]) -> Option<Diagnostic> {
     let first = samples.first()?;
     let planned_m = samples.iter().map(|s| s.design_m.z).fold(f64::MIN, f64::max);

@@ -1,4 +1,4 @@
-//! A flight whose controller is outside the program.
+//! Flight whose controller is outside the program.
 
 use super::avionics::Avionics;
 use super::controller::Reference;
@@ -8,8 +8,8 @@ use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
 use noctograph_core::plan::Plan;
 
-/// The flight of one drone, which waits for motor commands `rates.attitude_hz` times a second while
-/// its setpoint is above the floor. Its functions have the errors and panics of
+/// Flight of one drone, which waits for motor commands `rates.attitude_hz` times per second while
+/// its setpoint is above the floor. The functions of a session have the errors and panics of
 /// [`fly`](crate::fly).
 #[derive(Debug)]
 pub struct Session {
@@ -20,7 +20,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// A drone that waits for its first command. `set_up` may change its avionics before.
+    /// Makes a drone that waits for its first command, after `set_up` has changed its avionics.
     pub fn new(plan: Plan, drone: &Drone<'_>, set_up: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         set_up(&mut rig.avionics);
@@ -29,7 +29,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Flies to the end by the drone's controller.
+    /// Flies to the end with the drone's controller.
     pub fn fly_by_itself(&mut self) -> Result<()> {
         while !self.has_landed {
             self.control()?;
@@ -37,7 +37,7 @@ impl Session {
         Ok(())
     }
 
-    /// Commands the motors by the drone's controller, and flies until the next command or landing.
+    /// Commands the motors with the drone's controller, and flies to the next command or landing.
     pub fn control(&mut self) -> Result<()> {
         if self.has_landed {
             return Ok(());
@@ -48,11 +48,12 @@ impl Session {
         self.run()
     }
 
-    /// Inputs of the next command: the estimated state and the reference. `None` after landing.
+    /// Returns the inputs of the next command, which are the estimated state and the reference.
+    /// Returns `None` after landing.
     ///
-    /// The state is position (m, world), yaw, pitch and roll (rad), velocity (m/s) and angular
-    /// velocity (rad/s) in the body frame. The reference is position (m), velocity (m/s) and
-    /// acceleration (m/s²) in the world.
+    /// The state consists of position (m, world frame), yaw, pitch and roll (rad), and velocity
+    /// (m/s) and angular velocity (rad/s) in the body frame. The reference consists of position
+    /// (m), velocity (m/s) and acceleration (m/s²) in the world frame.
     pub fn command_inputs(&self) -> Option<([f64; 12], [f64; 9])> {
         (!self.has_landed).then(|| {
             let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
@@ -63,17 +64,17 @@ impl Session {
         })
     }
 
-    /// Time since the first setpoint, s.
+    /// Returns the time since the first setpoint in s.
     pub fn time_s(&self) -> f64 {
         f64::from(self.tick) * self.rig.tick_s
     }
 
-    /// True position, m.
+    /// Returns the true position in m.
     pub fn position_m(&self) -> [f64; 3] {
         self.rig.plant.body().position_m.into()
     }
 
-    /// Reference position, m.
+    /// Returns the reference position in m.
     pub fn reference_m(&self) -> [f64; 3] {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
@@ -91,7 +92,7 @@ impl Session {
         })
     }
 
-    /// The flight so far.
+    /// Returns the flight so far.
     pub fn finish(self) -> Flight {
         self.rig.finish()
     }
@@ -188,7 +189,7 @@ mod tests {
         for (row, sample) in plain.samples.iter().enumerate().skip(plain.samples.len() / 2) {
             let error_m = (sample.estimate_m - sample.position_m).norm();
             assert!((1e-4..0.5).contains(&sigma_m[row]), "{}", sigma_m[row]);
-            // Of a covariance whose largest axis is at most the whole.
+            // The bound follows because the covariance's largest axis does not exceed its trace.
             assert!(3.0 * nees[row] >= 0.99 * (error_m / sigma_m[row]).powi(2) - 1e-4);
         }
     }

@@ -131,7 +131,7 @@ fn files_that_cannot_be_compared_or_flown_are_refused() {
     let untold = ["compare", "a.csv", "nowhere.csv", "--offset", "0"];
     fails(&untold, &files, &["no sample in the air", "all samples"]);
     let letters = [&untold[..], &["--part", "letters"]].concat();
-    fails(&letters, &files, &["no sample that writes a letter", "airborne part"]);
+    fails(&letters, &files, &["no sample is part of a letter", "airborne part"]);
     let apart = ["compare", "a.csv", "a.csv", "--offset", "-500", "-o", "plots"];
     fails(&apart, &files, &["a time that both cover", "shift B's clock"]);
     fails(&["compare", "a.csv", "a.csv", "--offset", "NaN"], &files, &["offset_s", "NaN"]);

@@ -179,7 +179,7 @@ fn fleets_that_cannot_be_are_refused_with_the_reason() {
         ("sensors.uwb.heard", "[[0, 3], [1, 2]]", "sensors.uwb.heard[0][1]: found 3"),
         ("sensors.uwb.heard", "[[0, 0], [1, 2]]", "sensors.uwb.heard[0][1]: found 0"),
         ("sensors.uwb.heard", "[[], [1, 2]]", "sensors.uwb.heard[0]: found 0 of them"),
-        ("sensors.uwb.heard", "[[0, 2]]", "1 lists, and a drone 2"),
+        ("sensors.uwb.heard", "[[0, 2]]", "1 lists for at least 2 drones"),
         ("sensors.uwb.anchors_m", "[[1, 2, 3], [0, 0, 1], [1, 2, 3]]", "the place of another"),
         ("sensors.positioning", "gnss", "without uwb-twr"),
         ("sensors.peers.loss_frac", "1.5", "sensors.peers.loss_frac"),
@@ -299,7 +299,7 @@ fn logs_that_cannot_be_located_are_refused_with_the_reason() {
     let stranger = ranges.replace("ranging.distance4", "ranging.drone3");
     refused(&stranger, &anchors, &["drones 1 and 3", "a log of every drone"]);
     let twice = anchors.replace("x: 2.5\n  y: -2.5\n  z: 0.2", "x: -2.5\n  y: -2.5\n  z: 2.4");
-    refused(&ranges, &twice, &["anchors.yaml:6: anchor 1", "the place of key 0"]);
+    refused(&ranges, &twice, &["anchors.yaml:6: anchor 1", "the position of anchor 0"]);
     let observed = |name: &str, wanted: &[&str]| {
         let arguments = [&arguments[..], &["--observer", name]].concat();
         fails(&arguments, &[(log, &ranges), (yaml, &anchors)], wanted);

@@ -1,7 +1,8 @@
-//! The camera as a description without pixels: pose, lens, shutter, sensitivity.
+//! The camera as a description of pose, lens, shutter and sensitivity, without pixels.
 //!
-//! Camera frame: x right, y down, z forward. Image: origin top left, pixel centers at +0.5.
-//! Not modeled: rolling shutter, field curvature, chromatic aberration.
+//! In the camera frame, x points right, y down and z forward. In the image, the origin is at the
+//! top left, and pixel centers are at +0.5. Rolling shutter, field curvature and chromatic
+//! aberration are not modeled.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -18,41 +19,42 @@ mod options;
 mod outside;
 mod white_balance;
 
-/// Distance in focus that means infinity: the greatest of a scene.
+/// Focus distance in m that stands for infinity, which is the largest that a scene can set.
 pub const INFINITY_M: f64 = 1e6;
 
-/// A camera at rest whose shutter opens once.
+/// Camera at rest whose shutter opens once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// Entrance pupil, in the world.
+    /// Position of the entrance pupil in the world frame.
     pub position_m: Vector3<f64>,
     /// Rotation from the world to the camera frame (x right, y down, z forward).
     pub camera_from_world: Matrix3<f64>,
-    /// Focal length of the lens.
+    /// Focal length of the lens in m.
     pub focal_length_m: f64,
-    /// Width of the sensor, whose pixels are square.
+    /// Width of the sensor in m, whose pixels are square.
     pub sensor_width_m: f64,
     /// Aperture number N.
     pub f_number: f64,
     /// Fraction of the light that the lens transmits, 0 to 1.
     pub transmission: f64,
-    /// Standard deviation of the blur of the lens on the sensor (aberrations, without diffraction).
+    /// Standard deviation in m of the lens blur on the sensor, from aberrations only.
     pub blur_m: f64,
-    /// Distance in focus, along the optical axis, or `None` if everything is sharp.
+    /// Focus distance in m along the optical axis, or `None` if everything is sharp.
     pub focus_m: Option<f64>,
-    /// Distortion k1, k2 (radial) and p1, p2 (tangential), of Brown and Conrady as `OpenCV` has it:
-    /// with x, y the tangents off the axis and r² = x² + y², the lens draws
-    /// `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and
-    /// `y (1 + k1 r² + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
+    /// Distortion coefficients k1, k2 (radial) and p1, p2 (tangential) of the Brown–Conrady model
+    /// as in `OpenCV`. With x, y the tangents of the angles from the axis and r² = x² + y², the
+    /// lens maps them to `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and `y (1 + k1 r² + k2
+    /// r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
     pub distortion: [f64; 4],
-    /// Fraction of the light lost by vignetting at the corner of the picture. It grows with the
-    /// square of the distance from the middle. The natural falloff by cos⁴ is separate.
+    /// Fraction of the light that vignetting removes at the corner of the picture. This fraction
+    /// increases with the square of the distance from the middle. The natural cos⁴ falloff is not
+    /// part of this fraction.
     pub vignetting: f64,
-    /// White balance: gains of red, green and blue between the sensor and the tone curve.
+    /// White balance, as gains of red, green and blue between the sensor and the tone curve.
     pub white_balance: [f64; 3],
-    /// Sensitivity. See [`Self::saturation_lx_s`].
+    /// ISO sensitivity. [`Self::saturation_lx_s`] converts it to an exposure.
     pub iso: f64,
-    /// Sensitivity at and below which a full well is white.
+    /// Sensitivity at and below which a full well is rendered as white.
     pub base_iso: f64,
     /// Time of flight at which the shutter opens.
     pub shutter_open_s: f64,
@@ -64,37 +66,37 @@ pub struct Camera {
     pub height_px: u32,
 }
 
-/// A point in the picture.
+/// Point in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImagePoint {
-    /// From the left edge.
+    /// Distance from the left edge in px.
     pub x_px: f64,
-    /// From the top edge.
+    /// Distance from the top edge in px.
     pub y_px: f64,
-    /// Along the optical axis.
+    /// Distance from the camera along the optical axis in m.
     pub depth_m: f64,
 }
 
 impl Camera {
-    /// The same camera with a picture of another width, and a height in proportion.
+    /// Returns the same camera with a picture of another width, and a height in proportion.
     pub fn at_width(&self, width_px: u32) -> Self {
         let height = u64::from(self.height_px) * u64::from(width_px);
         let height = height.div_ceil(u64::from(self.width_px.max(1))).max(1);
         Self { width_px, height_px: u32::try_from(height).unwrap_or(u32::MAX), ..self.clone() }
     }
 
-    /// Edge of a pixel on the sensor.
+    /// Returns the side length in m of a pixel on the sensor.
     pub fn pixel_pitch_m(&self) -> f64 {
         self.sensor_width_m / f64::from(self.width_px)
     }
 
-    /// Focal length in pixels.
+    /// Returns the focal length in pixels.
     pub fn focal_length_px(&self) -> f64 {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
-    /// Image of a point of the world, or `None` if the point is behind the camera, or so far off
-    /// the axis that the distortion folds back.
+    /// Returns the image of a point in the world frame, or `None` if the point is behind the
+    /// camera, or so far off the axis that the distortion folds back.
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
         if p.z <= 0.0 {
@@ -109,8 +111,8 @@ impl Camera {
         })
     }
 
-    /// Unit vector in the world toward a point of the picture, the inverse of
-    /// [`Self::image_from_world`] by fixed-point iteration, or `None` if it does not converge.
+    /// Returns the unit vector in the world frame toward a point of the picture, by fixed-point
+    /// iteration that inverts [`Self::image_from_world`], or `None` if it does not converge.
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
@@ -132,12 +134,12 @@ impl Camera {
         if self.distortion == [0.0; 4] {
             return Some([x, y]);
         }
-        // Beyond the radius r at which d(r (1 + k₁ r² + k₂ r⁴))/dr = 0, the image folds back.
+        // The image folds back beyond the radius r at which d(r (1 + k₁ r² + k₂ r⁴))/dr = 0.
         let r2 = x * x + y * y;
         if 1.0 + r2 * (3.0 * k1 + r2 * 5.0 * k2) <= 0.0 {
             return None;
         }
-        // Brown 1966, Conrady 1919: radial and tangential terms.
+        // The radial and tangential terms are those of Conrady (1919) and Brown (1966).
         let radial = 1.0 + r2 * (k1 + r2 * k2);
         Some([
             x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
@@ -145,8 +147,8 @@ impl Camera {
         ])
     }
 
-    /// Box `[left, bottom, right, top]` of the plane of the word (y = 0) around the four corners of
-    /// the picture, or `None` if a corner does not show the plane within 1 km.
+    /// Returns the box `[left, bottom, right, top]` in the plane of the word (y = 0) around the
+    /// four corners of the picture, or `None` if a corner does not show the plane within 1 km.
     pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
         let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
@@ -159,7 +161,7 @@ impl Camera {
         Some(bounds(on_plane.collect::<Option<Vec<_>>>()?))
     }
 
-    /// Fraction of the light that vignetting leaves at a point of the picture, 0 to 1.
+    /// Returns the fraction of the light, 0 to 1, that vignetting leaves at a point of the picture.
     pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let (x, y) = (x_px - width / 2.0, y_px - height / 2.0);
@@ -167,7 +169,7 @@ impl Camera {
         (1.0 - self.vignetting * (x * x + y * y) / corner_sq).max(0.0)
     }
 
-    /// Diameter of the circle of confusion on the sensor: `f² / N · |d - d_f| / (d d_f)`.
+    /// Returns the diameter of the circle of confusion on the sensor, `f²/N · |d - d_f| / (d d_f)`.
     pub fn defocus_m(&self, depth_m: f64) -> f64 {
         let f = self.focal_length_m;
         self.focus_m.map_or(0.0, |focus_m| {
@@ -175,16 +177,16 @@ impl Camera {
         })
     }
 
-    /// Luminous exposure, lx s, of 1 cd/m² in the middle of the picture: `π τ t / (4 N²)`.
+    /// Returns the exposure in lx s by 1 cd/m² at the middle of the picture, `π τ t / (4 N²)`.
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
         std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s
             / (self.f_number * self.f_number)
     }
 
-    /// Luminous exposure in lx s at which the sensor saturates: `78 / ISO` (ISO 12232, saturation
-    /// based) from the base sensitivity on, at which the converter clips, and that of the full
-    /// well, `78 / base ISO`, below it.
+    /// Returns the luminous exposure in lx s at which the sensor saturates. From the base
+    /// sensitivity on, the converter clips at `78 / ISO` (ISO 12232, saturation based). Below the
+    /// base sensitivity, the well is full at `78 / base ISO`.
     pub fn saturation_lx_s(&self) -> f64 {
         78.0 / self.iso.max(self.base_iso)
     }
@@ -202,7 +204,7 @@ mod tests {
     fn the_picture_of_a_camera_square_in_front_shows_its_bounds_of_the_plane() {
         let camera = camera();
         let bounds_m = camera.plane_bounds_m().unwrap();
-        // The word is 1.5 m wide and half of the picture.
+        // The word is 1.5 m wide and fills half of the picture.
         for (actual, wanted) in bounds_m.into_iter().zip([-1.35, -0.09375, 1.65, 1.59375]) {
             assert!((actual - wanted).abs() < 1e-9, "{bounds_m:?}");
         }

@@ -8,23 +8,23 @@ use crate::geometry::{camera_from_orientation, camera_from_world};
 use crate::input_error;
 use crate::settings::{Described, settings};
 
-/// Largest width and height of a picture.
+/// Maximum width and height of a picture in pixels.
 const MAX_SIDE_PX: u32 = 16_384;
 
-/// Most pixels of a picture: 768 MiB of film at 12 bytes a pixel.
+/// Maximum number of pixels of a picture, whose film takes 768 MiB at 12 bytes per pixel.
 pub const MAX_PIXELS: u64 = 1 << 26;
 
-/// Width of a full-frame sensor.
+/// Width of a full-frame sensor in m.
 const FULL_FRAME_WIDTH_M: f64 = 0.036;
 
-/// A word nearer than this is not focused at.
+/// Minimum distance in m at which the camera focuses on a word.
 const LEAST_FOCUS_M: f64 = 0.1;
 
 settings! {
-    /// The camera.
+    /// Settings of the camera.
     ///
-    /// By default a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual start for
-    /// light painting. Blur is half the usual circle of confusion of 30 µm.
+    /// The default is a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual starting
+    /// point for light painting. The default blur is half of the usual 30 µm circle of confusion.
     pub struct CameraOptions {
         /// Automatic exposure, off in a scene that sets `f_number` or `iso` but not this key.
         metering: Metering = Metering::default();
@@ -32,105 +32,108 @@ settings! {
         width_px: u32 = 1920, in 1.0..=16_384.0;
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
-        /// Print resolution in dots per inch, written into the picture's file, or none if left out.
+        /// Print resolution in dots per inch, written into the picture's file if set.
         dots_per_inch: Option<f64> = None, in 1.0..=10_000.0;
         /// Aperture number, unless the meter sets it.
         f_number: f64 = 8.0, in 0.5..=256.0, unless "camera.metering" = "trail";
-        /// Sensitivity. A pixel saturates at 78 / ISO lx s, and at 78 / `base_iso` lx s below the
-        /// base sensitivity.
+        /// Sensitivity. A pixel saturates at 78 / ISO lx s, or at 78 / `base_iso` lx s if ISO is
+        /// below the base sensitivity.
         iso: f64 = 100.0, in 1.0..=1e7, unless "camera.metering" = "trail";
-        /// Sensitivity at which a full well is white. Above it, the converter clips earlier.
+        /// Sensitivity at which a full well is rendered as white. At a higher sensitivity, the
+        /// converter clips before the well is full.
         base_iso: f64 = 100.0, in 1.0..=1e5;
         /// Time of flight at which the shutter opens.
         shutter_open_s: f64 = 0.0, in 0.0..=1e6;
         /// Time of flight at which the shutter closes, or the end of the flight if left out.
         shutter_close_s: Option<f64> = None, in 0.0..=1e6;
-        /// Distance in focus. If left out, a named lens is focused at the middle of the word, and
-        /// with a custom lens everything is sharp.
+        /// Distance at which the camera is focused. If left out, a named lens is focused at the
+        /// middle of the word, and a custom lens renders everything sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
-        /// Standard deviation of the blur of the lens on the sensor, without diffraction. A
-        /// telephone's lens scales it from full frame to its sensor.
+        /// Standard deviation of the lens blur on the sensor, without diffraction. For a phone, the
+        /// value is scaled from full frame to the phone's sensor.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
-        /// Fraction of light that the lens transmits.
+        /// Fraction of the light that the lens transmits.
         transmission: f64 = 0.9, in 0.001..=1.0;
-        /// Fraction of light lost by vignetting at the corner of the picture, beside the natural
-        /// falloff by cos⁴, or that of the lens at its aperture if left out.
+        /// Fraction of the light that vignetting removes at the corner of the picture, in addition
+        /// to the natural cos⁴ falloff. If left out, the lens determines it from its aperture.
         vignetting: Option<f64> = None, in 0.0..=1.0;
-        /// White balance: gains of red, green and blue, or the color temperature in kelvin.
+        /// White balance, as gains of red, green and blue or as a color temperature in kelvin.
         white_balance: WhiteBalance = WhiteBalance::default();
-        /// Pose of the camera.
+        /// Position and direction of the camera.
         framing: Framing = Framing::default();
-        /// Camera body.
+        /// Camera body, which sets the sensor.
         body: BodyModel = BodyModel::default();
-        /// Lens.
+        /// Lens, which sets focal length, distortion and vignetting.
         lens: LensModel = LensModel::default();
     }
 
     /// Automatic exposure.
     pub enum Metering tagged {
-        /// The photographer: `f_number` and `iso` as given.
+        /// Off: the photographer sets `f_number` and `iso`.
         "off" => Off,
-        /// The light meter, in steps of a third of a stop: the brightest lamp's trail is white and
-        /// glows, and the room stays dark however long the flight is.
+        /// A light meter with steps of a third of a stop, which makes the brightest lamp's trail
+        /// white and glowing, and keeps the room dark regardless of the flight's duration.
         "trail" => Trail(TrailMetering),
     }
 
     /// Exposures that the light meter aims at, in stops over saturation.
     pub struct TrailMetering {
-        /// Exposure of the middle of the brightest trail.
+        /// Exposure at the middle of the brightest trail.
         trail_stops: f64 = 1.0, in -10.0..=10.0;
-        /// Exposure of the middle of the brightest trail in its strongest color channel, for a
-        /// colored lamp.
+        /// Exposure at the middle of a colored lamp's trail, in its strongest color channel.
         ///
-        /// At saturation the camera's tone turns orange by ΔE 10 (CIEDE2000, at equal lightness),
-        /// half a stop below by 7, and two stops above by 27.
+        /// The tone of an orange trail is off by ΔE 10 (CIEDE2000, at equal lightness) at
+        /// saturation, by 7 half a stop below, and by 27 two stops above.
         color_stops: f64 = -0.5, in -10.0..=10.0;
-        /// Greatest exposure by the room's light, which accumulates while the shutter is open. In a
-        /// brighter room the trail is exposed less, down to `least_stops`.
+        /// Maximum exposure from the room's light, which accumulates while the shutter is open. In
+        /// a brighter room the trail is exposed less, down to `least_stops`.
         room_stops: f64 = -7.0, in -20.0..=0.0;
-        /// Lowest exposure of the middle of the brightest trail.
+        /// Minimum exposure at the middle of the brightest trail.
         least_stops: f64 = -1.0, in -10.0..=10.0;
     }
 
-    /// Pose of the camera.
+    /// Position and direction of the camera.
     pub enum Framing tagged {
-        /// Centered in front of the word, at the distance where the word fills `fill_frac` of the
-        /// picture.
+        /// Camera in front of the middle of the word, at the distance at which the word fills
+        /// `fill_frac` of the picture.
         "word" => Word(WordFraming),
-        /// As given.
+        /// Camera at a given position and orientation.
         "fixed" => Fixed(FixedPose),
     }
 
     /// A camera in front of the word.
     pub struct WordFraming {
-        /// Share of the width or height of the picture that the word fills, whichever comes first.
+        /// Fraction of the picture's width or height that the word fills, whichever is reached
+        /// first.
         fill_frac: f64 = 0.5, in 0.01..=1.0;
-        /// Height of the camera, aimed at the middle of the word, by default that of the middle.
-        /// The LED ring and the color LED deck look brighter from below. The drone hides them from
-        /// above.
+        /// Height of the camera, which is aimed at the middle of the word. If left out, the camera
+        /// is at the height of the word's middle. The LED ring and the color LED deck appear
+        /// brighter from below. Seen from above, the drone hides the LED ring and the color LED
+        /// deck.
         height_m: Option<f64> = None, in 0.0..=1000.0;
     }
 
-    /// A camera at a given pose.
+    /// A camera at a given position and orientation.
     pub struct FixedPose {
-        /// Entrance pupil, in the world.
+        /// Position of the entrance pupil in the world frame.
         position_m: [f64; 3] = [0.15, -3.0, 0.75], in -1e4..=1e4;
-        /// Point of the world in the middle of the picture, or the middle of the word if left out.
+        /// Point in the world frame that appears at the middle of the picture. If left out, the
+        /// middle of the word appears there.
         target_m: Option<[f64; 3]> = None, in -1e4..=1e4;
-        /// Attitude in the world, in place of the target: a unit quaternion w, x, y, z. As in a
-        /// .skyc file, a camera that is not rotated looks along -z with x to its right.
+        /// Orientation in the world frame, instead of a target, as a unit quaternion w, x, y, z. As
+        /// in a .skyc file, a camera without rotation looks along -z with x to its right.
         orientation_wxyz: Option<[f64; 4]> = None, in -1.05..=1.05;
     }
 }
 
 impl CameraOptions {
-    /// Checks the ranges.
+    /// Checks that all settings are within their ranges and agree with each other.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the key that is out of range.
+    /// Returns [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
-        // Each setting by itself, then those that depend on each other.
+        // Each setting is checked by itself, followed by the settings that depend on each other.
         check_size(self.width_px, self.height_px)?;
         Described::check(self, "camera", None)?;
         let least = self.lens.figures().min_f_number;
@@ -151,22 +154,22 @@ impl CameraOptions {
         Ok(())
     }
 
-    /// Fraction of light lost by vignetting at the corner of the picture, at an aperture.
+    /// Returns the fraction of the light that vignetting removes at the picture's corner.
     pub fn vignetting_at(&self, f_number: f64) -> f64 {
         let aspect = f64::from(self.height_px) / f64::from(self.width_px);
         let corner_m = 0.5 * self.body.figures().sensor_width_m * (1.0 + aspect * aspect).sqrt();
         self.vignetting.unwrap_or_else(|| self.lens.vignetting(f_number, corner_m))
     }
 
-    /// Focal length of the lens.
+    /// Returns the focal length of the lens in m.
     pub fn focal_length_m(&self) -> f64 {
         self.body
             .fixed_lens()
             .map_or(self.lens.figures().focal_length_m, |lens| lens.focal_length_m)
     }
 
-    /// Distance at which a word within `[left, bottom, right, top]` fills a fraction of the
-    /// picture's width or height. An empty word is an error.
+    /// Returns the distance in m at which a word within `[left, bottom, right, top]` fills a
+    /// fraction of the picture's width or height. Returns an error for an empty word.
     fn distance_m(&self, [left, bottom, right, top]: [f64; 4], fill_frac: f64) -> Result<f64> {
         let aspect = f64::from(self.width_px) / f64::from(self.height_px);
         let width_m = (right - left).max((top - bottom) * aspect) / fill_frac;
@@ -175,12 +178,12 @@ impl CameraOptions {
             return Ok(distance_m);
         }
         let hint = "write something, or set camera.framing to fixed";
-        let wanted = "a word that the camera can be set up for";
+        let wanted = "a word in front of which the camera can be placed";
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
     }
 
-    /// Position of the camera and rotation from the world to its frame, for a word with its middle
-    /// at `middle`.
+    /// Returns the camera's position and the rotation from the world to the camera frame, for a
+    /// word with its middle at `middle`.
     fn pose(
         &self,
         bounds_m: [f64; 4],
@@ -197,19 +200,18 @@ impl CameraOptions {
         }
     }
 
-    /// The camera for a word within `[left, bottom, right, top]`, and a flight that ends at
-    /// `end_s`.
+    /// Returns the camera for a word in `[left, bottom, right, top]` and a flight until `end_s`.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the key that is out of range.
+    /// Returns [`Error::Input`] with the key that is out of range.
     pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
         self.check()?;
         let (body, lens) = (self.body.figures(), self.lens.figures());
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = self.pose(bounds_m, middle)?;
-        // The lens of a telephone is fixed, with one aperture and without distortion.
+        // The lens of a phone is fixed, has one aperture, and its pictures have no distortion.
         let fixed = body.fixed_lens;
         let depth_m = (camera_from_world * (middle - position_m)).z;
         let is_focused = !matches!(self.lens, LensModel::Custom(_)) && depth_m > LEAST_FOCUS_M;
@@ -236,8 +238,9 @@ impl CameraOptions {
 }
 
 impl FixedPose {
-    /// The rotation from the world to the camera frame: by the orientation, else toward the target,
-    /// else toward `middle`. A target at the camera, or a quaternion not of length 1, is an error.
+    /// Returns the rotation from the world to the camera frame, from the orientation if it is set,
+    /// else toward the target, else toward `middle`. Returns an error if the target is at the
+    /// camera, or if the quaternion's length is not 1.
     fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
             let forward =
@@ -253,7 +256,7 @@ impl FixedPose {
                 "place the camera some meters in front of its target",
             ));
         };
-        // Rounded quaternions are not quite of length 1.
+        // The length of a rounded quaternion may differ slightly from 1.
         let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
         if (0.95..=1.05).contains(&length) {
             return Ok(camera_from_orientation(orientation));
@@ -271,7 +274,7 @@ impl FixedPose {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with the limits.
+/// Returns [`Error::Input`] with the limits.
 pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
     let sides = [width_px, height_px];
     let pixels = u64::from(width_px) * u64::from(height_px);
@@ -282,7 +285,7 @@ pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
         "camera.width_px",
         "{width_px}x{height_px}",
         "sides from 1 to {MAX_SIDE_PX} and at most {MAX_PIXELS} pixels",
-        "choose a size such as 1920x1080, or fewer dots per inch; a film takes 12 bytes a pixel",
+        "choose a size such as 1920x1080, or fewer dots per inch (a film takes 12 bytes per pixel)",
     ))
 }
 
@@ -364,7 +367,7 @@ mod tests {
 
     #[test]
     fn lenses_darken_the_corner_as_measured() {
-        // Stops that the lens loses in all at the corner of full frame, wide open and stopped down.
+        // Returns the light in stops that the lens loses in total at the corner of full frame.
         fn lost(lens: LensModel, f_number: f64) -> f64 {
             let options = CameraOptions { lens, f_number, height_px: 1280, ..Default::default() };
             let camera = options.camera(NOOR_M, 1.0).unwrap();
@@ -396,7 +399,7 @@ mod tests {
             (BodyModel::GalaxyS24, 85.0, 1.8),
         ] {
             let camera = camera_with(body);
-            // The picture is 4:3, so its diagonal is 5/4 of its width.
+            // The picture's aspect ratio is 4:3, so that its diagonal is 5/4 of its width.
             let actual = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
             assert!((actual.to_degrees() - degrees).abs() < 0.7, "{:.1}°", actual.to_degrees());
             assert_eq!((camera.f_number, camera.base_iso), (f_number, 50.0));
@@ -416,7 +419,7 @@ mod tests {
         let camera = options.camera(NOOR_M, 1.0).unwrap();
         assert_eq!((camera.sensor_width_m, camera.focal_length_m), (0.0235, 0.016));
         assert_eq!(camera.distortion, [-0.026, 0.0, 0.0, 0.0]);
-        // The word is 1.5 m wide and half of the picture.
+        // The word is 1.5 m wide and fills half of the picture.
         assert!((camera.focus_m.unwrap() - 3.0 * 0.016 / 0.0235).abs() < 1e-12, "at the word");
         assert_eq!(CameraOptions::default().camera(NOOR_M, 1.0).unwrap().focus_m, None);
     }

@@ -6,13 +6,13 @@ use crate::error::Result;
 use crate::settings::Described;
 use crate::srgb::{rgb_from_xyz, xyz};
 
-/// White balance: in a scene file `[2.0, 1.0, 1.5]` or `3200.0`.
+/// White balance, which is a value such as `[2.0, 1.0, 1.5]` or `3200.0` in a scene file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum WhiteBalance {
-    /// Gains of red, green and blue. 1 each is the balance for daylight, D65.
+    /// Gains of red, green and blue. Gains of 1 are the white balance for daylight (D65).
     Gains([f64; 3]),
-    /// Color temperature in kelvin of the light that becomes white.
+    /// Color temperature in kelvin of the light that is rendered white.
     Kelvin(f64),
 }
 
@@ -22,7 +22,7 @@ impl Default for WhiteBalance {
     }
 }
 
-/// Range of the approximation of the Planckian locus.
+/// Range in kelvin in which the approximation of the Planckian locus is valid.
 const KELVIN: [f64; 2] = [1700.0, 25_000.0];
 
 impl Described for WhiteBalance {
@@ -35,27 +35,27 @@ impl Described for WhiteBalance {
 }
 
 impl WhiteBalance {
-    /// Gains of red, green and blue. Those of a color temperature are at least 1: saturated pixels
-    /// stay white.
+    /// Returns the gains of red, green and blue. For a color temperature, the gains are at least 1,
+    /// so that saturated pixels stay white.
     pub fn gains(self) -> [f64; 3] {
         match self {
             Self::Gains(gains) => gains,
             Self::Kelvin(kelvin) => {
                 let light = planckian_rgb(kelvin);
                 let most = light.into_iter().fold(0.0, f64::max);
-                // Gains are at most 100, also for a channel without light.
+                // Gains are at most 100, even for a channel without light.
                 light.map(|channel| most / channel.max(0.01 * most))
             }
         }
     }
 }
 
-/// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (to within 0.0003 in x, y).
+/// Returns the linear sRGB of a black body by the cubics of Kang et al. 2002 (to 0.0003 in x, y).
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
     fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
         ((a * t + b) * t + c) * t + d
     }
-    // Chromaticity x is a cubic of 1000 K / T, and y one of x, piece by piece.
+    // The chromaticity x is a piecewise cubic function of 1000 K / T, and y is one of x.
     let t = 1000.0 / kelvin;
     let x = if kelvin <= 4000.0 {
         cubic([-0.266_123_9, -0.234_358_9, 0.877_695_6, 0.179_910], t)
@@ -81,9 +81,10 @@ mod tests {
                 assert!((actual / wanted - 1.0).abs() < 0.02, "{actual} for {wanted}");
             }
         }
-        // A black body of 6504 K is a little more purple than D65.
+        // A black body at 6504 K is slightly more purple than D65.
         near(WhiteBalance::Kelvin(6504.0).gains(), [1.0, 1.055, 1.016]);
-        // Illuminant A, 2856 K: x 0.4476, y 0.4074. Linear sRGB 1.827, 0.810, 0.234... by hand.
+        // Illuminant A, a black body at 2856 K, has the chromaticity x 0.4476, y 0.4074. Its linear
+        // sRGB, computed by hand, is 1.827, 0.810, 0.234.
         let a = WhiteBalance::Kelvin(2856.0).gains();
         assert_eq!(a[0], 1.0, "red is brightest");
         assert!((2.2..2.3).contains(&a[1]) && (7.0..8.5).contains(&a[2]), "{a:?}");

@@ -1,5 +1,5 @@
-//! The Crazyflie: facts of its firmware, decks and files that more than one room needs, each once,
-//! with its source: a file of `crazyflie-firmware`, in brackets, as of [`FIRMWARE_REVISION`].
+//! Facts about the Crazyflie's firmware, decks and files that several crates need. The source of
+//! each fact, named in brackets, is a file of `crazyflie-firmware` as of [`FIRMWARE_REVISION`].
 
 mod release;
 
@@ -7,22 +7,23 @@ use nalgebra::Matrix4;
 
 pub use release::{Feature, Release};
 
-/// Revision of `bitcraze/crazyflie-firmware` that is modeled, one day after release 2026.08. Its
-/// files are the sources named here, and its C gave the numbers under `recorded/` (tests/firmware).
+/// Revision of `bitcraze/crazyflie-firmware` that is modeled, one day after release 2026.08. The
+/// sources named here are files of this revision, and its C code made the numbers under `recorded/`
+/// (tests/firmware).
 pub const FIRMWARE_REVISION: &str = "2a18fc29";
 
-/// Rate of the clock on board, in true seconds a second, up to and with release 2026.08
-/// (`usec_time.c`: a timer that counts to 85 instead of 84).
+/// Rate of the onboard clock in true seconds per second up to release 2026.08, whose timer counts
+/// to 85 instead of 84 (`usec_time.c`).
 pub const SLOW_CLOCK: f64 = 84.0 / 85.0;
 
-/// Gravitational acceleration, m/s², as the firmware and the AE483 team round it.
+/// Gravitational acceleration in m/s², rounded as in the firmware and by the AE483 team.
 pub const GRAVITY_M_S2: f64 = 9.81;
 
-/// Signs of each motor (columns m1…m4) in torque about body x, y, z and in thrust.
+/// Signs of each motor (columns m1…m4) in the torque about body x, y, z and in the thrust.
 ///
-/// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right, m3
-/// back left, m4 front left (`power_distribution_quadrotor.c`). m1 and m3 turn counter-clockwise,
-/// m2 and m4 clockwise. Each pushes the body the other way.
+/// In the Crazyflie's X layout, seen from above with x forward and y left, m1 is front right, m2
+/// back right, m3 back left and m4 front left (`power_distribution_quadrotor.c`). Rotors m1 and m3
+/// turn counter-clockwise, m2 and m4 clockwise. Each rotor turns the body the opposite way.
 pub const MOTOR_SIGNS: Matrix4<f64> = Matrix4::new(
     -1.0, -1.0, 1.0, 1.0, //
     -1.0, 1.0, 1.0, -1.0, //
@@ -30,27 +31,29 @@ pub const MOTOR_SIGNS: Matrix4<f64> = Matrix4::new(
     1.0, 1.0, 1.0, 1.0,
 );
 
-/// Period of the timer that shows the LED ring and the headlights, s (`ledring12.c`).
+/// Period in s of the timer that updates the LED ring and the headlights (`ledring12.c`).
 pub const RING_TICK_S: f64 = 0.05;
 
-/// Period of the task of the color LED deck, s (`color_led_deck.c`).
+/// Period in s of the color LED deck's task (`color_led_deck.c`).
 pub const COLOR_LED_TICK_S: f64 = 0.01;
 
-/// Unit of a duration in the ring's timing memory, s (`LEDRING_TIME_MEM_SEC`, `ledring12.c`).
+/// Unit in s of a duration in the ring's timing memory (`LEDRING_TIME_MEM_SEC`, `ledring12.c`).
 pub const RING_TIMING_S: f64 = 0.04;
 
-/// Longest duration of an entry of that memory, in its unit.
+/// Maximum duration of an entry in the ring's timing memory, in units of [`RING_TIMING_S`].
 pub const MAX_RING_TIMING: u64 = u8::MAX as u64;
 
-/// Entries of that memory beside the one that ends the list (`LEDRING_TIME_MEM_SIZE`).
+/// Number of entries in the ring's timing memory, not counting the one that ends the list
+/// (`LEDRING_TIME_MEM_SIZE`).
 pub const RING_TIMING_ENTRIES: usize = 9;
 
-/// Bytes of the trajectory memory (`TRAJECTORY_MEMORY_SIZE`, `crtp_commander_high_level.h`).
+/// Size in bytes of the trajectory memory (`TRAJECTORY_MEMORY_SIZE`,
+/// `crtp_commander_high_level.h`).
 pub const TRAJECTORY_MEMORY_BYTES: usize = 4096;
 
-/// Silence of the host after which the firmware levels the drone out, and stops its motors for
-/// good, s (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`,
-/// `supervisorOverrideSetpoint` in `supervisor.c`, release 2026.08).
+/// Silence of the host in s after which the firmware levels the drone
+/// (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `supervisorOverrideSetpoint` in `supervisor.c`, 2026.08).
 pub const LEVEL_OUT_S: f64 = 0.5;
-/// See [`LEVEL_OUT_S`].
+/// Silence of the host in s after which the firmware stops the motors permanently
+/// (`COMMANDER_WDT_TIMEOUT_SHUTDOWN`, as for [`LEVEL_OUT_S`]).
 pub const MOTORS_STOP_S: f64 = 2.0;

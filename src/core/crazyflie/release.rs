@@ -1,58 +1,58 @@
-//! Releases of the Crazyflie's firmware, and their differences, for exports, simulator and logs.
+//! Releases of the Crazyflie's firmware and their differences, for exports, simulator and logs.
 //!
-//! The history of the firmware was read from 2023.11 to [`super::FIRMWARE_REVISION`]. Differences
-//! that are not in [`Feature::ALL`] are listed in `docs/fly.md`.
+//! The differences come from the firmware's history from 2023.11 to [`super::FIRMWARE_REVISION`].
+//! `docs/fly.md` lists the differences that are not in [`Feature::ALL`].
 
 use super::SLOW_CLOCK;
 use crate::settings::settings;
 
 settings! {
-    /// Releases of the Crazyflie's firmware, from the oldest that exported scripts fly with. Each
-    /// includes its patches.
+    /// Releases of the Crazyflie's firmware, beginning with the oldest that can fly exported
+    /// scripts. Each release includes its patches.
     pub enum Release {
-        /// Neither the Brushless nor Lee's controller.
+        /// 2024.10, which supports neither the Brushless nor Lee's controller.
         "2023.11" => R2023_11,
-        /// The Brushless and Lee's controller.
+        /// Adds the Brushless and Lee's controller.
         "2024.10" => R2024_10,
-        /// Flies as 2024.10.
+        /// Flies like 2024.10.
         "2025.02" => R2025_02,
-        /// Flies as 2024.10.
+        /// Flies like 2024.10.
         "2025.09" => R2025_09,
-        /// The color LED deck.
+        /// Adds the color LED deck.
         "2025.12" => R2025_12,
-        /// As in all before, the controller keeps its integrals when the host falls silent.
+        /// Keeps the controller's integrals when the host falls silent, as all earlier releases do.
         "2026.04" => R2026_04,
-        /// All loops of `pid` begin anew when the kind of setpoint changes: when the drone levels
-        /// out after an outage of the radio, and back, and when it lands after full states. The
-        /// heading of a compressed trajectory is right. The clock is slow by 1 in 85, as in all
-        /// earlier releases.
+        /// Resets all loops of `pid` when the kind of setpoint changes, which happens when the
+        /// drone levels out after an outage of the radio, when it returns from that, and when it
+        /// lands after full states. The heading of a compressed trajectory is correct. The clock is
+        /// slow by 1 in 85, as in all earlier releases.
         "2026.08" => R2026_08,
-        /// As 2026.08, with a clock that is right.
+        /// Flies like 2026.08, with a correct clock.
         "after-2026.08" => After2026_08,
     }
 }
 
-/// A feature that earlier releases lack.
+/// Feature that earlier releases lack.
 #[derive(Debug)]
 pub struct Feature {
-    /// Its name.
+    /// Name of the feature.
     pub what: &'static str,
-    /// The first release that has it.
+    /// First release with the feature.
     pub since: Release,
     /// Behavior of earlier releases.
     pub before: &'static str,
-    /// File of the firmware. Commit or pull request.
+    /// Firmware file with the feature, followed by a commit or pull request.
     pub source: &'static str,
-    /// Parts of this program that depend on it.
+    /// Parts of this program that depend on the feature.
     pub here: &'static str,
 }
 
 impl Feature {
-    /// A new kind of setpoint resets the PID loops.
+    /// Reset of the PID loops by a new kind of setpoint.
     pub const RESET: Self = Self {
-        what: "all loops of PID begin anew when the kind of setpoint changes",
+        what: "all PID loops are reset when the kind of setpoint changes",
         since: Release::R2026_08,
-        before: "they keep their integrals",
+        before: "the loops keep their integrals",
         source: "`controller_pid.c`; #1645, 5d287434",
         here: "simulator: outages, and landing after full states",
     };
@@ -63,21 +63,21 @@ impl Feature {
         before: "the stored number is multiplied by ten and taken as radians: -90° becomes -142°; 0 \
                  stays 0",
         source: "`pptraj_compressed.c`; #1659, #1661, 7ce8c762",
-        here: "`export`, `preview --as-exported compressed` and the script refuse a heading but 0",
+        here: "`export`, `preview --as-exported compressed` and the script refuse any heading except 0",
     };
     /// Conversion of logged values to half precision (FP16).
     pub const HALF_PRECISION: Self = Self {
         what: "half-precision log values (FP16) keep the carry of their rounding",
         since: Release::R2026_08,
-        before: "what rounds up to 0.5, 2, 8, 32 or another 2·4ⁿ is logged as half of it",
+        before: "values that round up to 0.5, 2, 8, 32 or another 2·4ⁿ are logged as half of that",
         source: "`num.c`, `log.c`; #1647, 887ce819",
         here: "`import`: samples that are half of both neighbors are doubled, with a warning",
     };
-    /// Microsecond clock, which timestamps logs on the card and paces trajectories on board.
+    /// Microsecond clock, which timestamps logs on the card and times onboard trajectories.
     pub const CLOCK: Self = Self {
-        what: "the clock of trajectories and of µSD logs is right",
+        what: "the clock of trajectories and µSD logs is correct",
         since: Release::After2026_08,
-        before: "it runs at 84/85 of true time: a timer counts to 85 instead of 84",
+        before: "it runs at 84/85 of true time, because a timer counts to 85 instead of 84",
         source: "`usec_time.c`; #1684, bb58cadf, not merged yet",
         here: "simulator, scripts, `import`",
     };
@@ -93,7 +93,7 @@ impl Feature {
     pub const LEE: Self = Self {
         what: "Lee's controller, number 5",
         since: Release::R2024_10,
-        before: "number 5 is nobody's, or a controller of one's own: PID flies on",
+        before: "number 5 is unassigned or a custom controller, and PID flies on",
         source: "`controller_lee.c`; 1f167ea0, 61b14665",
         here: "exports that choose it are refused",
     };
@@ -101,12 +101,12 @@ impl Feature {
     pub const BRUSHLESS: Self = Self {
         what: "the Crazyflie 2.1 Brushless",
         since: Release::R2024_10,
-        before: "no gains and limits of its own",
+        before: "no separate gains and limits",
         source: "`platform_defaults_cf21bl.h`; 35f5092a",
         here: "exports for it are refused",
     };
 
-    /// All features on which this program depends, the newest first.
+    /// All features on which this program depends, newest first.
     pub const ALL: [Self; 7] = [
         Self::CLOCK,
         Self::RESET,
@@ -117,12 +117,12 @@ impl Feature {
         Self::BRUSHLESS,
     ];
 
-    /// The last release that lacks the feature.
+    /// Returns the last release that lacks the feature.
     pub fn last_without(&self) -> Release {
         Release::ALL[(self.since as usize).saturating_sub(1)]
     }
 
-    /// All features as a Markdown table for `docs/fly.md`.
+    /// Returns all features as a Markdown table for `docs/fly.md`.
     pub fn table() -> String {
         let row = |Self { what, since, before, source, here }: &Self| {
             format!("| {} | {what} | {before} | {source} | {here} |\n", since.name())
@@ -133,14 +133,14 @@ impl Feature {
 }
 
 impl Release {
-    /// The oldest release that exported scripts fly with. It has every variable that they read
-    /// (`supervisor.info`).
+    /// Oldest release that can fly exported scripts. Its firmware has every variable they read.
     pub const OLDEST: Self = Self::R2023_11;
-    /// That of [`super::FIRMWARE_REVISION`].
+    /// Release that contains [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
 
-    /// The release that flies as a firmware of a version such as `2025.12.1`: the last one that is
-    /// not newer, or the oldest. `None` for a custom build, which has no such version.
+    /// Returns the release that flies like a version such as `2025.12.1`, which is the last one
+    /// that is not newer, or the oldest. Returns `None` for a custom build, whose version has
+    /// another form.
     pub fn parse(version: &str) -> Option<Self> {
         let firmware = year_and_month(version)?;
         let mut releases = Self::ALL.iter();
@@ -153,29 +153,28 @@ impl Release {
         })
     }
 
-    /// The release of this name, with or without the number of a patch, or `None` if none has it.
+    /// Returns the release with this name, with or without a patch number, or `None` without one.
     pub fn named(name: &str) -> Option<Self> {
         Self::parse(name).filter(|release| year_and_month(release.name()) == year_and_month(name))
     }
 
-    /// True if it has a feature.
+    /// True if the release has a feature.
     pub fn has(self, feature: &Feature) -> bool {
         self as usize >= feature.since as usize
     }
 
-    /// True if both have the same features.
+    /// True if both releases have the same features.
     pub fn is_like(self, other: Self) -> bool {
         Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
-    /// Rate of the clock of logs on the card and of trajectories on board, in true seconds a
-    /// second.
+    /// Returns the rate of the clock of card logs and onboard trajectories, in true s per s.
     pub fn clock(self) -> f64 {
         if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
     }
 }
 
-/// Year and month of a version `2025.12` or `2025.12.1`, or `None` for a text of another form.
+/// Returns year and month of a version such as `2025.12` or `2025.12.1`, or `None`.
 fn year_and_month(name: &str) -> Option<(u32, u32)> {
     let parts: Vec<&str> = name.splitn(3, '.').collect();
     let (year, month) = (parts[0], parts.get(1)?);

@@ -1,4 +1,5 @@
-//! Files that a page sent, by name. They stay in memory, because a browser has no file system.
+//! Files that a web page passed to the program, by name. The files stay in memory, because browsers
+//! lack a file system.
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
@@ -8,23 +9,23 @@ use std::sync::{Mutex, PoisonError};
 
 static BROUGHT: Mutex<BTreeMap<PathBuf, Vec<u8>>> = Mutex::new(BTreeMap::new());
 
-/// Stores a file that the page brought, and replaces one of the same name.
+/// Stores a file that the page passed, and replaces any file with the same name.
 pub fn bring(name: &str, bytes: Vec<u8>) {
     BROUGHT.lock().unwrap_or_else(PoisonError::into_inner).insert(name.into(), bytes);
 }
 
-/// A brought file, as `std::fs::File` is read.
+/// File from the page, read like a `std::fs::File`.
 pub(super) struct File(Cursor<Vec<u8>>);
 
 impl File {
-    /// Opens a stored file. Any other name is `NotFound`.
+    /// Opens a stored file. Returns `NotFound` for any other name.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let brought = BROUGHT.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = brought.get(path).ok_or(Error::from(ErrorKind::NotFound))?;
         Ok(Self(Cursor::new(bytes.clone())))
     }
 
-    /// Always an error: a file in memory has no metadata.
+    /// Returns an error, because a file in memory has no metadata.
     pub(super) fn metadata(&self) -> Result<Metadata> {
         Err(ErrorKind::Unsupported.into())
     }

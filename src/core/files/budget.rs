@@ -1,28 +1,29 @@
-//! Budget: the work and the memory that a foreign input may take, counted and not timed, so that
-//! the same file is read or refused on every machine.
+//! Budget for the work and the memory that a foreign input may take, which are counted instead of
+//! timed, so that every machine reads or refuses the same file.
 
 use std::cell::Cell;
 
 use crate::error::{Error, Result};
 
-/// Largest work for an input, in steps. A step takes a core of 2020 about a nanosecond, as measured
-/// for each reader.
+/// Maximum amount of work for an input, in steps. A step takes about a nanosecond on one core of a
+/// 2020 processor, as measured for each reader.
 const MAX_STEPS: u64 = 1_000_000_000;
 
-/// Most memory of an input in bytes, copies during reading included.
+/// Maximum memory of an input in bytes, including copies during reading.
 const MAX_BYTES: u64 = 240 << 20;
 
-/// Work and memory that are left to an input, such as a file or a folder of files.
+/// Work and memory that remain for an input, such as a file or a folder of files.
 ///
-/// Decoders spend before they work. Code that cannot return an error calls [`Budget::spend_steps`],
-/// which stays `false` once the budget is exceeded, and leaves the error to [`Budget::check`].
+/// Decoders charge the budget before they work. Code that cannot return an error calls
+/// [`Budget::spend_steps`], which returns false once the budget is exceeded, and leaves the error
+/// to [`Budget::check`].
 #[derive(Debug)]
 pub struct Budget {
     place: String,
     hint: &'static str,
     steps_left: Cell<u64>,
     bytes_left: Cell<u64>,
-    /// The first amount beyond the budget.
+    /// Kind of the first charge that exceeded the budget.
     beyond: Cell<Option<Beyond>>,
 }
 
@@ -33,36 +34,37 @@ enum Beyond {
 }
 
 impl Budget {
-    /// The budget of an input. `place` is its name in messages, `hint` the advice once it is spent.
+    /// Makes the budget of an input. `place` is the input's name in messages, and `hint` the advice
+    /// given when the budget is exceeded.
     pub fn new(place: impl Into<String>, hint: &'static str) -> Self {
         let place = place.into();
         let (steps_left, bytes_left) = (Cell::new(MAX_STEPS), Cell::new(MAX_BYTES));
         Self { place, hint, steps_left, bytes_left, beyond: Cell::new(None) }
     }
 
-    /// Subtracts steps. True unless they, or an earlier amount, exceed the budget.
+    /// Charges steps of work. Returns true unless this or an earlier charge exceeds the budget.
     pub fn spend_steps(&self, steps: usize) -> bool {
         self.spend(&self.steps_left, steps, Beyond::Steps)
     }
 
-    /// Subtracts steps. Exceeding the budget is an error.
+    /// Charges steps of work. Returns an error if the budget is exceeded.
     pub fn steps(&self, steps: usize) -> Result<()> {
         self.spend_steps(steps);
         self.check()
     }
 
-    /// Subtracts bytes that the input will hold. Exceeding the budget is an error.
+    /// Charges bytes that the input will occupy. Returns an error if the budget is exceeded.
     pub fn bytes(&self, bytes: usize) -> Result<()> {
         self.spend(&self.bytes_left, bytes, Beyond::Bytes);
         self.check()
     }
 
-    /// Bytes that are left.
+    /// Returns the number of bytes that remain.
     pub fn bytes_left(&self) -> u64 {
         self.bytes_left.get()
     }
 
-    /// Gives bytes back that the input holds no longer.
+    /// Returns bytes to the budget that the input no longer occupies.
     pub fn free(&self, bytes: u64) {
         self.bytes_left.set((self.bytes_left.get() + bytes).min(MAX_BYTES));
     }
@@ -71,9 +73,9 @@ impl Budget {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the limit.
+    /// Returns [`Error::Input`] with the limit.
     pub fn check(&self) -> Result<()> {
-        // The first amount beyond the budget is the reason.
+        // The first charge that exceeded the budget is named as the reason.
         let (what, most, unit) = match self.beyond.get() {
             None => return Ok(()),
             Some(Beyond::Steps) => {
@@ -89,8 +91,8 @@ impl Budget {
             .in_file(&self.place, None))
     }
 
-    /// Subtracts an amount from what is left, unless the budget was exceeded before. True if it
-    /// still is not exceeded.
+    /// Subtracts an amount from the remainder, unless the budget was exceeded before. Returns true
+    /// if the budget is still not exceeded.
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {
         if self.beyond.get().is_none() {
             match left.get().checked_sub(amount as u64) {
@@ -102,8 +104,8 @@ impl Budget {
     }
 }
 
-/// Adds a value to a column of unknown length. Its capacity grows by an eighth: if it doubled, the
-/// column could hold twice the bytes that were taken off the budget.
+/// Adds a value to a column of unknown length. The column's capacity grows by an eighth, because
+/// doubling it could occupy twice the bytes that were charged.
 pub fn push<T>(column: &mut Vec<T>, value: T) {
     if column.len() == column.capacity() {
         column.reserve_exact(column.len() / 8 + 64);

@@ -1,27 +1,27 @@
-//! The one reader of tables: a text's head is found, and its rows become columns of numbers.
+//! The only reader of tables: finds a text's head, and turns its rows into columns of numbers.
 //!
-//! Understood: commas, semicolons, tabs or blanks between cells, decimal commas if no cell has a
-//! point, quotation marks, comments (`#`, `%`, `//`) and other lines before the head, a head that
-//! is a comment, and a line of units below the head.
+//! The reader accepts commas, semicolons, tabs or blanks between cells, decimal commas if no cell
+//! has a point, quotation marks, comments (`#`, `%`, `//`) and other lines before the head, a head
+//! that is itself a comment, and a line of units below the head.
 
 use super::{Budget, Text, push};
 use crate::error::{Error, Result};
 use crate::input_error;
 
-/// Lines among which the first row is looked for.
+/// Number of lines at the beginning of a text among which the first row is sought.
 const HEAD_LINES: usize = 200;
-/// Most columns of a table.
+/// Maximum number of columns of a table.
 const MAX_COLUMNS: usize = 1024;
-/// Steps of reading a byte, and further steps of a cell.
+/// Steps of work charged to the budget for each byte, and in addition for each cell.
 const STEPS_PER_BYTE: usize = 1;
 const STEPS_PER_CELL: usize = 60;
-/// Different texts of a column that are kept for messages, and characters of each.
+/// Maximum number of distinct texts of a column, and of characters of each, kept for messages.
 const MAX_TEXTS: usize = 4;
 const MAX_TEXT_CHARS: usize = 60;
-/// Longest unit, or name within a group, in the line below the titles.
+/// Maximum length in bytes of a unit, or of a name within a group, in the line below the titles.
 const MAX_UNIT_BYTES: usize = 8;
 
-/// The separator between the cells of a line.
+/// Separator between the cells of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
     /// A comma, a semicolon or a tab.
@@ -30,74 +30,74 @@ pub enum Separator {
     Blanks,
 }
 
-/// The head of a table.
+/// Head of a table.
 #[derive(Clone, Debug)]
 pub struct Head {
-    /// The titles, each with its unit in brackets, or none if the file has no head.
+    /// Titles of the columns, each with its unit in brackets, or empty if the file has no head.
     pub titles: Vec<String>,
-    /// How many columns there are.
+    /// Number of columns.
     pub n_columns: usize,
-    /// The separator between the cells.
+    /// Separator between the cells.
     pub separator: Separator,
-    /// Index of the first row's line.
+    /// Index of the line with the first row.
     pub row: usize,
-    /// Lines before it that are not read.
+    /// Notes on the lines above the first row that are not read.
     pub notes: Vec<String>,
 }
 
-/// How the rows of a table are read.
+/// Rules for reading the rows of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct RowRules<'a> {
-    /// The table's name in messages.
+    /// Name of the table in messages.
     pub file: &'a str,
     /// Limits of work and memory.
     pub budget: &'a Budget,
-    /// Advice for a table that is broken.
+    /// Hint for a table that cannot be read.
     pub hint: &'a str,
-    /// Leaves out a last line without an end: half a number may look like a number.
+    /// True if a last line without a line end is left out, because a cut number is also a number.
     pub needs_line_ends: bool,
 }
 
-/// Columns of equal length.
+/// Table with columns of equal length.
 #[derive(Debug)]
 pub struct Sheet {
     /// The columns in the order of the file.
     pub columns: Vec<SheetColumn>,
     /// Notes on assumptions and omitted lines.
     pub notes: Vec<String>,
-    /// The line of each row.
+    /// Line number of each row.
     lines: Vec<u32>,
 }
 
-/// A column. Cells without a number are not finite.
+/// Column of a sheet. Cells without a number hold NaN.
 #[derive(Debug, Default)]
 pub struct SheetColumn {
-    /// Its title, or empty if it has none.
+    /// Title of the column, or empty if it has none.
     pub title: String,
-    /// Its place in the file, from 1.
+    /// Position of the column in the file, from 1.
     pub number: usize,
-    /// Its numbers.
+    /// Numbers of the column, one for each row.
     pub values: Vec<f64>,
-    /// Number of its cells that are texts.
+    /// Number of cells that contain text.
     pub n_texts: usize,
-    /// The first different texts.
+    /// First distinct texts of the column.
     pub texts: Vec<String>,
-    /// Line of the first.
+    /// Line number of the first text.
     text_line: usize,
 }
 
 impl Separator {
     const ALL: [Self; 4] = [Self::Byte(b'\t'), Self::Byte(b';'), Self::Byte(b','), Self::Blanks];
 
-    /// The most frequent separator of a line other than blanks, or a comma if it has none.
+    /// Returns the most frequent of tab, semicolon and comma in a line, or a comma if it has none.
     pub fn most_in(line: &[u8]) -> Self {
         let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
         Self::Byte([b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
     }
 
-    /// The cells of a line, trimmed, with their quotation marks.
+    /// Returns the cells of a line, trimmed but with their quotation marks.
     pub fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
-        // A separator within quotation marks is a part of its cell.
+        // A separator within quotation marks belongs to its cell.
         let mut quoted = false;
         let line = if self == Self::Blanks { line.trim_ascii() } else { line };
         let cells = line.split(move |byte| {
@@ -112,37 +112,37 @@ impl Separator {
         cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
     }
 
-    /// Number of cells of a line, without empty cells at its end.
+    /// Returns the number of cells of a line, without empty cells at its end.
     fn count(self, line: &[u8]) -> usize {
         let filled = self.cells(line).enumerate().filter(|(_, cell)| !cell.is_empty());
         filled.last().map_or(0, |(place, _)| place + 1)
     }
 
-    /// The cells of a line as titles.
+    /// Returns the cells of a line as titles.
     fn titles(self, line: &[u8]) -> Vec<String> {
         let cells = self.cells(uncommented(line)).take(MAX_COLUMNS + 1);
         cells.map(|cell| String::from_utf8_lossy(unquoted(cell)).trim().to_owned()).collect()
     }
 
-    /// True if a line is a row: its first cell and most others are numbers or dates.
+    /// True if a line is a row, whose first cell and most other cells are numbers or dates.
     fn is_row(self, line: &[u8]) -> bool {
-        // Empty cells do not count, but blanks leave none.
+        // With blanks as separator, no cell is empty. With others, empty cells are ignored.
         let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
         let least = if self == Self::Blanks { 3 } else { 2 };
         let filled = cells.iter().filter(|cell| !cell.is_empty());
         let are_numbers: Vec<bool> = filled.map(|cell| is_number(cell) || is_date(cell)).collect();
         let n_numbers = are_numbers.iter().filter(|is_number| **is_number).count();
         cells.len() >= least
-            // The blank within a date is not a separator.
+            // A date such as `2026-03-03 10:00` contains a blank that does not separate cells.
             && (self != Self::Blanks || n_numbers == cells.len())
             && are_numbers.first() == Some(&true)
-            // `; 2026-03-03` is a remark.
+            // A line such as `; 2026-03-03` is a remark.
             && (are_numbers.len() > 1 || !cells[0].is_empty())
             && 2 * n_numbers >= are_numbers.len()
     }
 }
 
-/// The lines of a text, as they are numbered.
+/// Returns the lines of a text, including empty ones, so that their indices give line numbers.
 fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\r").unwrap_or(line))
 }
@@ -152,7 +152,7 @@ impl Head {
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
-        // The first line that is a row with any separator.
+        // The first row is the first line that is a row with any of the separators.
         let first = { rows }.find_map(|(index, line)| {
             Some((index, Separator::ALL.into_iter().find(|s| s.is_row(line))?))
         });
@@ -162,18 +162,19 @@ impl Head {
         }
     }
 
-    /// The head above the first row of numbers, whose index is `row`.
+    /// Returns the head above the first row of numbers, which is the line with index `row`.
     fn above_row(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
         let LinesAbove { filled, mut bare, fitting, both } =
             LinesAbove::sort(lines, row, separator);
-        // Without a line that fits, the last one is the head, and its row is refused with its
-        // place.
+        // If no line has as many cells as the row, the last line is the head, so that the row is
+        // refused with its line number.
         let title_line = both.first().or(fitting.last()).or(bare.last()).copied();
         let mut titles = title_line.map_or(Vec::new(), |index| separator.titles(lines[index]));
-        // Names of groups, of pandas' columns of two levels, repeat. Titles do not.
+        // In a table that pandas wrote with two levels of columns, the names of groups repeat.
+        // Titles of columns do not repeat.
         let in_groups =
             titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
-        // A second line of short names has units, or names within groups.
+        // A second line of short names contains units, or names within groups.
         let is_short = |cell: &[u8]| cell.len() <= MAX_UNIT_BYTES;
         let unit_line = match both[..] {
             [_, second] if separator.cells(lines[second]).all(is_short) => Some(second),
@@ -182,7 +183,7 @@ impl Head {
         if let Some(index) = unit_line {
             add_units(&mut titles, &separator.titles(lines[index]), in_groups);
         }
-        // Below groups, a line has only the name of the index.
+        // Below a line of groups, a line with one cell contains only the name of the index.
         for index in filled.iter().filter(|_| in_groups) {
             if separator.count(lines[*index]) == 1 {
                 titles[0] = separator.titles(lines[*index]).swap_remove(0);
@@ -192,14 +193,14 @@ impl Head {
         let notes = bare.into_iter().map(|index| {
             let line = String::from_utf8_lossy(lines[index]);
             let shown: String = line.trim().chars().take(40).collect();
-            format!("line {} stands before the head and is not read: {shown}", index + 1)
+            format!("line {} precedes the head and is not read: {shown}", index + 1)
         });
         let n_cells = separator.cells(lines[row]).count();
         let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
         Self { titles, n_columns, separator, row, notes: notes.collect() }
     }
 
-    /// The head of a table without rows of numbers: its first line, unless most cells are numbers.
+    /// Returns the head of a table without rows, its first line unless that is mostly numbers.
     fn without_rows(lines: &[&[u8]]) -> Self {
         let filled = lines.iter().enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
         let bare = filled.clone().find(|(_, line)| !is_comment(line));
@@ -209,32 +210,32 @@ impl Head {
         let titles = separator.titles(line);
         let n_numbers = titles.iter().filter(|title| title.parse::<f64>().is_ok()).count();
         if 2 * n_numbers > titles.len() {
-            // A row that begins with a text.
+            // The line is a row that begins with a text, so that the table has no titles.
             return Self { n_columns: titles.len(), ..Self::named(Vec::new(), separator, first) };
         }
         Self::named(titles, separator, first + 1)
     }
 
-    /// A head whose titles are known.
+    /// Makes a head of known titles.
     pub fn named(titles: Vec<String>, separator: Separator, row: usize) -> Self {
         Self { n_columns: titles.len(), titles, separator, row, notes: Vec::new() }
     }
 
-    /// True if there is a column of this title.
+    /// True if a column has this title.
     pub fn has(&self, title: &str) -> bool {
         self.titles.iter().any(|other| other == title)
     }
 }
 
-/// Indices of the lines above the first row that are not empty.
+/// Indices of the nonempty lines above the first row.
 #[derive(Default)]
 struct LinesAbove {
     filled: Vec<usize>,
     /// Lines that are not comments.
     bare: Vec<usize>,
-    /// Lines with as many titles as the row has cells.
+    /// Lines with as many titles as the row contains cells.
     fitting: Vec<usize>,
-    /// Lines that are both.
+    /// Lines that are no comments and have as many titles as the row contains cells.
     both: Vec<usize>,
 }
 
@@ -248,7 +249,8 @@ impl LinesAbove {
             if line.trim_ascii().is_empty() {
                 continue;
             }
-            // A title may have blanks in it, and a row empty cells at its end.
+            // Blanks in a title raise the number of titles, and empty cells at the end of a row
+            // lower the number of filled cells.
             let n_titles = separator.count(uncommented(line));
             let may_end_empty = separator != Separator::Blanks && n_titles > n_filled;
             let fits = n_titles == n_filled || may_end_empty && n_titles == n_cells;
@@ -274,12 +276,12 @@ fn add_units(titles: &mut [String], cells: &[String], in_groups: bool) {
 }
 
 impl Sheet {
-    /// Reads the rows of a table. `parse_cell` parses a cell that is not a plain number, given the
-    /// index of its column, or returns `None` for text.
+    /// Reads the rows of a table. `parse_cell` takes the column's index and a cell that is not a
+    /// plain number, and returns its value, or `None` for text.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a row that is short or long, and for a table that is too large.
+    /// Returns [`Error::Input`] for a row with too few or many cells, or if the table is too large.
     pub fn read(
         text: &Text<'_>,
         head: Head,
@@ -291,7 +293,7 @@ impl Sheet {
             return Err(input_error!(file, "{n} columns", "at most {MAX_COLUMNS}", "{hint}"));
         }
         budget.steps(STEPS_PER_BYTE * text.bytes.len())?;
-        // All numbers of a table have one form.
+        // All numbers of a table have the same form.
         let mut sheet = Self::without_rows(&head);
         sheet.notes = text.notes.iter().chain(&head.notes).cloned().collect();
         let form =
@@ -309,14 +311,15 @@ impl Sheet {
             }
             if needs_line_ends && rows.peek().is_none() {
                 let line = index + 1;
-                let note = format!("line {line} has no end: it may be cut off and is left out");
+                let note =
+                    format!("line {line} has no line end and is left out: it may be cut off");
                 sheet.notes.push(note);
                 continue;
             }
             budget.bytes(size_of::<f64>() * (n + 1))?;
             budget.steps(STEPS_PER_CELL * n)?;
             push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
-            // Most rows are of plain numbers. Other rows are read cell by cell.
+            // Most rows contain only plain numbers. Other rows are read cell by cell.
             if form.thousands.is_none() && plain_row(line, head.separator, &mut row).is_some() {
                 let values = sheet.columns.iter_mut().map(|column| &mut column.values);
                 values.zip(&row).for_each(|(values, value)| push(values, *value));
@@ -330,8 +333,8 @@ impl Sheet {
         Ok(sheet)
     }
 
-    /// Adds the cells of a line, parsed by `number`. False if it has fewer cells than the sheet has
-    /// columns, or more.
+    /// Adds the cells of a line, after `number` has parsed them. Returns false if the line has
+    /// fewer or more cells than the sheet has columns.
     fn push_row(
         &mut self,
         line: &[u8],
@@ -344,11 +347,11 @@ impl Sheet {
             let Some(cell) = cells.next() else { return false };
             column.push(number(place, cell), cell, line_number);
         }
-        // A separator at the end of each line makes one more cell, which is empty.
+        // A separator at the end of each line makes one additional empty cell.
         cells.all(<[u8]>::is_empty)
     }
 
-    /// The columns of a head, without rows.
+    /// Makes the columns of a head, without rows.
     fn without_rows(head: &Head) -> Self {
         let titles = head.titles.iter().cloned().chain(std::iter::repeat(String::new()));
         let column = |(number, title)| SheetColumn { title, number, ..SheetColumn::default() };
@@ -356,17 +359,17 @@ impl Sheet {
         Self { columns, notes: Vec::new(), lines: Vec::new() }
     }
 
-    /// Line of a row, from 1.
+    /// Returns the line number of a row, from 1.
     pub fn line(&self, row: usize) -> usize {
         self.lines.get(row).map_or(1, |line| *line as usize)
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn n_rows(&self) -> usize {
         self.lines.len()
     }
 
-    /// The column with the first text among those that need numbers, the text's line, and the text.
+    /// Returns the first text in a column that needs numbers, with its column and its line.
     pub fn first_text(
         &self,
         is_needed: impl Fn(&SheetColumn) -> bool,
@@ -382,7 +385,7 @@ impl SheetColumn {
     fn push(&mut self, value: Option<f64>, cell: &[u8], line: usize) {
         push(&mut self.values, value.unwrap_or(f64::NAN));
         if value.is_none() {
-            // The line of the first text and the first different texts are kept for messages.
+            // The first text's line number and the first distinct texts are kept for messages.
             self.text_line = if self.n_texts == 0 { line } else { self.text_line };
             self.n_texts += 1;
             if self.texts.len() < MAX_TEXTS {
@@ -395,13 +398,13 @@ impl SheetColumn {
         }
     }
 
-    /// True if all cells are text.
+    /// True if all cells are texts.
     pub fn is_text(&self) -> bool {
         self.n_texts > 0 && self.n_texts == self.values.len()
     }
 }
 
-/// True for a byte that an empty line may have: a blank, a separator or a quotation mark.
+/// True for a byte that an otherwise empty line may contain, such as a blank or a separator.
 fn is_empty(byte: &u8) -> bool {
     matches!(byte, b' ' | b'\t' | b',' | b';' | b'"' | b'\r')
 }
@@ -412,30 +415,30 @@ fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"%") || line.starts_with(b"//")
 }
 
-/// A line without the sign of a comment.
+/// Returns a line without the comment sign and blanks at its beginning.
 fn uncommented(line: &[u8]) -> &[u8] {
     let begin = line.iter().take_while(|byte| b"#%/ \t".contains(byte)).count();
     if is_comment(line) { &line[begin..] } else { line }
 }
 
-/// True if a cell is a number, with a point or a comma.
+/// True if a cell is a number, with a decimal point or a decimal comma.
 fn is_number(cell: &[u8]) -> bool {
     let text = with_points(unquoted(cell));
     let commas = cell.iter().filter(|byte| **byte == b',').count();
     commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
 }
 
-/// Form of the numbers of a table: their signs beside digits and decimal points.
+/// Form of a table's numbers, that is, their decimal and thousands separators.
 struct NumberForm {
-    /// The sign between thousands.
+    /// Thousands separator, if the numbers have one.
     thousands: Option<u8>,
     has_decimal_commas: bool,
 }
 
 impl NumberForm {
-    /// Finds the signs. A comma that may be between thousands or decimals is an error.
+    /// Finds the decimal and thousands separators. A comma that may be either is an error.
     fn detect(text: &[u8], head: &Head) -> Result<Self> {
-        // Commas that separate cells are in numbers only within quotation marks.
+        // If commas separate cells, numbers contain commas only within quotation marks.
         let separates_by_commas = head.separator == Separator::Byte(b',');
         if separates_by_commas && !text.contains(&b'"') {
             return Ok(Self { thousands: None, has_decimal_commas: false });
@@ -446,32 +449,32 @@ impl NumberForm {
             cells.any(|cell| cell.contains(&sign) && is_number(cell))
         };
         let has_commas = any_number_has(b',');
-        // A cell with commas and a point becomes a number only without its commas.
+        // A cell with commas and a point can be a number only if the commas separate thousands.
         let may_have_commas = separates_by_commas
             || has_commas
             || lines(text).skip(head.row).any(|line| line.contains(&b','));
-        // Points are not between thousands in a table with commas, or with blanks between cells.
+        // A point separates thousands only without other commas, and not between blanks.
         let thousands = match (may_have_commas, head.separator) {
             (true, _) => thousands_separator(rows(), head, b',')?,
             (false, Separator::Blanks) => None,
             (false, Separator::Byte(_)) => thousands_separator(rows(), head, b'.')?,
         };
-        // Commas beside points may be between thousands, too: such cells are texts.
+        // In a table with decimal points, a comma may separate thousands, so that its cell is text.
         let has_decimal_commas = thousands.is_none() && has_commas && !any_number_has(b'.');
         Ok(Self { thousands, has_decimal_commas })
     }
 
-    /// A note on signs that a reader may not expect, or `None` for plain numbers.
+    /// Returns a note on separators that a reader may not expect, or `None` for plain numbers.
     fn note(&self) -> Option<String> {
         match self.thousands {
             Some(sign) => {
-                Some(format!("`{}` parts the thousands of its numbers", char::from(sign)))
+                Some(format!("`{}` separates thousands in its numbers", char::from(sign)))
             }
             None => self.has_decimal_commas.then(|| "its numbers have decimal commas".into()),
         }
     }
 
-    /// The number in a cell, unless the cell is of another form.
+    /// Returns the number in a cell, or `None` if the cell is not of the table's form.
     fn number(&self, cell: &[u8]) -> Option<f64> {
         let bare = unquoted(cell);
         let text = match self.thousands {
@@ -486,16 +489,16 @@ impl NumberForm {
     }
 }
 
-/// The sign if it separates thousands, else `None`: three digits follow each, and no number begins
-/// with zero. It is certain if a column also has whole numbers below a thousand, or if a number has
-/// two signs, or a comma and a point. Otherwise a point is the decimal point, and a comma is an
-/// error.
+/// Returns `sign` if it separates thousands, and `None` if a number begins with zero or has other
+/// than three digits after a sign. The sign certainly separates thousands if its column also has
+/// whole numbers below a thousand, if a number has two signs, or if one has both a comma and a
+/// point. Otherwise, a point is taken as the decimal point, and a comma is an error.
 fn thousands_separator<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     head: &Head,
     sign: u8,
 ) -> Result<Option<u8>> {
-    // For each column: has it whole numbers of two or three digits? Has it cells with the sign?
+    // A column's flags say if it has whole numbers of two or three digits, and if it has the sign.
     let mut columns = vec![[false; 2]; head.n_columns];
     let (mut first, mut is_clear) = (None, false);
     for line in rows {
@@ -522,22 +525,22 @@ fn thousands_separator<'a>(
         return Ok(None);
     }
     let actual = format!("{:?}", String::from_utf8_lossy(first));
-    let wanted = "numbers without thousands separators, or decimal commas that show";
+    let wanted = "numbers without thousands separators, or unambiguous decimal commas";
     let hint = "write them with a decimal point (in a spreadsheet: format the cells as General, and \
                 export again)";
     Err(Error::input("numbers", actual, wanted, hint))
 }
 
-/// True if a cell has three digits after each sign, and does not begin with zero.
+/// True if a cell has three digits after each sign and does not begin with zero.
 fn is_grouped(cell: &[u8], sign: u8) -> bool {
     let cell = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
-    // Whole digits before the decimal point, which only a table with commas may have.
+    // Only a table with commas may also have a decimal point, and the groups of digits end there.
     let whole = match cell.iter().position(|byte| *byte == b'.').filter(|_| sign == b',') {
         Some(point) if cell[point + 1..].iter().all(u8::is_ascii_digit) => &cell[..point],
         Some(_) => return false,
         None => cell,
     };
-    // One to three digits, then groups of three.
+    // A grouped number begins with one to three digits, followed by groups of three.
     let mut groups = whole.split(|byte| *byte == sign);
     let first = groups.next().unwrap_or_default();
     let are_digits = |group: &[u8]| group.iter().all(u8::is_ascii_digit);
@@ -547,17 +550,17 @@ fn is_grouped(cell: &[u8], sign: u8) -> bool {
         && groups.all(|group| group.len() == 3 && are_digits(group))
 }
 
-/// A cell with points in place of its commas.
+/// Returns a cell with its commas replaced by points.
 fn with_points(cell: &[u8]) -> Vec<u8> {
     cell.iter().map(|byte| if *byte == b',' { b'.' } else { *byte }).collect()
 }
 
-/// A cell without its quotation marks.
+/// Returns a cell without its quotation marks.
 fn unquoted(cell: &[u8]) -> &[u8] {
     cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell)
 }
 
-/// True if a cell begins with a digit and has the signs of a date or a time of day.
+/// True if a cell begins with a digit and contains the separators of a date or of a time of day.
 fn is_date(cell: &[u8]) -> bool {
     let cell = unquoted(cell);
     let digits = cell.first().is_some_and(u8::is_ascii_digit);
@@ -565,7 +568,7 @@ fn is_date(cell: &[u8]) -> bool {
     digits && (points == 2 || cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/')))
 }
 
-/// Reads a line of only short numbers and separators into `row`. `None` for any other line.
+/// Reads a line of only short numbers and separators into `row`. Returns `None` for any other line.
 fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<()> {
     let Separator::Byte(separator) = separator else { return None };
     for (place, value) in row.iter_mut().enumerate() {
@@ -577,20 +580,20 @@ fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<(
     line.is_empty().then_some(())
 }
 
-/// Powers of ten, all exact.
+/// Powers of ten, all of which are exact in an `f64`.
 const TENS: [f64; 16] =
     [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// A number of up to 15 digits without an exponent at the beginning of a text, and its length in
-/// bytes. `None` for any other text. Numerator and denominator are exact, and their quotient is
-/// rounded once (Clinger 1990).
+/// Parses a number of up to 15 digits without an exponent at the beginning of a text, and returns
+/// it with its length in bytes. Returns `None` for any other text. The numerator and the
+/// denominator are exact, so that only their quotient is rounded (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
-    // The digits as an integer, and the place of the point.
+    // The digits are read as an integer, together with the position of the point.
     let (mut numerator, mut point) = (0_u64, None);
     let mut length = usize::from(is_negative);
     let begin = length;
-    // 15 digits and a point at most: more digits could be inexact.
+    // A number has at most 15 digits and a point, because more digits may not be exact.
     while let Some(byte) = text.get(length).filter(|_| length < begin + 16) {
         match byte {
             b'0'..=b'9' => numerator = 10 * numerator + u64::from(byte - b'0'),
@@ -599,7 +602,7 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
         }
         length += 1;
     }
-    // Both are exact in an f64, so that one division gives the nearest number.
+    // The numerator and the power of ten are exact, so that one division gives the nearest number.
     let n_digits = length - begin - usize::from(point.is_some());
     let magnitude = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
     let value = if is_negative { -magnitude } else { magnitude };
@@ -685,7 +688,7 @@ mod tests {
             prop_assert_eq!(actual.is_some(), (1..=15).contains(&n_digits));
         }
 
-        /// A blank before the first separator keeps a row from being plain.
+        /// A blank before the first separator makes the general reader read the row.
         #[test]
         fn plain_rows_are_read_as_any_are(
             rows in proptest::collection::vec("-?[0-9]{1,3}(,-?[0-9]{0,9}[.]?[0-9]{0,9}(e3)?){2}", 1..9)

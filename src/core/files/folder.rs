@@ -1,4 +1,4 @@
-//! A folder of files that appear together.
+//! An output folder whose files appear together.
 
 use std::fs::{File, OpenOptions, Permissions};
 use std::io::{BufWriter, Write};
@@ -11,31 +11,32 @@ use super::staging::{Former, Place, folder_in, locked};
 use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 
-/// A folder whose files are staged inside it until all are written.
+/// Folder whose files are staged inside it until all of them are written.
 ///
-/// The folder is locked during the renames, so that it never holds a mixture of two programs.
+/// The folder is locked during the renames, so that it never contains files of two programs.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,
     staging: TempDir,
-    /// Shows other programs that the staging folder is in use.
+    /// Lock that shows other programs that the staging folder is in use.
     lock: Option<File>,
-    /// True if the folder is new. It is removed again unless the files are kept.
+    /// True if the folder is new. A new folder is removed again unless the files are kept.
     made: bool,
-    /// Files that were written, in their order.
+    /// Names of the written files, in the order of writing.
     names: Vec<String>,
-    /// The one that has its name before the others.
+    /// Index of the file that receives its final name before the others.
     first: usize,
-    /// Files of an earlier set, which go when this one is there.
+    /// Files of an earlier set, which are removed once the new set is complete.
     former: Vec<PathBuf>,
 }
 
 impl OutputFolder {
-    /// Opens a folder, or makes it if it does not exist.
+    /// Opens a folder, and creates it if it does not exist.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. [`Error::Input`] for standard output, which is one file.
+    /// Returns [`Error::Io`] if the folder cannot be written. Returns [`Error::Input`] for standard
+    /// output, which is a single file.
     pub fn create(path: &Path) -> Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
             let hint = "name a folder (./- if that is its name)";
@@ -50,16 +51,17 @@ impl OutputFolder {
         Ok(Self { path, staging, lock, made, names, first: 0, former })
     }
 
-    /// Checks before the long work that the files of these names can be written.
+    /// Checks before the long work that files with these names can be written.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a folder in the place of a file, and without write permission.
+    /// Returns [`Error::Io`] if one of them is a folder, or without write permission.
     pub fn check_writable(&self, names: &[impl AsRef<Path>]) -> Result<()> {
         names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
             let writable = match path.metadata() {
                 Ok(there) if there.is_dir() => Err(std::io::ErrorKind::IsADirectory.into()),
-                // Opening a pipe would block, and closing it would end its reader.
+                // Only regular files are opened. Opening a pipe blocks, and closing it stops its
+                // reader.
                 Ok(there) if there.is_file() => {
                     OpenOptions::new().write(true).open(&path).map(|_| ())
                 }
@@ -74,20 +76,20 @@ impl OutputFolder {
         self.write_with(name, |out| out.write_all(content.as_ref()))
     }
 
-    /// Stages the file that gets its name before all others. It lists them, so that a reader sees
-    /// which are missing if the program is killed between two names.
+    /// Stages the file that receives its final name before all others. That file lists the others,
+    /// so that a reader sees which files are missing if the program is killed between two renames.
     pub fn write_first(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
         self.first = self.names.len();
         self.write(name, content).map(drop)
     }
 
-    /// Stages a file that will be called `name`, written by `write`, and returns its digest.
+    /// Stages a file that will be called `name` and that `write` writes, and returns its digest.
     pub fn write_with(
         &mut self,
         name: &str,
         write: impl FnOnce(&mut BufWriter<Digested<File>>) -> std::io::Result<()>,
     ) -> Result<String> {
-        // The file is on the disk before it gets its name.
+        // The file is synced to the disk before it receives its final name.
         let file = File::create(self.staging.path().join(name));
         let written = file.and_then(|file| {
             let mut out = BufWriter::with_capacity(BUFFER_BYTES, Digested::new(file));
@@ -106,17 +108,17 @@ impl OutputFolder {
         self.former.extend(former);
     }
 
-    /// Renames all staged files to their final names, that of [`Self::write_first`] first, then in
-    /// the order of writing. Returns their paths in the order of writing.
+    /// Renames all staged files to their final names, beginning with the file of
+    /// [`Self::write_first`]. Returns their paths in the order of writing.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. A name that cannot be written is refused before any file has its name.
+    /// Returns [`Error::Io`]. A name that cannot be written is refused before any file is renamed.
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        // Everything that can fail comes before the first name: a file at a link or on another disk
-        // is copied now.
+        // Everything that can fail comes before the first rename, so that a file behind a link or
+        // on another disk is copied now.
         let ready = self.names.iter().map(|name| self.prepare(name).map(Some));
         let mut ready = ready.collect::<Result<Vec<_>>>()?;
         let mut former = Former::default();
@@ -126,14 +128,14 @@ impl OutputFolder {
             }
         }
         former.forget();
-        // All files have their names. Those of an earlier set are no longer needed.
+        // All files now have their final names, so that those of an earlier set can go.
         for path in &self.former {
             std::fs::remove_file(path).map_err(|source| Error::write(path, source))?;
         }
         Ok(self.names.iter().map(|name| self.path.join(name)).collect())
     }
 
-    /// Prepares the rename of a staged file, by copying it if its target is on another disk.
+    /// Prepares the rename of a staged file, which is copied if its target is on another disk.
     fn prepare(&self, name: &str) -> Result<Ready> {
         let (staged, path) = (self.staging.path().join(name), self.path.join(name));
         let target = match Place::for_path(&path) {
@@ -149,7 +151,7 @@ impl OutputFolder {
     }
 }
 
-/// A file that only needs its name.
+/// Staged file that is complete except for its name.
 struct Ready {
     staged: PathBuf,
     path: PathBuf,
@@ -157,16 +159,16 @@ struct Ready {
 }
 
 enum Target {
-    /// Nothing, or a file whose permissions it takes over.
+    /// New path, or a file whose permissions the new file receives.
     Renamed(Option<Permissions>),
-    /// Where a link leads to, perhaps on another disk.
+    /// Target of a link, which may be on another disk.
     Linked(WholeFile),
-    /// A device, a pipe or a socket.
+    /// Device, pipe or socket.
     Through(File),
 }
 
 impl Ready {
-    /// The path of the regular file that it replaces, or `None` for a device, pipe or socket.
+    /// Returns the regular file that this one replaces, or `None` for a device, a pipe or a socket.
     fn replaced(&self) -> Option<PathBuf> {
         match &self.target {
             Target::Renamed(_) => Some(self.path.clone()),
@@ -175,7 +177,7 @@ impl Ready {
         }
     }
 
-    /// Gives the file its name, or writes it to its device, pipe or socket.
+    /// Gives the file its final name, or writes it to its device, pipe or socket.
     fn keep(self) -> Result<()> {
         let Self { staged, path, target } = self;
         let named = match target {
@@ -195,11 +197,11 @@ fn copy(from: &Path, to: &mut impl Write) -> std::io::Result<()> {
 }
 
 impl Drop for OutputFolder {
-    /// Removes a folder that was made for files that were not kept.
+    /// Removes a folder that was created for files that were not kept.
     fn drop(&mut self) {
         self.lock = None;
         if self.made {
-            // A folder that holds other files by now stays.
+            // A folder that meanwhile contains other files cannot be removed, and therefore stays.
             let _ = std::fs::remove_dir_all(self.staging.path());
             let _ = std::fs::remove_dir(&self.path);
         }
@@ -232,7 +234,8 @@ mod tests {
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
 
-    /// Two writers of two hundred files each. The folder holds the set of one.
+    /// Two writers write two hundred files each. At the end, the folder contains the complete set
+    /// of one writer.
     #[test]
     fn two_writers_of_one_folder_never_mix() {
         let parent = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Inputs: files, pipes and devices, opened once and read up to a limit.
+//! Inputs such as files, pipes and devices, each opened once and read up to a limit.
 
 #[cfg(not(target_family = "wasm"))]
 use std::fs::File;
@@ -10,23 +10,23 @@ use super::Text;
 use super::brought::File;
 use crate::error::{Error, Result};
 
-/// The most that is read of one kind of file.
+/// Maximum amount that is read from one kind of file.
 #[derive(Clone, Copy, Debug)]
 pub struct Limit {
-    /// Bytes.
+    /// Maximum size in bytes.
     pub bytes: u64,
-    /// The kind of file, with its article: `a scene file`.
+    /// Kind of file, with its article, such as `a scene file`.
     pub what: &'static str,
-    /// Advice for a file that is larger.
+    /// Advice for a larger file.
     pub hint: &'static str,
 }
 
 impl Limit {
-    /// Opens a file as a stream that fails once more than the limit is read.
+    /// Opens a file as a stream that fails once more than the limit has been read.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if it cannot be opened.
+    /// Returns [`Error::Io`] if the file cannot be opened.
     pub fn open(self, path: &Path) -> Result<impl Read + use<>> {
         let file = File::open(path).map_err(|source| Error::read(path, source))?;
         Ok(Bounded { file: file.take(self.bytes + 1), limit: self })
@@ -36,11 +36,12 @@ impl Limit {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if it cannot be read, [`Error::Input`] if it is larger than the limit.
+    /// Returns [`Error::Io`] if the file cannot be read, or [`Error::Input`] if it is too large.
     pub fn read(self, path: &Path) -> Result<Vec<u8>> {
         let unreadable = |source| Error::read(path, source);
         let file = File::open(path).map_err(unreadable)?;
-        // A vector that doubles holds three times the file while it grows for the last time.
+        // The capacity is reserved, because a vector that doubles occupies three times the file's
+        // size during its last reallocation.
         let expected = file.metadata().map_or(0, |metadata| metadata.len().min(self.bytes));
         let mut bytes = Vec::with_capacity(usize::try_from(expected).unwrap_or(0) + 1);
         file.take(self.bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
@@ -50,22 +51,22 @@ impl Limit {
         Ok(bytes)
     }
 
-    /// Reads the first `n_bytes` of a file, or a shorter file whole.
+    /// Reads the first `n_bytes` of a file, or all of a shorter file.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if it cannot be read.
+    /// Returns [`Error::Io`] if the file cannot be read.
     pub fn beginning(self, path: &Path, n_bytes: usize) -> Result<Vec<u8>> {
         let mut head = Vec::with_capacity(n_bytes);
         let read = self.open(path)?.take(n_bytes as u64).read_to_end(&mut head);
         read.map(|_| head).map_err(|source| Error::read(path, source))
     }
 
-    /// Reads a text file in any encoding of Unicode, whose lines end in any way, see [`Text`].
+    /// Reads a text file in any encoding of Unicode and with any line ends, which [`Text`] lists.
     ///
     /// # Errors
     ///
-    /// As [`Self::read`]. [`Error::Input`] with the first byte that is not Unicode.
+    /// Returns the errors of [`Self::read`], or [`Error::Input`] with the first invalid byte.
     pub fn read_text(self, path: &Path) -> Result<String> {
         let bytes = self.read(path)?;
         let text = Text::of_unicode(&bytes).into_owned();
@@ -78,63 +79,65 @@ impl Limit {
         })
     }
 
-    /// Checks before reading that files, or the files of folders, are together no larger than one
-    /// may be. A link counts with the size of its target, each time that it is named.
+    /// Checks before reading that the total size of several files, including the files of folders,
+    /// is within the limit. A link counts with the size of its target, each time it is named.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with their size.
+    /// Returns [`Error::Input`] with their total size.
     pub fn check_all<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
         let sizes = paths.into_iter().map(|path| n_bytes(path));
         let (n, sum) = sizes.fold((0, 0), |(n, sum), bytes| (n + 1, sum + bytes));
         if sum <= self.bytes {
             return Ok(());
         }
-        let actual = format_args!("{n} of {} in all", size(sum));
-        let wanted = format!("at most {} in all", size(self.bytes));
+        let actual = format_args!("{n} of {} in total", size(sum));
+        let wanted = format!("at most {} in total", size(self.bytes));
         Err(Error::input(self.what, actual, wanted, self.hint))
     }
 
-    /// Message of a file beyond the limit, as the value found.
+    /// Returns the message for a file beyond the limit, as the value found.
     fn beyond(self) -> String {
         format!("more than {}", size(self.bytes))
     }
 
-    /// Message of a file beyond the limit, as the value wanted.
+    /// Returns the message for a file beyond the limit, as the value wanted.
     fn wanted(self) -> String {
-        format!("{} of at most that", self.what)
+        format!("{} of at most {}", self.what, size(self.bytes))
     }
 }
 
-/// Bytes of a file, or of all files in a folder. 0 if the size is unknown, as for a pipe.
+/// Returns the size in bytes of a file, or of all files in a folder. The size is 0 if it is
+/// unknown, as for a pipe.
 fn n_bytes(path: &Path) -> u64 {
     fn n_file_bytes(path: &Path) -> u64 {
         let metadata = std::fs::metadata(path).ok();
         metadata.filter(std::fs::Metadata::is_file).map_or(0, |metadata| metadata.len())
     }
-    match path.is_dir() {
-        true => files_in(path).unwrap_or_default().iter().map(|path| n_file_bytes(path)).sum(),
-        false => n_file_bytes(path),
+    if path.is_dir() {
+        files_in(path).unwrap_or_default().iter().map(|path| n_file_bytes(path)).sum()
+    } else {
+        n_file_bytes(path)
     }
 }
 
-/// The regular files of a folder, links to them included, in the order of their names. Other
-/// entries are skipped: a pipe would block the program forever.
+/// Returns the regular files of a folder, including links to them, sorted by name. Other entries
+/// are skipped, because reading from a pipe could block the program forever.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the folder cannot be read.
+/// Returns [`Error::Io`] if the folder cannot be read.
 pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = entries_in(folder)?;
     paths.retain(|path| path.is_file());
     Ok(paths)
 }
 
-/// The paths of all files and folders in a folder, in the order of their names.
+/// Returns the paths of all files and folders in a folder, sorted by name.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the folder cannot be read.
+/// Returns [`Error::Io`] if the folder cannot be read.
 pub fn entries_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let entries = entries.map_err(|source| Error::read(folder, source))?;
@@ -152,14 +155,14 @@ fn size(bytes: u64) -> String {
     }
 }
 
-/// A stream that fails beyond its limit.
+/// Stream that fails beyond its limit.
 struct Bounded {
     file: Take<File>,
     limit: Limit,
 }
 
 impl Read for Bounded {
-    /// Reads up to the limit. More bytes are an error.
+    /// Reads up to the limit. Returns an error if the file is longer.
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let n = self.file.read(buffer)?;
         if self.file.limit() == 0 && n > 0 {
@@ -206,7 +209,7 @@ mod tests {
         std::fs::copy(path("a"), path("link")).unwrap();
         let error =
             LIMIT.check_all(&[path("a"), path("inner"), path("link")]).unwrap_err().to_string();
-        assert_eq!(error, "a note: found 3 of 2 KiB in all, wanted at most 2 KiB in all");
+        assert_eq!(error, "a note: found 3 of 2 KiB in total, wanted at most 2 KiB in total");
     }
 
     #[test]

@@ -1,32 +1,32 @@
-//! The frame of a JPEG file, read before decoding: memory and passes of the decoder (ITU-T T.81).
+//! Frame of a JPEG file, read before decoding to learn the decoder's costs (ITU-T T.81).
 //!
-//! The size of a progressive picture does not bound the work: all coefficients, two bytes each, are
-//! held until the last scan, and a scan may take only a dozen bytes of the file.
+//! The size of a progressive picture does not limit the work, because the decoder holds all
+//! coefficients, two bytes each, until the last scan, and a scan may take only a dozen bytes.
 
 /// Costs of decoding a JPEG picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JpegFrame {
     /// Width and height in pixels.
     pub size_px: [u64; 2],
-    /// Samples of all components, padded to whole blocks.
+    /// Number of samples of all components, padded to whole blocks.
     pub samples: u64,
-    /// Scans over them.
+    /// Number of scans over the samples.
     pub scans: u64,
-    /// True if all coefficients are held until the last scan.
+    /// True if the decoder holds all coefficients until the last scan.
     pub progressive: bool,
-    /// True if the file has an end: what is missing is gray.
+    /// True if the file contains an end marker. Without an end marker, the missing part is gray.
     pub has_end: bool,
 }
 
 impl JpegFrame {
-    /// The first frame of a file, or `None` if it has none.
+    /// Parses the first frame of a file, or returns `None` if it has none.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
         let mut rest = bytes.strip_prefix(b"\xff\xd8")?;
         loop {
             let [0xff, marker, high, low, ..] = *rest else { return None };
             let length = usize::from(u16::from_be_bytes([high, low]));
             match marker {
-                // A marker may be filled up with any number of 0xff.
+                // Any number of 0xff bytes may precede a marker.
                 0xff => rest = &rest[1..],
                 0xc0..=0xc2 => return Self::from_header(rest.get(4..)?, marker == 0xc2, bytes),
                 0x01 | 0xd0..=0xd9 => rest = &rest[2..],
@@ -35,34 +35,34 @@ impl JpegFrame {
         }
     }
 
-    /// The frame of a header after its marker and length, or `None` if the header is cut off.
-    /// `bytes` are the whole file, whose scans are counted.
+    /// Parses a header after its marker and length, or returns `None` if the header is cut off.
+    /// `bytes` is the whole file, whose scans are counted.
     fn from_header(header: &[u8], progressive: bool, bytes: &[u8]) -> Option<Self> {
         let [_, h1, h0, w1, w0, n, ref components @ ..] = *header else { return None };
         let size_px = [[w1, w0], [h1, h0]].map(|side| u64::from(u16::from_be_bytes(side)));
         let components = components.get(..3 * usize::from(n))?;
-        // Sampling factors, as two numbers of four bits. A unit of the picture is 8 times the
-        // greatest.
+        // Each sampling factor is a pair of 4-bit numbers. A unit of the picture is 8 times the
+        // greatest factor wide and high.
         let factors = components.chunks(3).map(|c| [c[1] >> 4, c[1] & 15].map(u64::from));
         let most = factors.clone().fold([1, 1], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
         let units = |side: usize| size_px[side].div_ceil(8 * most[side]);
         let samples = factors.map(|[h, v]| 64 * h * v * units(0) * units(1)).sum();
-        // The data of a scan contain no marker of another scan.
+        // The data of a scan cannot contain the marker of another scan.
         let scans = bytes.windows(2).filter(|pair| *pair == [0xff, 0xda]).count() as u64;
         let has_end = header.windows(2).any(|pair| pair == [0xff, 0xd9]);
         Some(Self { size_px, samples, scans, progressive, has_end })
     }
 
-    /// Bytes that a decoder holds: the picture with three channels a pixel and, if it is
-    /// progressive, the coefficients.
+    /// Returns the number of bytes that a decoder holds, which are those of the picture with three
+    /// channels per pixel and, if it is progressive, those of the coefficients.
     pub fn decoded_bytes(&self) -> u64 {
         let coefficients = if self.progressive { 2 * self.samples } else { 0 };
         3 * self.size_px[0] * self.size_px[1] + coefficients
     }
 
-    /// Nanoseconds that a core of 2020 takes for the scans after the first.
+    /// Returns the time in ns that one core of 2020 takes for the scans after the first.
     pub fn later_scans_ns(&self) -> u64 {
-        // 20 ns for a block of 64 samples.
+        // A block of 64 samples takes 20 ns.
         self.samples.saturating_mul(self.scans.saturating_sub(1)) / 3
     }
 }
@@ -71,7 +71,7 @@ impl JpegFrame {
 mod tests {
     use super::*;
 
-    /// A file of 17 × 9 pixels with components of these sampling factors.
+    /// Makes a file of 17 × 9 pixels whose components have these sampling factors.
     fn file(marker: u8, factors: &[u8], scans: usize) -> Vec<u8> {
         let mut bytes = b"\xff\xd8\xff\xe0\0\x04\xff\xd9\xff".to_vec();
         let n = u8::try_from(factors.len()).unwrap();

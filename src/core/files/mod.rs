@@ -1,8 +1,8 @@
-//! Files: read up to a limit and no further. Written whole or not at all.
+//! Reading of files up to a limit, and writing of files as a whole or not at all.
 //!
-//! Every reader of the crate states a [`Limit`] and opens its file once, so that a pipe, a device
-//! or an endless stream costs no more than a file of that size. Decoded data is taken off a
-//! [`Budget`]. Every writer stages its file beside its place, see [`Output`] and [`OutputFolder`].
+//! Every reader states a [`Limit`] and opens its file once, so that a pipe, a device or an endless
+//! stream costs no more than a file of that size. Decoded data is charged to a [`Budget`]. Every
+//! writer stages its file in the same folder, as [`Output`] and [`OutputFolder`] describe.
 
 #[cfg(target_family = "wasm")]
 mod brought;

@@ -1,4 +1,4 @@
-//! Names of files: their endings, and the names with which a file refers to another file.
+//! Names of files, their extensions, and the names by which a file refers to another file.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use unicode_normalization::UnicodeNormalization;
 
 use super::entries_in;
 
-/// Endings of files that the program reads or writes, and of those that are taken for them.
+/// Extensions of files that the program reads or writes, and of those that users mistake for them.
 const ENDINGS: [&str; 47] = [
     "avif", "bag", "bin", "bmp", "csv", "dng", "eps", "exr", "gif", "heic", "heif", "html", "jpeg",
     "jpg", "json", "jsonl", "log", "lst", "mcap", "npy", "npz", "ods", "otc", "otf", "pdf", "png",
@@ -14,35 +14,38 @@ const ENDINGS: [&str; 47] = [
     "ulg", "usda", "vviz", "webp", "xlsx", "xml", "yaml", "yml", "zip",
 ];
 
-/// The ending of a file's name, in lower case and without its point, or empty if it has none.
+/// Returns the extension of a file's name in lower case, without its point, or "" if it has none.
 pub fn ending(path: impl AsRef<Path>) -> String {
     path.as_ref().extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// True if a text ends as a file that the program reads or writes.
+/// True if a text has the extension of a file that the program reads or writes.
 pub fn is_file_name(text: &str) -> bool {
     ENDINGS.contains(&&*ending(text))
 }
 
-/// The name of a file without its folders. Bytes that are not Unicode are replaced.
+/// Returns the name of a file without its folders. Bytes that are not Unicode are replaced.
 pub fn file_name(path: impl AsRef<Path>) -> String {
     path.as_ref().file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The path that a name in a file refers to, relative to the file's folder. Its folders are
-/// separated by `/`, or by the `\` of Windows unless a file has a `\` in its name.
+/// Returns the path of the file to which a name in another file refers, relative to that file's
+/// folder. The name's folders are separated by `/`, or by the `\` of Windows unless there is a file
+/// whose name contains the `\`.
 pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
-    as_spelled(&match !name.contains('\\') || path.exists() {
-        true => path,
-        false => folder.join(name.replace('\\', "/")),
+    as_spelled(&if !name.contains('\\') || path.exists() {
+        path
+    } else {
+        folder.join(name.replace('\\', "/"))
     })
 }
 
-/// The path as its folders spell it. Windows and macOS take two names for one if they differ only
-/// in case or in how accents are composed, and copies to other systems keep either.
+/// Returns a path as the file system spells it. Windows and macOS treat two names as the same if
+/// they differ only in case or in how accents are composed, and copying files to another system may
+/// preserve either form.
 ///
-/// A path is returned as it is if it is there, if nothing is, or if several files match.
+/// A path is returned unchanged if it exists, if nothing matches it, or if several files match it.
 pub fn as_spelled(path: &Path) -> PathBuf {
     spelled(path).unwrap_or_else(|| path.to_owned())
 }
@@ -63,10 +66,11 @@ fn spelled(path: &Path) -> Option<PathBuf> {
     same.pop().filter(|_| same.is_empty())
 }
 
-/// The path of a file relative to a folder above it, separated by `/`, or `None` elsewhere.
+/// Returns the path of a file relative to a folder that contains it, separated by `/`, or `None`
+/// for a file elsewhere.
 pub fn relative_name(folder: &Path, path: &Path) -> Option<String> {
-    // Only the file's folder is made canonical: a file that is a link keeps its name.
-    // An empty folder is the current one, `.`.
+    // Only the file's folder is made canonical, so that a file that is a link keeps its name. An
+    // empty path stands for the current folder, `.`.
     let folder = folder.join(".").canonicalize().ok()?;
     let parent = std::path::absolute(path).ok()?.parent()?.canonicalize().ok()?;
     let path = parent.join(path.file_name()?);
@@ -111,7 +115,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         std::fs::create_dir(path("Bilder")).unwrap();
-        // macOS may write an umlaut as its letter and two points.
+        // macOS may store an umlaut as a letter followed by a combining diaeresis.
         for name in ["Bilder/LOGO.SVG", "Bilder/gro\u{308}\u{df}e.svg", "a.csv", "B.csv", "b.CSV"] {
             std::fs::write(path(name), "").unwrap();
         }
@@ -123,12 +127,12 @@ mod tests {
         ] {
             let there = path_from(folder.path(), name);
             assert!(there.is_file(), "{name}");
-            // A system that takes both for one name has no other spelling.
+            // A system that treats both names as the same has no other spelling.
             assert!(there == path(spelled) || path(name).exists(), "{name}: {}", there.display());
         }
         assert_eq!(as_spelled(&path("missing.csv")), path("missing.csv"));
         assert!(path("B.CSV").exists() || as_spelled(&path("B.CSV")) == path("B.CSV"), "which?");
-        // Unit tests run in the folder of their crate.
+        // Unit tests run in the folder of their crate, which contains `Cargo.toml`.
         assert!(as_spelled(Path::new("CARGO.TOML")).is_file());
     }
 }

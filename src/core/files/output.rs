@@ -1,4 +1,4 @@
-//! A file that is written: opened before the long work, and whole or not at all.
+//! An output file, which is opened before the long work and appears whole or not at all.
 
 use std::fs::{File, Permissions};
 use std::io::{BufWriter, Write};
@@ -11,23 +11,25 @@ use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 use crate::input_error;
 
-/// Name of standard output as a file.
+/// Name that stands for standard output in place of a file.
 pub const STANDARD_OUTPUT: &str = "-";
 
-/// Names of standard output. If a redirected stream were opened anew, it would be overwritten.
+/// Names of standard output. Opening the standard output again would overwrite a file to which it
+/// is redirected.
 const STANDARD_OUTPUTS: [&str; 4] =
     [STANDARD_OUTPUT, "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
-/// Most symbolic links from one to the next.
+/// Maximum number of symbolic links that are followed in a row.
 const MAX_LINKS: usize = 40;
 
-/// Bytes that are written to a file at a time.
+/// Size in bytes of the buffer through which a file is written.
 pub(super) const BUFFER_BYTES: usize = 1 << 18;
 
-/// A file under construction.
+/// File under construction.
 ///
-/// A regular file is staged under a temporary name beside its place until [`Output::keep`] gives it
-/// its name. A link is followed. Devices and pipes are written through. `-` is standard output.
+/// A regular file is written under a temporary name in the same folder until [`Output::keep`] gives
+/// it its final name. If the path is a link, the link's target is replaced. Devices and pipes are
+/// written to directly. The path `-` is standard output.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
@@ -42,12 +44,12 @@ enum Sink {
 }
 
 impl Output {
-    /// Opens a file, in a folder that exists.
+    /// Opens a file in an existing folder.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the folder that does not exist. [`Error::Io`] for a folder in the
-    /// place of a file, and without write permission.
+    /// Returns [`Error::Input`] with the folder if it does not exist. Returns [`Error::Io`] if the
+    /// path is a folder, or without write permission.
     pub fn create(path: &Path) -> Result<Self> {
         let sink = Sink::open(path).map_err(|source| {
             missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source))
@@ -60,30 +62,30 @@ impl Output {
         matches!(self.sink, Sink::Staged { .. })
     }
 
-    /// Writes the content, gives the file its name, and returns its path.
+    /// Writes the content, gives the file its final name, and returns its path.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. Then a regular file is as it was before.
+    /// Returns [`Error::Io`]. If there is an error, a regular file is left unchanged.
     pub fn keep(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.keep_with(|out| out.write_all(content.as_ref()))
     }
 
-    /// [`Self::keep`] with the content written piece by piece by `write`.
+    /// Does the same as [`Self::keep`] with content that `write` writes piece by piece.
     pub fn keep_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<PathBuf> {
         self.finish(write, false)?.keep()
     }
 
-    /// [`Self::keep`] with the content synced to the disk before the file has its name.
+    /// Does the same as [`Self::keep`], but syncs the content before the file has its final name.
     pub fn keep_on_disk(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.write_with(|out| out.write_all(content.as_ref()))?.keep()
     }
 
-    /// Writes the content piece by piece by `write`, and syncs it. The file has no name yet.
+    /// Writes and syncs what `write` writes piece by piece. The file has no final name yet.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. Then a regular file is as it was before.
+    /// Returns [`Error::Io`]. If there is an error, a regular file is left unchanged.
     pub fn write_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<WholeFile> {
         self.finish(write, true)
     }
@@ -94,8 +96,8 @@ impl Output {
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
         is_durable: bool,
     ) -> Result<WholeFile> {
-        // Standard output and devices are written at once. A staged file gets its permissions, and
-        // is named later.
+        // Standard output and devices are written to immediately. A staged file receives its
+        // permissions here, and its final name later.
         let Self { mut path, sink } = self;
         let mut staged = None;
         let written = match sink {
@@ -127,12 +129,12 @@ impl Output {
     }
 }
 
-/// Takes the content of a file.
+/// Writer for the content of a file.
 pub type Buffer<'a> = BufWriter<Digested<&'a mut dyn Write>>;
 
 type Written = std::io::Result<()>;
 
-/// A file with all its content, and without its name.
+/// File with all its content, but without its final name.
 #[derive(Debug)]
 pub struct WholeFile {
     path: PathBuf,
@@ -141,26 +143,27 @@ pub struct WholeFile {
 }
 
 impl WholeFile {
-    /// The file's name without its folder.
+    /// Returns the file's name without its folder.
     pub fn name(&self) -> String {
         self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// The file's path.
+    /// Returns the file's path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// SHA-256 of the content in hexadecimal, or empty if it was not taken.
+    /// Returns the SHA-256 of the content in hexadecimal, or an empty text if it was not computed.
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
 
-    /// Gives the file its name, and returns its path.
+    /// Gives the file its final name, and returns its path.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. Then the file of that name is as it was before.
+    /// Returns [`Error::Io`]. If there is an error, an existing file of that name is left
+    /// unchanged.
     pub fn keep(self) -> Result<PathBuf> {
         let Self { path, staged, .. } = self;
         let named = staged.map_or(Ok(()), |(file, place)| file.persist(place).map(drop));
@@ -170,16 +173,16 @@ impl WholeFile {
         }
     }
 
-    /// The path of the regular file that it replaces, or `None` for a device, pipe or socket.
+    /// Returns the regular file that this one replaces, or `None` for a device, a pipe or a socket.
     pub(super) fn place(&self) -> Option<&Path> {
         self.staged.as_ref().map(|(_, place)| place.as_path())
     }
 
-    /// Gives files of one folder their names while the folder is locked, and returns their paths.
+    /// Gives files of one folder their final names while it is locked, and returns their paths.
     ///
     /// # Errors
     ///
-    /// As [`Self::keep`]. Then all files are as they were before.
+    /// Returns the errors of [`Self::keep`]. If there is an error, all files are left unchanged.
     pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
         let _lock = files.iter().find_map(Self::place).and_then(|place| locked_soon(folder(place)));
         let mut former = Former::default();
@@ -194,7 +197,7 @@ impl WholeFile {
 }
 
 impl Sink {
-    /// Opens what a path names: standard output, a device, or a staged file beside its place.
+    /// Opens standard output, a device, or a staged file beside its final place.
     fn open(path: &Path) -> std::io::Result<Self> {
         if STANDARD_OUTPUTS.iter().any(|name| path == Path::new(name)) {
             return Ok(Self::StandardOutput);
@@ -202,7 +205,7 @@ impl Sink {
         if path.file_name().is_none() {
             return Err(std::io::ErrorKind::IsADirectory.into());
         }
-        // A link is followed, so that the file is staged beside its target.
+        // Links are followed, so that the file is staged beside the link's target.
         let permissions = match Place::for_path(path)? {
             Place::Through(file) => return Ok(Self::Through(file)),
             Place::Regular(permissions) => permissions,
@@ -213,9 +216,9 @@ impl Sink {
     }
 }
 
-/// The error of a file whose folder does not exist, or `None` if `source` has another cause.
+/// Returns the error for a file without a folder, or `None` if `source` has another cause.
 fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
-    // The folder of a link's target counts.
+    // For a link, the folder of its target must exist.
     let place = followed(path).ok()?;
     let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty())?;
     let is_missing = source.kind() == std::io::ErrorKind::NotFound && !folder.exists();
@@ -230,7 +233,7 @@ fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
     })
 }
 
-/// The path that a link leads to, existing or not. Other paths stay as they are.
+/// Returns the path that a link leads to, existing or not. Other paths are returned unchanged.
 fn followed(path: &Path) -> std::io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
@@ -242,8 +245,8 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
-/// Writes a file by `write`. Returns its digest, or an empty text if no digest is wanted. The
-/// digest of a photograph is a twelfth of all work.
+/// Writes a file with `write`. Returns the file's digest, or an empty text if no digest is wanted.
+/// The digest is optional because that of a photograph takes a twelfth of the total time.
 fn write_buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,
@@ -252,7 +255,7 @@ fn write_buffered(
     let to = Digested { to: file, digest: is_digested.then(Digest::default) };
     let mut out = BufWriter::with_capacity(BUFFER_BYTES, to);
     let written = write(&mut out).and_then(|()| out.flush());
-    // After a failure the buffer is not flushed again on drop.
+    // The writer is taken apart, because dropping it after a failure would flush the buffer again.
     let (digested, _) = out.into_parts();
     written.map(|()| digested.digest.map_or_else(String::new, Digest::hex))
 }
@@ -326,7 +329,8 @@ mod tests {
         assert!(write(&path("a"), b"").is_err(), "a circle");
     }
 
-    /// Two writers of a pair, and a lock of their folder that neither waits for in vain.
+    /// Two writers each write a pair of files, while a third process holds the folder's lock for
+    /// longer than they wait.
     #[test]
     fn files_that_belong_together_are_of_one_writer() {
         let parent = tempfile::tempdir().unwrap();

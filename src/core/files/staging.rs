@@ -1,7 +1,8 @@
-//! Staged files have a temporary name until they are whole, and go if their program was killed.
+//! Staged files, which have a temporary name until they are complete, and which are removed if
+//! their program was killed.
 //!
-//! A temporary file is locked while its program runs, so that the next program recognizes a file
-//! that was left behind. Where a file system has no locks, files that are left behind stay.
+//! A temporary file is locked while its program runs, so that the next program recognizes files
+//! left behind. On a file system without locks, files left behind are not removed.
 
 use std::fs::{File, FileType, OpenOptions, Permissions};
 use std::io::{ErrorKind, Result};
@@ -13,7 +14,7 @@ use tempfile::{Builder, NamedTempFile, TempDir, TempPath};
 const PREFIX: &str = ".noctograph-";
 const SUFFIX: &str = ".tmp";
 
-/// The lock file of a folder.
+/// Name of the lock file in a folder.
 #[cfg(windows)]
 const LOCK: &str = ".noctograph-lock";
 #[cfg(windows)]
@@ -21,7 +22,7 @@ const LOCK_TRIES: usize = 5000;
 #[cfg(windows)]
 const LOCK_PAUSE: Duration = Duration::from_millis(2);
 
-/// Gives new files the mode of an ordinary file, 0666 before the umask.
+/// Gives new files the mode of an ordinary file, which is 0666 before the umask.
 #[cfg(unix)]
 fn set_ordinary_mode(builder: &mut Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;
@@ -31,7 +32,7 @@ fn set_ordinary_mode(builder: &mut Builder<'_, '_>) {
 #[cfg(not(unix))]
 fn set_ordinary_mode(_: &mut Builder<'_, '_>) {}
 
-/// Makes a temporary file in a folder, with the mode of an ordinary file.
+/// Creates a temporary file in a folder, with the mode of an ordinary file.
 pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     remove_leftovers(folder);
     loop {
@@ -40,19 +41,19 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
         set_ordinary_mode(&mut builder);
         let file = builder.tempfile_in(folder)?;
         let _ = file.as_file().lock();
-        // Another program may have taken it for a leftover before it was locked.
+        // Before this file was locked, another program may have removed it as a file left behind.
         if file.path().exists() {
             return Ok(file);
         }
     }
 }
 
-/// Makes a temporary folder, which is locked as long as the file returned is open, and removes
+/// Creates a temporary folder, which is locked as long as the returned file is open, and removes
 /// those of killed programs.
 ///
 /// # Errors
 ///
-/// [`Error::Io`](crate::error::Error::Io) without write permission.
+/// Returns [`Error::Io`](crate::error::Error::Io) without write permission.
 pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     remove_leftovers(folder);
     loop {
@@ -64,17 +65,18 @@ pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     }
 }
 
-/// Locks a folder until the file is closed, or returns `None` if the system has no such locks.
+/// Locks a folder until the returned file is closed, or returns `None` if there are no such locks.
 #[cfg(not(windows))]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
 }
 
-/// Windows opens no folder as a file. A file in it is the lock. One program holds it at a time, and
-/// the system releases it when that program closes the file or is killed.
+/// Locks a folder by a file in it, because Windows cannot open a folder as a file. One program has
+/// the file open at a time, and Windows removes it when that program closes it or is killed.
 #[cfg(windows)]
 pub(super) fn locked(folder: &Path) -> Option<File> {
-    // Renames take milliseconds. Do not wait forever for a folder that cannot be written.
+    // Renames by another program take milliseconds. The number of attempts is limited because a
+    // folder may be impossible to write.
     for _ in 0..LOCK_TRIES {
         match only_here(&folder.join(LOCK), true) {
             Err(error) if error.kind() == ErrorKind::NotFound => return None,
@@ -88,8 +90,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 #[cfg(windows)]
 pub(super) use locked as locked_soon;
 
-/// Locks a folder like [`locked`], or gives up after five seconds: if the program's caller holds
-/// the lock, it would wait forever.
+/// Locks a folder like [`locked`], but gives up after five seconds, because it would wait forever
+/// if the program's caller holds the lock.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok()?;
@@ -114,7 +116,7 @@ fn only_here(path: &Path, create: bool) -> Result<File> {
 }
 
 /// Removes a temporary file or folder of a program that has ended. The lock is held until the
-/// removal, because a program may have just made the file and be about to lock it.
+/// removal, because another program may have just created the file and may be about to lock it.
 fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
     #[cfg(windows)]
     if is_folder {
@@ -123,45 +125,42 @@ fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
             _ => return std::fs::remove_dir_all(path),
         }
     }
-    // A living program has locked it.
+    // The lock fails if the program that locked the file is still running.
     let file = File::open(path)?;
     file.try_lock()?;
-    match is_folder {
-        true => std::fs::remove_dir_all(path),
-        false => std::fs::remove_file(path),
-    }
+    if is_folder { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }
 }
 
-/// Removes temporary files of ended processes.
+/// Removes the temporary files of programs that have ended.
 fn remove_leftovers(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let (name, path) = (entry.file_name(), entry.path());
         let name = name.to_string_lossy();
         let is_ours = name.starts_with(PREFIX) && name.ends_with(SUFFIX);
-        // Others, such as a pipe, could block when they are opened.
+        // Opening other entries, such as a pipe, could block.
         let is_removable = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
         let Some(kind) = entry.file_type().ok().filter(is_removable) else { continue };
-        // A file that stays does no harm.
+        // A file that cannot be removed does no harm.
         let _ = remove_left_behind(&path, kind.is_dir());
     }
 }
 
-/// The state of the place for a new file.
+/// Entry at the path of a new file.
 pub(super) enum Place {
-    /// Nothing, or a regular file whose permissions it takes over.
+    /// Nothing, or a regular file whose permissions the new file receives.
     Regular(Option<Permissions>),
-    /// A device, a pipe or a socket, open for writing: it is written to, never replaced.
+    /// Device, pipe or socket that is open for writing and is never replaced.
     Through(File),
 }
 
 impl Place {
-    /// The state of a path, following links.
+    /// Finds the entry at a path, following links.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a folder, and without write permission.
+    /// Returns [`Error::Io`] for a folder, and without write permission.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
-        // Windows has no metadata of its null device.
+        // Windows returns no metadata for its null device.
         if cfg!(windows) && path.as_os_str().eq_ignore_ascii_case("NUL") {
             return Ok(Self::Through(OpenOptions::new().write(true).open(path)?));
         }
@@ -172,34 +171,35 @@ impl Place {
         if metadata.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
         }
-        // A file that cannot be opened for writing is refused now, not after the long work.
+        // Opening the file now refuses one without write permission before the long work.
         let file = OpenOptions::new().write(true).open(path)?;
-        Ok(match metadata.is_file() {
-            true => Self::Regular(Some(metadata.permissions())),
-            false => Self::Through(file),
+        Ok(if metadata.is_file() {
+            Self::Regular(Some(metadata.permissions()))
+        } else {
+            Self::Through(file)
         })
     }
 }
 
-/// The folder of a file, `.` if the path has none.
+/// Returns the folder of a file, or `.` if the path has none.
 pub(super) fn folder(path: &Path) -> &Path {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
 }
 
-/// The former files in the places of files that belong together. They are put back unless all of
-/// these get their names. A file system without hard links keeps none.
+/// Former files at the paths of new files that belong together, which are put back unless all new
+/// files receive their names. On a file system without hard links, former files are not kept.
 #[derive(Debug, Default)]
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
 
 impl Former {
-    /// Calls `replace`, which puts a file in its place, and remembers the former one.
+    /// Calls `replace`, which puts a file at `place`, and remembers the former file.
     pub(super) fn replace<T, E>(
         &mut self,
         place: Option<PathBuf>,
         replace: impl FnOnce() -> std::result::Result<T, E>,
     ) -> std::result::Result<T, E> {
-        // A hard link keeps the former file under another name.
+        // A hard link preserves the former file under another name.
         let linked = place.map(|place| {
             let link = |to: &Path| std::fs::hard_link(&place, to);
             let link = Builder::new().prefix(PREFIX).suffix(SUFFIX).make_in(folder(&place), link);
@@ -213,17 +213,17 @@ impl Former {
         Ok(replaced)
     }
 
-    /// Removes the former files, once all new files have their names.
+    /// Removes the former files after all new files have received their names.
     pub(super) fn forget(mut self) {
         self.0.clear();
     }
 }
 
 impl Drop for Former {
-    /// Puts the former files back, the last one first.
+    /// Puts the former files back in reverse order.
     fn drop(&mut self) {
         for (place, link) in self.0.drain(..).rev() {
-            // If putting one back fails, nothing more can be done.
+            // If a file cannot be put back, there is no other remedy.
             let _ = match link {
                 Some(link) => link.persist(&place).map_err(|error| error.error),
                 None => std::fs::remove_file(&place),

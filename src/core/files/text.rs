@@ -1,19 +1,19 @@
-//! Bytes to text: UTF-8 without a byte order mark, whose lines end in LF.
+//! Decoding of bytes to text, in UTF-8 without a byte order mark and with lines that end in LF.
 //!
-//! UTF-16, with or without a byte order mark, and Windows-1252 are also accepted, with a note.
+//! UTF-16, with or without a byte order mark, and, with a note, Windows-1252 are also accepted.
 
 use std::borrow::Cow;
 
-/// A text, with notes on its decoding.
+/// Text of a file, with notes on its decoding.
 #[derive(Clone, Debug)]
 pub struct Text<'a> {
-    /// UTF-8. Bytes that no encoding explains stay.
+    /// Bytes of the text in UTF-8. Bytes in an unknown encoding are unchanged.
     pub bytes: Cow<'a, [u8]>,
-    /// What was assumed.
+    /// Notes on assumptions about the encoding.
     pub notes: Vec<String>,
 }
 
-/// Windows-1252 from 0x80 on. Bytes from 0xA0 on are their own code points.
+/// Characters of Windows-1252 from 0x80 to 0x9F. Each byte from 0xA0 on equals its code point.
 const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
 
 impl<'a> Text<'a> {
@@ -23,11 +23,11 @@ impl<'a> Text<'a> {
         if !is_windows_1252(&bytes) {
             return Self { bytes, notes: Vec::new() };
         }
-        let notes = vec!["it is not UTF-8 and is read as Windows-1252".to_owned()];
+        let notes = vec!["the text is not UTF-8 and is read as Windows-1252".to_owned()];
         Self { bytes: Cow::Owned(from_windows_1252(&bytes).into_bytes()), notes }
     }
 
-    /// Converts UTF-16 to UTF-8, and line ends to LF. Bytes of another encoding stay.
+    /// Converts UTF-16 to UTF-8, and single CRs to LF. Bytes in another encoding are unchanged.
     pub fn of_unicode(bytes: &'a [u8]) -> Cow<'a, [u8]> {
         with_line_feeds(match bytes {
             [0xef, 0xbb, 0xbf, rest @ ..] => Cow::Borrowed(rest),
@@ -40,14 +40,15 @@ impl<'a> Text<'a> {
     }
 }
 
-/// Converts UTF-16 to UTF-8. `unit` makes a code unit of two bytes. Broken pairs become U+FFFD.
+/// Converts UTF-16 to UTF-8. `unit` makes a code unit of two bytes, and unpaired surrogates become
+/// U+FFFD.
 fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
     text.collect::<String>().into_bytes()
 }
 
-/// True if bytes are not UTF-8, but have no control characters either.
+/// True if bytes are neither UTF-8 nor contain control characters.
 fn is_windows_1252(bytes: &[u8]) -> bool {
     std::str::from_utf8(bytes).is_err_and(|error| error.error_len().is_some())
         && !bytes.iter().any(|byte| *byte < 0x20 && !byte.is_ascii_whitespace())
@@ -62,14 +63,15 @@ fn from_windows_1252(bytes: &[u8]) -> String {
     characters.collect()
 }
 
-/// Ends all lines in LF if any ends in a single CR. Other texts stay, also with CR and LF.
+/// Ends all lines with LF if any line ends with a single CR. Other texts are unchanged, even if
+/// their lines end with CR and LF.
 fn with_line_feeds(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     let is_single_cr =
         |(index, byte): (usize, &u8)| *byte == b'\r' && text.get(index + 1) != Some(&b'\n');
     if !text.contains(&b'\r') || !text.iter().enumerate().any(is_single_cr) {
         return text;
     }
-    // Each CR is a line end, or the first half of one.
+    // Each CR is either a line end or the first half of one.
     let mut lines = Vec::with_capacity(text.len());
     for (index, byte) in text.iter().enumerate() {
         match byte {

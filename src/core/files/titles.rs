@@ -1,9 +1,9 @@
-//! Units in the titles of columns: `x [mm]`, `Time (msec)`, `yaw_deg`.
+//! Units in the titles of columns, such as `x [mm]`, `Time (msec)` or `yaw_deg`.
 
-/// A degree in radians.
+/// Size of a degree in radians.
 pub const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Units in lower case, and their size in SI units.
+/// Names of units in lower case, and their sizes in SI units.
 const UNITS: [(&str, f64); 9] = [
     ("m meter meters metres m_s m_s2 m_s_2 s sec secs second seconds rad radians rad_s", 1.0),
     ("mm millimeter millimeters mm_s ms msec millis millisecond milliseconds mrad mrad_s", 1e-3),
@@ -16,12 +16,12 @@ const UNITS: [(&str, f64); 9] = [
     ("km", 1e3),
 ];
 
-/// Units only of times: `x_min` is not a time.
+/// Names of units that are only used for times, since `x_min` is not a time, and their sizes in s.
 const UNITS_OF_TIME: [(&str, f64); 3] =
     [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
 
-/// Size of a unit in SI units, or `None` for an unknown name. Minutes, hours and days are units
-/// only if `is_time`.
+/// Returns the size of a unit in SI units, or `None` for an unknown name. Minutes, hours and days
+/// are recognized only if `is_time`.
 pub fn unit(name: &str, is_time: bool) -> Option<f64> {
     let units_of_time = if is_time { &UNITS_OF_TIME[..] } else { &[] };
     let mut units = UNITS.iter().chain(units_of_time);
@@ -29,7 +29,7 @@ pub fn unit(name: &str, is_time: bool) -> Option<f64> {
     unit.map(|(_, size)| *size)
 }
 
-/// Splits a title into its name and the unit in brackets at its end, `None` without brackets.
+/// Splits a title into its name and the unit in brackets at its end, if there is one.
 pub fn bracketed(title: &str) -> (&str, Option<&str>) {
     let trimmed = title.trim();
     for [open, close] in [['[', ']'], ['(', ')'], ['{', '}'], ['<', '>']] {
@@ -41,7 +41,8 @@ pub fn bracketed(title: &str) -> (&str, Option<&str>) {
     (trimmed, None)
 }
 
-/// A title in lower case, with underscores for blanks and signs: `Yaw [°/s]` becomes `yaw_deg_s`.
+/// Returns a title in lower case, with underscores in place of blanks and signs, so that `Yaw
+/// [°/s]` becomes `yaw_deg_s`.
 pub fn simplified(title: &str) -> String {
     let lower = title.to_lowercase().replace("m/s²", "m_s2").replace("^-1", "");
     let lower = lower.replace('°', "deg").replace(['µ', 'μ'], "u").replace('²', "2");

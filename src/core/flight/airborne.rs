@@ -1,30 +1,33 @@
-//! The part of a flight between take-off and landing, found from its motors, setpoints or heights.
+//! Detection of a flight between take-off and landing, from its motors, setpoints or heights.
 
 use std::ops::Range;
 
 use super::{Flight, FlightSample, Quantity};
 
-/// Threshold of motor commands, of 65535. A Crazyflie in flight is always above it: it hovers at
-/// about 43,000 (reference flight) and idles below 10,000. A lower limit counts the spin-up on the
-/// floor, a higher one cuts fast descents.
+/// Motor command, of 65535, above which a drone flies. The motors of a flying Crazyflie are always
+/// above this command, because it hovers at about 43,000 (reference flight) and idles below 10,000.
+/// A lower limit would include the spin-up on the floor, and a higher one would cut off fast
+/// descents.
 const FLYING_MOTOR_COMMAND: f64 = 20_000.0;
 
-/// Without motor commands, a setpoint or a position higher than this above the floor means flight.
+/// Height above the floor in m of a flying drone or its setpoint, if motor commands are not logged.
 const FLYING_HEIGHT_M: f64 = 0.05;
 
-/// Shorter breaks do not end a flight: a saturated mixer stops a motor for some periods.
+/// Duration in s of a break that ends a flight, longer than those of a saturated mixer, which stops
+/// a motor for some periods.
 const LONGEST_BREAK_S: f64 = 0.5;
 
-/// The samples between take-off and landing, or `None` if the drone never leaves the floor.
+/// Returns the samples between take-off and landing, or `None` if the drone never leaves the floor.
 ///
-/// A sample is flown if every motor command is above 20,000 of 65535. Without motors in the log,
-/// the setpoint's height decides, and without setpoints, the height above the lowest sample. 0.05 m
-/// is the limit for both. Half a second of other samples ends a stretch, a gap in the log does not.
-/// The longest stretch is the flight, without the drone being carried afterwards.
+/// A drone flies at a sample if every motor command is above 20,000 of 65535. Without motors in the
+/// log, the height of the setpoint decides. Without setpoints, the height above the lowest sample
+/// decides. Both heights must exceed 0.05 m. A stretch of flight ends after half a second of other
+/// samples, but not at a gap in the log. The longest stretch is the flight, so that carrying the
+/// drone afterwards does not count.
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
-    // The longest stretch so far, and the current one.
+    // The loop keeps the longest stretch so far, and the current one.
     let (mut longest, mut longest_s) = (0..0, 0.0);
     let (mut stretch, mut landed_s) = (0..0, None);
     for (index, sample) in flight.samples.iter().enumerate() {
@@ -36,7 +39,7 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
             sample.position_m.z - floor_m > FLYING_HEIGHT_M
         };
         if !is_flown {
-            // A long break ends the stretch.
+            // A long break ends the current stretch.
             let since_s = *landed_s.get_or_insert(sample.time_s);
             if sample.time_s - since_s >= LONGEST_BREAK_S {
                 stretch = 0..0;
@@ -55,21 +58,20 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
 }
 
 impl FlightSample {
-    /// True if a motor is at an end of its range while any turns.
+    /// True if a motor is at either end of its range while at least one motor turns.
     pub fn is_saturated(&self, motor_max: f64) -> bool {
         let turns = self.motors.iter().any(|motor| *motor > 0.0);
         turns && self.motors.iter().any(|motor| *motor <= 0.0 || *motor >= motor_max)
     }
 }
 
-/// Time of a flight with a motor at an end of its range, s.
+/// Returns the time in s during which a motor is at either end of its range.
 pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
     let pairs = samples.windows(2).filter(|pair| pair[0].is_saturated(motor_max));
     pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
 }
 
-/// True if a drone stays at the height of the floor, within 0.1 m, all the time, whatever its
-/// motors and setpoints are.
+/// True if a drone always stays within 0.1 m of the floor's height, whatever its motors do.
 pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     let heights_m = samples.iter().map(|sample| sample.position_m.z);
     let [low_m, high_m] = heights_m
@@ -77,13 +79,13 @@ pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     high_m - low_m < FLYING_HEIGHT_M && (high_m - floor_m).abs() < 2.0 * FLYING_HEIGHT_M
 }
 
-/// The reason for which a flight counts as one on the floor, with the value that decides. `None` if
-/// it flies, or if neither motors, setpoints nor heights are logged.
+/// Returns the reason why a flight counts as one on the floor, with the deciding value. Returns
+/// `None` if the drone flies, or if neither motors, setpoints nor heights are logged.
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;
     }
-    // The same evidence as in `airborne`, in the same order.
+    // The evidence and its order are the same as in `airborne`.
     let most = |value: fn(&FlightSample) -> f64| {
         flight.samples.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
     };
@@ -92,16 +94,19 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
     } else if flight.has(Quantity::Motors) {
         let weakest = |s: &FlightSample| s.motors.into_iter().fold(f64::INFINITY, f64::min);
         format!(
-            "the weakest motor's command reaches {:.0} of 65535; flight takes {FLYING_MOTOR_COMMAND}",
+            "the weakest motor's command reaches {:.0} of 65535 (more than {FLYING_MOTOR_COMMAND} in flight)",
             most(weakest)
         )
     } else if flight.has(Quantity::Design) {
-        format!("setpoints reach {:.2} m; flight takes {FLYING_HEIGHT_M} m", most(|s| s.design_m.z))
+        format!(
+            "setpoints reach {:.2} m (more than {FLYING_HEIGHT_M} m in flight)",
+            most(|s| s.design_m.z)
+        )
     } else if !flight.has(Quantity::Position) {
         return None;
     } else {
         let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);
-        format!("the height changes by {climb_m:.2} m; flight takes {FLYING_HEIGHT_M} m")
+        format!("the height changes by {climb_m:.2} m (more than {FLYING_HEIGHT_M} m in flight)")
     })
 }
 

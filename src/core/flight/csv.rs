@@ -1,11 +1,11 @@
-//! Flights as CSV files: one row a sample, one column a number, SI units in the names.
+//! Flights as CSV files: one row per sample, one column per number, SI units in the names.
 //!
-//! Position, estimate and design are in the world frame, velocity and rate in the body frame. The
-//! columns of a quantity that a real log lacks are left out together. One column `light.<channel>`
-//! a light channel. `light` without a suffix is the channel of the headlights. `gap_before` is 1 in
-//! the first row after a gap, and is there only in files with gaps. Columns of other names are kept
-//! as [`FlightData::extra`]. The simulator's are `saturated_s` and, for a drone with a battery,
-//! `battery_v` and `energy_j`.
+//! Position, estimate and design are in the world frame. Velocity and rate are in the body frame.
+//! If a real log lacks a quantity, all columns of that quantity are left out. Each light channel
+//! has a column `light.<channel>`. A column `light` without a suffix contains the channel of the
+//! headlights. `gap_before` is 1 in the first row after a gap, and appears only in files with gaps.
+//! Columns with other names are kept as [`FlightData::extra`]. The simulator adds `saturated_s`
+//! and, for a drone with a battery, `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -22,26 +22,27 @@ use crate::geometry::Attitude;
 use crate::lamps::HEADLIGHTS;
 use crate::product::MAX_QUANTITY;
 
-/// The column of times, first in the file.
+/// Name of the column of times, which is the first column of a file.
 const TIME: &str = "time_s";
-/// The column of letters, last before the lights: 1 for the first letter, 0 outside letters.
+/// Name of the column that contains 1 for the first letter and 0 outside letters, and precedes the
+/// lights.
 const LETTER: &str = "letter";
-/// The column that is 1 in the first row after a gap.
+/// Name of the column that is 1 in the first row after a gap.
 const GAP: &str = "gap_before";
-/// Names of the light level's column in simulators with one light.
+/// Name of the light level's column in simulators with one light.
 const LIGHT: &str = "light";
-/// Numbers of a sample: time, those of [`Quantity::TABLE`], letter.
+/// Number of values of a sample, namely the time, those of [`Quantity::TABLE`] and the letter.
 const N_NUMBERS: usize = 24;
 
 impl Quantity {
-    /// Indices of the quantity's numbers in a sample.
+    /// Returns the indices of the quantity's values in a sample.
     pub fn places(self) -> std::ops::Range<usize> {
         let start = 1 + 3 * self as usize;
         start..start + Self::TABLE[self as usize].2.len()
     }
 }
 
-/// True if a column has a defined meaning, so that no extra column may take its name.
+/// True if a column has a defined meaning, so that no additional column may have its name.
 pub fn is_standard_column(name: &str) -> bool {
     [TIME, LETTER, GAP].contains(&name)
         || Quantity::TABLE.iter().any(|(.., columns)| columns.contains(&name))
@@ -50,13 +51,14 @@ pub fn is_standard_column(name: &str) -> bool {
 }
 
 impl Flight {
-    /// Writes the flight as CSV, on the grid of 1e-6.
+    /// Writes the flight as CSV, with numbers rounded to multiples of 1e-6.
     ///
     /// # Errors
     ///
-    /// Those of the writer.
+    /// Returns the errors of the writer.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
-        // Time, the quantities of the log, letter, lights, gaps, further columns: names, then rows.
+        // The columns are the time, the quantities of the log, the letter, the lights, the gaps and
+        // further columns. Their names are collected first, followed by the rows.
         let logged = || Quantity::TABLE.iter().filter(|(q, ..)| !self.unlogged.contains(q));
         let indices = logged().flat_map(|(quantity, ..)| quantity.places());
         let indices: Vec<usize> = [0].into_iter().chain(indices).chain([N_NUMBERS - 1]).collect();
@@ -77,9 +79,9 @@ impl Flight {
         write_table(out, &header, rows)
     }
 
-    /// SHA-256 of the contents of a flight file, in hexadecimal.
+    /// Returns the SHA-256 of the contents of a flight file in hexadecimal.
     pub fn sha256(&self) -> String {
-        // Everything that the file has, in its order.
+        // The digest covers the contents of the file in a fixed order.
         let mut digest = Digest::default();
         for quantity in &self.unlogged {
             digest.add(quantity.name());
@@ -97,7 +99,7 @@ impl Flight {
         digest.hex()
     }
 
-    /// The column of gaps: 1 for the first sample after a gap, 0 for the others.
+    /// Returns the column of gaps, which is 1 in the first sample after a gap and 0 in others.
     fn after_gap(&self) -> Vec<f64> {
         let mut gaps = self.gaps.iter().peekable();
         let flags = self.samples.iter().map(|sample| {
@@ -107,34 +109,35 @@ impl Flight {
         flags.collect()
     }
 
-    /// Reads a flight from a CSV file as [`Self::write_csv`] makes it.
+    /// Reads a flight from a CSV file that [`Self::write_csv`] has written.
     ///
-    /// A quantity may be missing with all its columns, with a warning.
+    /// If all columns of a quantity are missing, the flight has a warning.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`](crate::error::Error::Io), or [`Error::Input`](crate::error::Error::Input) with
-    /// line and column.
+    /// Returns [`Error::Io`](crate::error::Error::Io), or
+    /// [`Error::Input`](crate::error::Error::Input) with line and column.
     pub fn read_csv(path: &Path) -> Result<Self> {
         Self::from_table(&Table::read(path)?)
     }
 
-    /// Reads a flight from the text of its file. `file` is its name in messages.
+    /// Reads a flight from the text of its file. `file` is the file's name in messages.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) with line and column.
+    /// Returns [`Error::Input`](crate::error::Error::Input) with line and column.
     pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
         Self::from_table(&Table::parse(csv, file)?)
     }
 
-    /// Makes a flight of the table of its file.
+    /// Converts the table of a flight file to a flight.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) with line and column.
+    /// Returns [`Error::Input`](crate::error::Error::Input) with line and column.
     pub fn from_table(table: &Table) -> Result<Self> {
-        // Columns of a sample's numbers. A quantity is there with all its columns or with none.
+        // Each of a sample's values is looked up by its column's name. A quantity must have either
+        // all of its columns or none.
         let time_s = table.times_s(TIME)?;
         let title_notes = title_notes(table)?;
         let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
@@ -156,8 +159,8 @@ impl Flight {
             FlightSample::from_numbers(cells.map(|cell| cell.map_or(0.0, |column| column[row])))
         });
         let samples: Vec<FlightSample> = samples.collect();
-        // Lights and further columns. A file with neither them nor a quantity is refused for its
-        // first missing column.
+        // Lights and further columns follow. A file that has neither further columns nor any
+        // quantity is refused because its first position column is missing.
         let lights = light_columns(table)?;
         let further = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
         let extra: BTreeMap<_, _> =
@@ -173,39 +176,41 @@ impl Flight {
     }
 }
 
-/// Times of the samples before and after each gap, from the column that is not 0 after a gap.
+/// Returns the times of the samples before and after each gap, from the column that marks gaps.
 fn gaps(flags: &[f64], samples: &[FlightSample]) -> Vec<[f64; 2]> {
     let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
     pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
 }
 
-/// Notes on columns with nearly the name of a standard column. Two columns of one name are an
-/// error.
+/// Returns notes on columns whose names resemble that of a standard column. Returns an error if two
+/// columns have the same name.
 fn title_notes(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
     }
-    // Names are compared by their letters and digits.
+    // Names are compared only by their letters and digits.
     let standard = Quantity::TABLE.iter().flat_map(|(.., names)| *names);
     let standard = standard.chain(&[LETTER, GAP, TIME]).map(|name| (*name, bare(name)));
     let standard: Vec<(&str, String)> = standard.collect();
     let (mut seen, mut notes) = (BTreeSet::new(), Vec::new());
     for (title, _) in table.columns_after("") {
         if !seen.insert(title) && !title.is_empty() {
-            return Err(table.wrong(title, 1, "two columns of one name", "one", REWRITE_HINT));
+            return Err(table.wrong(title, 1, "two columns with this name", "one", REWRITE_HINT));
         }
         let plain = bare(title);
         let is_light = title.to_lowercase().starts_with("light");
         let near = standard.iter().find(|(_, name)| *name == plain).map(|(name, _)| *name);
         let near = near.or(is_light.then_some("light.<channel>"));
         if let Some(near) = near.filter(|_| !is_standard_column(title)) {
-            notes.push(format!("column {title} is kept and not used: a flight's is named {near}"));
+            notes.push(format!(
+                "column {title} is kept but not used: a flight's column is named {near}"
+            ));
         }
     }
     Ok(notes)
 }
 
-/// Checks that a column, if present, has whole numbers from 0 to `most`.
+/// Checks that a column, if present, contains only whole numbers from 0 to `most`.
 fn check_whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
     let is_odd = |(_, value): &(_, &f64)| value.fract() != 0.0 || !(0.0..=most).contains(*value);
     match table.find(name).unwrap_or_default().iter().enumerate().find(is_odd) {
@@ -215,7 +220,7 @@ fn check_whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()>
 }
 
 impl FlightSample {
-    /// The sample's numbers in the order of the file: time, quantities, letter.
+    /// Returns the sample's values in the order of the file, which is time, quantities and letter.
     pub fn numbers(&self) -> [f64; N_NUMBERS] {
         let Attitude { yaw_rad, pitch_rad, roll_rad } = self.attitude;
         let vectors = [
@@ -236,7 +241,7 @@ impl FlightSample {
         numbers
     }
 
-    /// A sample from its numbers in the order of the file.
+    /// Makes a sample from its values in the order of the file.
     pub fn from_numbers(n: [f64; N_NUMBERS]) -> Self {
         let vector = |place: usize| Vector3::from_column_slice(&n[place..place + 3]);
         Self {
@@ -253,36 +258,41 @@ impl FlightSample {
     }
 }
 
-/// The light columns of a table, `light.<channel>` or `light`, with levels within 0..=1.
+/// Returns the light columns of a table, `light.<channel>` or `light`, with levels within 0..=1.
 ///
 /// # Errors
 ///
-/// [`Error::Input`](crate::error::Error::Input) with the row of a level outside, or for headlights
-/// in two columns.
+/// Returns [`Error::Input`](crate::error::Error::Input) with the row of a level outside that range,
+/// or if two columns are for the headlights.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
-    // The column `light` is the channel of the headlights, so a file with both has one channel
-    // twice.
+    // The column `light` is the channel of the headlights, which a file with both names has twice.
     let mut lights = BTreeMap::new();
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
     for (channel, levels) in table.columns_after("light.").chain(bare) {
         if let Some(row) = levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
             let (name, wanted) = (format!("light.{channel}"), "a level from 0 (off) to 1");
-            let hint = "1 is the lamp at full: divide bytes by 255";
+            let hint = "1 is full light: divide bytes by 255";
             return Err(table.wrong(&name, table.line(row), levels[row], wanted, hint));
         }
         if lights.insert(channel.to_owned(), levels.to_vec()).is_some() {
-            return Err(table.wrong(LIGHT, 1, "two columns of headlights", "one", REWRITE_HINT));
+            return Err(table.wrong(
+                LIGHT,
+                1,
+                "two columns for the headlights",
+                "one",
+                REWRITE_HINT,
+            ));
         }
     }
     Ok(lights)
 }
 
-/// The file's letter number (0 outside letters) for an index.
+/// Returns the letter number of the file, which is 0 outside letters, for a letter's index.
 pub fn number_from_letter(letter: Option<usize>) -> f64 {
     letter.map_or(0.0, |index| index as f64 + 1.0)
 }
 
-/// The index of a letter for the file's number, or `None` for 0, outside letters.
+/// Returns the index of a letter for the file's letter number, or `None` for 0, outside letters.
 pub fn letter_from_number(number: f64) -> Option<usize> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     (number >= 1.0).then(|| number as usize - 1)

@@ -1,6 +1,6 @@
-//! Flight: motion, estimate, setpoints, motor commands and lights of one drone over time.
+//! Flights: motion, estimate, setpoints, motor commands and lights of one drone over time.
 //!
-//! The simulator and the readers of real logs both make it. Later stages do not depend on which.
+//! Both the simulator and the readers of real logs make flights, and later stages treat both alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,50 +23,51 @@ pub use crate::place::DroneIndex;
 pub use airborne::airborne;
 pub use airborne::{on_floor, rests_on_floor, saturated_s};
 
-/// Column of a simulated flight: time so far, s, with a motor at its limit or the battery's.
+/// Name of the column with the time so far in s during which a motor or the battery was at its
+/// limit, for a simulated flight.
 pub const SATURATED_S: &str = "saturated_s";
-/// Column of a simulated flight: voltage of the battery under load, V.
+/// Name of the column with the battery's voltage under load in V, for a simulated flight.
 pub const BATTERY_V: &str = "battery_v";
-/// Column of a simulated flight: energy drawn from the battery so far, J.
+/// Name of the column with the energy drawn from the battery so far in J, for a simulated flight.
 pub const ENERGY_J: &str = "energy_j";
-/// Column of a simulated flight with the estimator `cooperative`: standard deviation of the
-/// estimated position over all three axes, m, as the estimator has it.
+/// Name of the column with the estimator's standard deviation of the position over all three axes
+/// in m, for a flight simulated with the estimator `cooperative`.
 pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
-/// Column beside it: normalized squared error of the estimated position over its three axes. It is
-/// 1 on average if the estimator's covariance is true.
+/// Name of the column with the normalized squared error of the estimated position (NEES) of the
+/// same flights. The value is 1 on average if the estimator's covariance is correct.
 pub const ESTIMATE_NEES: &str = "estimate_nees";
 
-/// A flight of one drone, sampled over time.
+/// Flight of one drone, sampled over time.
 pub type Flight = Valid<FlightData>;
 
-/// The data of a [`Flight`].
+/// Data of a [`Flight`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FlightData {
-    /// Samples in rising order of time.
+    /// Samples in chronological order.
     pub samples: Vec<FlightSample>,
-    /// Light commands in force at each sample, as received over the radio: one column per
-    /// channel, 0 (off) to 1, each as long as `samples`.
+    /// Light commands in force at each sample, as received over the radio, in one column per
+    /// channel with levels from 0 (off) to 1, each as long as `samples`.
     pub lights: BTreeMap<String, Vec<f64>>,
-    /// Further columns, each as long as `samples`. Of a real log: under the names and in the units
-    /// of the log, held between their own samples. A simulated flight has [`SATURATED_S`] and, if
-    /// the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
+    /// Further columns, each as long as `samples`. For a real log, the columns have the names and
+    /// units of the log, and each value is held until the column's next one. A simulated flight has
+    /// [`SATURATED_S`] and, if the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
-    /// Gaps in a real log: the times of the last sample before and the first sample after each, in
-    /// ascending order. Nothing is known in between, so no line is drawn and no lamp shines there.
+    /// Gaps in a real log, as the times of the last sample before and the first sample after each,
+    /// ascending. Nothing is known about a gap, so that no line is drawn and no lamp shines in it.
     pub gaps: Vec<[f64; 2]>,
-    /// Quantities that the log lacks: zeros in the samples.
+    /// Quantities that the log lacks, and that are zero in the samples.
     pub unlogged: BTreeSet<Quantity>,
-    /// Warnings of the flight.
+    /// Warnings about the flight.
     pub warnings: Vec<Diagnostic>,
 }
 
 impl FlightData {
-    /// True if the flight's log has a quantity.
+    /// True if the flight contains a quantity.
     pub fn has(&self, quantity: Quantity) -> bool {
         !self.unlogged.contains(&quantity)
     }
 
-    /// Last value of a further column, or `None` if the flight lacks it.
+    /// Returns the last value of a further column, or `None` if the flight lacks it.
     pub fn at_end(&self, column: &str) -> Option<f64> {
         self.extra.get(column)?.last().copied()
     }
@@ -77,7 +78,7 @@ impl Rules for FlightData {
     fn check(&self) -> Result<()> {
         check_times(self.samples.iter().map(|sample| sample.time_s))?;
         for (row, sample) in self.samples.iter().enumerate() {
-            // The times are checked separately, and a letter is always a number.
+            // The times are checked separately, and a letter is always a valid number.
             let numbers = sample.numbers();
             if let Some(odd) = numbers[1..].iter().position(|value| !is_number(*value)) {
                 let mut names = Quantity::TABLE.iter().flat_map(|(.., columns)| columns.iter());
@@ -98,28 +99,28 @@ impl Rules for FlightData {
             Some(pair) => {
                 let actual = format!("{} before {}", pair[0], pair[1]);
                 let hint = "give each gap its beginning and its end";
-                Err(Error::input("gaps", actual, "finite times in rising order", hint))
+                Err(Error::input("gaps", actual, "finite times in ascending order", hint))
             }
         }
     }
 }
 
-/// A quantity of a sample, which a log may lack.
+/// Quantity of a sample, which a log may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quantity {
-    /// [`FlightSample::position_m`].
+    /// Position of the drone, [`FlightSample::position_m`].
     Position,
-    /// [`FlightSample::attitude`].
+    /// Attitude of the drone, [`FlightSample::attitude`].
     Attitude,
-    /// [`FlightSample::velocity_body_m_s`].
+    /// Velocity in the body frame, [`FlightSample::velocity_body_m_s`].
     Velocity,
-    /// [`FlightSample::rate_body_rad_s`].
+    /// Angular velocity in the body frame, [`FlightSample::rate_body_rad_s`].
     Rate,
-    /// [`FlightSample::estimate_m`].
+    /// Estimated position, [`FlightSample::estimate_m`].
     Estimate,
-    /// [`FlightSample::design_m`].
+    /// Position of the design, [`FlightSample::design_m`].
     Design,
-    /// [`FlightSample::motors`].
+    /// Motor commands, [`FlightSample::motors`].
     Motors,
 }
 
@@ -135,32 +136,33 @@ impl Quantity {
         (Self::Motors, "motor commands", &["m1", "m2", "m3", "m4"]),
     ];
 
-    /// Its name in messages.
+    /// Returns the name of the quantity in messages.
     pub fn name(self) -> &'static str {
         Self::TABLE[self as usize].1
     }
 }
 
-/// One instant of a flight.
+/// Sample of a flight at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightSample {
-    /// Since the first setpoint, or since the first sample of a real log.
+    /// Time in s since the first setpoint, or since the first sample of a real log.
     pub time_s: f64,
-    /// Body origin in the world.
+    /// Position of the body's origin in the world frame in m.
     pub position_m: Vector3<f64>,
-    /// Attitude of the body in the world.
+    /// Attitude of the body in the world frame.
     pub attitude: Attitude,
-    /// Velocity in the body frame.
+    /// Velocity in the body frame in m/s.
     pub velocity_body_m_s: Vector3<f64>,
-    /// Angular velocity in the body frame.
+    /// Angular velocity in the body frame in rad/s.
     pub rate_body_rad_s: Vector3<f64>,
-    /// Position according to the estimator.
+    /// Estimated position in m.
     pub estimate_m: Vector3<f64>,
-    /// Position of the design at this instant. It is continuous, and the held setpoint in a real
-    /// log.
+    /// Position of the design at this instant in m. In a simulation, this position is continuous.
+    /// In a real log, it is that of the held setpoint.
     pub design_m: Vector3<f64>,
-    /// Motor commands m1…m4, 0…65535.
+    /// Motor commands m1…m4, from 0 to 65535.
     pub motors: [f64; 4],
-    /// Index of the letter that is being written, or `None` during take-off and landing.
+    /// Index of the letter that is being written, or `None` outside letters, such as during
+    /// take-off and landing.
     pub letter: Option<usize>,
 }

@@ -1,8 +1,8 @@
-//! Tables of numbers as CSV: the file form of plans and flights.
+//! Tables of numbers as CSV, the file form of plans and flights.
 //!
-//! One header line, then rows of finite numbers. Unknown columns are allowed. Written numbers are
-//! rounded to a grid of 1e-6 (micrometers, microseconds, microradians) by [`on_grid`], so that a
-//! product reads back from its file bit for bit.
+//! One header line is followed by rows of finite numbers. Unknown columns are kept. Written numbers
+//! are rounded to multiples of 1e-6 (micrometers, microseconds, microradians) by [`on_grid`], so
+//! that reading a product's file reproduces the product bit for bit.
 
 use std::fmt::Display;
 use std::io::Write;
@@ -12,43 +12,43 @@ use crate::error::{Error, Result};
 use crate::files::{Budget, Head, Limit, RowRules, Sheet, Text};
 use crate::product::MAX_QUANTITY;
 
-/// Longest flight: an hour, twelve times a Crazyflie's battery.
+/// Maximum duration of a flight in s, twelve times that of a Crazyflie's battery.
 pub const MAX_DURATION_S: f64 = 3600.0;
 
-/// Code of the error for a longer file.
+/// Code of the error for a file that covers more than [`MAX_DURATION_S`].
 pub const FLIGHT_LONG: &str = "flight-long";
 
-/// Largest number of a table: below it squares and sums stay finite.
+/// Largest magnitude allowed in a table, chosen so that squares and sums stay finite.
 pub const MAX_NUMBER: f64 = 1e30;
 
-/// Latest and earliest time: farther from 0, a microsecond is lost in rounding. Timestamps of this
-/// century are within.
+/// Largest magnitude of a time in s, because rounding loses microseconds beyond it. Unix timestamps
+/// of this century are below this limit.
 const MAX_TIME_S: f64 = 4e9;
 
-/// Largest file: an hour of 36 columns at 100 Hz in numbers of nine digits.
+/// Maximum size of a file, enough for an hour of 36 columns at 100 Hz in numbers of nine digits.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HINT };
 
-/// Multiples of 1e-6 from here on, near 2^52, are not rounded: a double has no finer digits.
+/// Multiples of 1e-6 from which numbers are not rounded, since an `f64` has no finer digits there.
 const MAX_SCALED: f64 = 4.5e15;
 
-/// Rounds to the grid of the files, 1e-6. Negative zero becomes zero.
+/// Rounds a number to a multiple of 1e-6, as files contain it. Negative zero becomes zero.
 ///
-/// Numbers beyond 2^52 · 1e-6 are returned unchanged, because they have no finer digits.
+/// Numbers beyond 2^52 · 1e-6 are returned unchanged, because an `f64` has no finer digits there.
 #[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
     // Adding and subtracting 2^52 rounds to the nearest whole number.
     const TWO_POW_52: f64 = 4_503_599_627_370_496.0;
     let size = (value * 1e6).abs();
     let nearest = (size + TWO_POW_52) - TWO_POW_52;
-    // Half away from zero, as `round`, which is a function call on many processors. Without a
-    // branch, so that a row of numbers is vectorized.
+    // Halves are rounded away from zero as by `round`, which is a function call on many processors.
+    // The steps have no branch, so that the compiler can vectorize a row of numbers.
     let below = nearest - if nearest > size { 1.0 } else { 0.0 };
     let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
     let rounded = (below + above).copysign(value) / 1e6 + 0.0;
     if size < MAX_SCALED { rounded } else { value }
 }
 
-/// A table read from a file: named columns of equal length, of finite numbers if required.
+/// Table read from a file, with named columns of equal length, finite where required.
 #[derive(Debug)]
 pub struct Table {
     file: String,
@@ -60,35 +60,36 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if the file cannot be opened. [`Error::Input`] with line and column if a cell
-    /// is not a finite number, a row is short or long, or the table is too large.
+    /// Returns [`Error::Io`] if the file cannot be opened. Returns [`Error::Input`] with line and
+    /// column for a cell that is not a finite number, a row with too few or too many cells, or a
+    /// table that is too large.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(&LIMIT.read(path)?, &path.display().to_string())
     }
 
-    /// Reads a table from the bytes of its file. `file` is its name in messages.
+    /// Reads a table from the bytes of its file. `file` is the file's name in messages.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`], as [`Self::read`].
+    /// Returns [`Error::Input`] in the cases of [`Self::read`].
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self> {
         let text = Text::decode(bytes);
         let head = Head::find(&text.bytes);
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a head. Columns whose title `is_needed` must have only numbers.
+    /// Reads the rows below a head. A column for whose title `is_needed` is true must have numbers.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`], as [`Self::read`].
+    /// Returns [`Error::Input`] in the cases of [`Self::read`].
     pub fn below(
         head: Head,
         text: &Text<'_>,
         file: &str,
         is_needed: fn(&str) -> bool,
     ) -> Result<Self> {
-        // Numbers and names of columns first, then texts in columns that need numbers.
+        // The whole sheet is read before texts in columns that need numbers are looked for.
         let budget = Budget::new(file, SMALLER_HINT);
         let number = |_, cell: &str| cell.parse().ok().filter(|v: &f64| v.abs() <= MAX_NUMBER);
         let (budget, hint, needs_line_ends) = (&budget, REWRITE_HINT, false);
@@ -98,33 +99,34 @@ impl Table {
         if let Some((column, line, cell)) = sheet.first_text(|column| is_needed(&column.title)) {
             let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
             let place = format!("column {}", column.title);
-            let hint = "write numbers, and times in seconds; or let the program write it again";
+            let hint =
+                "write numbers, with times in seconds, or have the program write the file again";
             let error = Error::input(place, format_args!("{cell:?}"), wanted, hint);
             return Err(error.in_file(file, line as u64));
         }
         Ok(Self { file: file.to_owned(), sheet })
     }
 
-    /// Notes on assumptions about the file, and on omitted rows.
+    /// Returns notes on assumptions about the file, and on omitted rows.
     pub fn notes(&self) -> &[String] {
         &self.sheet.notes
     }
 
-    /// Line of a row, from 1.
+    /// Returns the line number of a row, from 1.
     pub fn line(&self, row: usize) -> usize {
         self.sheet.line(row)
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn n_rows(&self) -> usize {
         self.sheet.n_rows()
     }
 
-    /// A column by name.
+    /// Returns a column by name.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] if there is none.
+    /// Returns [`Error::Input`] if there is no such column.
     pub fn column(&self, name: &str) -> Result<&[f64]> {
         self.find(name).ok_or_else(|| {
             let wanted = format!("a column {name}");
@@ -134,16 +136,16 @@ impl Table {
         })
     }
 
-    /// A column by name, or `None` if there is none.
+    /// Returns a column by name, or `None` if there is no such column.
     pub fn find(&self, name: &str) -> Option<&[f64]> {
         Some(self.columns_after("").find(|(title, _)| *title == name)?.1)
     }
 
-    /// A column of a quantity, with every number within ±1e6.
+    /// Returns a column by name if each of its numbers is within ±1e6.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] if there is none, and with the line of a number beyond ±1e6.
+    /// Returns [`Error::Input`] without such a column, or with the line of a number beyond ±1e6.
     pub fn quantity(&self, name: &str) -> Result<&[f64]> {
         let column = self.column(name)?;
         match column.iter().position(|value| value.abs() > MAX_QUANTITY) {
@@ -155,7 +157,7 @@ impl Table {
         }
     }
 
-    /// The error of a value in a line of a column.
+    /// Returns the error for a value in a line of a column.
     pub(super) fn wrong(
         &self,
         name: &str,
@@ -167,12 +169,12 @@ impl Table {
         Error::input(format!("column {name}"), found, wanted, hint).in_file(&self.file, line as u64)
     }
 
-    /// True if there is a column of this name.
+    /// True if there is a column with this name.
     pub fn has(&self, name: &str) -> bool {
         self.find(name).is_some()
     }
 
-    /// Names without the prefix, and numbers, of all columns whose name begins with `prefix`.
+    /// Returns the columns whose names begin with `prefix`, each with the rest of its name.
     pub fn columns_after<'a>(
         &'a self,
         prefix: &'a str,
@@ -183,17 +185,18 @@ impl Table {
         })
     }
 
-    /// A column of times in seconds.
+    /// Returns a column of times in seconds.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for an empty column, and with the line of a time that falls, or that is
-    /// more than an hour after the first.
+    /// Returns [`Error::Input`] for an empty column, and with the line of a time that is earlier
+    /// than the one before it, or more than an hour after the first.
     pub fn times_s(&self, name: &str) -> Result<&[f64]> {
         self.times_in(name, 1.0)
     }
 
-    /// A column of times in a unit of `unit_s`, with the errors of [`Self::times_s`].
+    /// Returns a column of times in units of `unit_s` seconds. Errors are those of
+    /// [`Self::times_s`].
     pub fn times_in(&self, name: &str, unit_s: f64) -> Result<&[f64]> {
         let times = self.column(name)?;
         if times.is_empty() {
@@ -218,26 +221,26 @@ impl Table {
     }
 }
 
-/// Advice on a flight of more than an hour.
+/// Hint for a flight of more than an hour.
 pub const MILLISECONDS_HINT: &str =
     "are these milliseconds? Convert them to seconds, or cut the file to one flight";
 
-const SMALLER_HINT: &str = "thin the log out, or cut it into parts";
+const SMALLER_HINT: &str = "reduce the rate of the log, or split it into parts";
 
-pub(super) const REWRITE_HINT: &str = "correct the file, or let the program write it again";
+pub(super) const REWRITE_HINT: &str = "correct the file, or have the program write it again";
 
-/// Writes a table: the header, then each row of numbers on the grid of 1e-6.
+/// Writes a table, its header and then each row of numbers, rounded to multiples of 1e-6.
 ///
 /// # Errors
 ///
-/// Those of the writer.
+/// Returns the errors of the writer.
 pub fn write_table(
     out: &mut impl Write,
     header: &[String],
     rows: impl Iterator<Item = impl IntoIterator<Item = f64>>,
 ) -> std::io::Result<()> {
     writeln!(out, "{}", header.join(","))?;
-    // One buffer holds all lines. Each number ends with a comma, and the last comma becomes the
+    // One buffer is used for all lines. Each number ends with a comma, the last of which becomes a
     // line end.
     let mut line = Vec::new();
     for row in rows {
@@ -253,10 +256,10 @@ pub fn write_table(
     Ok(())
 }
 
-/// Appends a number of the grid in as few digits as it needs: the bytes of `Display` in a fraction
-/// of its time, for the 300,000 numbers of a flight.
+/// Appends a multiple of 1e-6 in as few digits as it needs, with the same bytes as `Display`, but
+/// faster because a flight has 300,000 numbers.
 fn push_number(line: &mut Vec<u8>, value: f64) {
-    /// Index of the decimal point: up to 17 digits before it and six after.
+    /// Index of the decimal point, which leaves room for 17 digits before it and six after it.
     const POINT: usize = 17;
     let scaled = (value * 1e6).abs();
     if scaled >= MAX_SCALED {
@@ -269,8 +272,8 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
         line.push(b'-');
     }
     let (mut whole, mut part) = (millionths / 1_000_000, (millionths % 1_000_000) as u32);
-    // From the last digit to the first, six after the point: divided by constants, which the
-    // compiler turns into multiplications.
+    // The digits are filled from the last to the first by division by constants, which the compiler
+    // turns into multiplications.
     let mut digits = [b'.'; POINT + 7];
     for digit in digits[POINT + 1..].iter_mut().rev() {
         *digit = b'0' + (part % 10) as u8;
@@ -286,7 +289,7 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
         }
     }
     let last = digits.iter().rposition(|digit| *digit != b'0').unwrap_or(first);
-    // Without a part, neither zeros nor point.
+    // Zeros at the end of the fraction are left out, and so is the point if no digit follows it.
     line.extend_from_slice(&digits[first..if last == POINT { POINT } else { last + 1 }]);
 }
 

@@ -1,37 +1,38 @@
-//! Unit of timestamps without a name for it, by their steps.
+//! Detection of the unit of timestamps from their steps, if the log does not name it.
 
 use crate::statistics::median;
 
-/// The firmware's slowest log block: its period has one byte, in units of 10 ms.
+/// Period in s of the firmware's slowest log block, which is stored in one byte in units of 10 ms.
 pub const SLOWEST_PERIOD_S: f64 = 2.55;
 
-/// The shortest step of any log, and the usual steps. The firmware logs every 10 ms at most.
+/// Shortest step of any log, and shortest usual step, in s. The firmware logs at 100 Hz at most.
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
-/// Shorter than any flight whose log is worth reading. In ms, timestamps at 1 Hz last less.
+/// Duration in s that is too short for a flight whose log is worth reading. A log whose timestamps
+/// at 1 Hz were in ms would be shorter than this.
 const SHORTEST_FLIGHT_S: f64 = 0.5;
 
-/// Numbers of today's days, as spreadsheets, MATLAB and Julian days count them.
+/// Ranges of present-day day numbers as spreadsheets, MATLAB and Julian days count them.
 const DAY_NUMBERS: [std::ops::Range<f64>; 3] = [3e4..8e4, 7e5..8e5, 2.4e6..2.5e6];
 
-/// Evidence for a unit.
+/// Detected unit of timestamps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundUnit {
-    /// In s.
+    /// Unit in s.
     pub unit_s: f64,
-    /// The usual step, in that unit.
+    /// Median step between timestamps, in that unit.
     pub step: f64,
-    /// True if another unit would do, too.
+    /// True if another unit is also plausible.
     pub in_doubt: bool,
 }
 
-/// Guesses the unit of timestamps from the step between them. A Crazyflie logs every
-/// 0.1 ms to 2.55 s. A larger step is in ms, from a thousand on in µs, from a million on in ns. A
-///   smaller number is in the first of minutes, hours and days that gives a usual step, or in days
-///   if the timestamps are today's dates. Steps of 1 in whole numbers are ms, except with several
-///   rows a timestamp, or if the log would be shorter than a flight. Any other step stays in
-///   seconds.
+/// Guesses the unit of timestamps from the step between them. The period of a Crazyflie's log is
+/// from 0.1 ms to 2.55 s. A larger step is taken to be in ms, or from a thousand on in µs, and from
+/// a million on in ns. A smaller step is taken to be in the first of minutes, hours and days in
+/// which it is a usual step, or in days if the timestamps are present-day dates. Whole-number steps
+/// of 1 are taken to be in ms, unless several rows have the same timestamp, or the log would be
+/// shorter than a flight. Any other step is taken to be in seconds.
 pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
     // The median step decides, together with the limits of logs and flights.
     let steps = timestamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
@@ -54,7 +55,7 @@ pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
         step if are_whole && step > 0.0 && (step > 1.0 || is_rising && is_long) => 1e-3,
         _ => 1.0,
     };
-    // The step is rounded for messages.
+    // The step is rounded so that messages are short.
     let per_unit = if step < 1e-3 { 1e10 } else { 1e6 };
     let step = (step * per_unit).round() / per_unit;
     let in_doubt = unit_s == 1.0 && step > 0.5 && (!are_whole || is_rising && !is_long);

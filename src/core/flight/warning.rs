@@ -1,35 +1,35 @@
-//! Warnings of a flight.
+//! Warnings about a flight.
 
 use std::collections::BTreeSet;
 
 use super::Quantity;
 use crate::diagnostic::Diagnostic;
 
-/// Code of quantities that a log lacks.
+/// Code of the warning that a log lacks quantities.
 pub const UNLOGGED: &str = "unlogged";
-/// Code of a time without two base stations in sight. Its figure is `lasts_s`.
+/// Code of the warning that fewer than two base stations saw the drone for `lasts_s` seconds.
 pub const UNSEEN: &str = "unseen";
-/// Codes of a battery that cannot give the thrust, or is empty.
+/// Codes of the warnings that the battery cannot provide the thrust, and that it is empty.
 pub const BATTERY: [&str; 2] = ["battery-weak", "battery-empty"];
 
-/// The warning that a motor was at its limit while the drone wrote.
+/// Makes the warning that a motor was at its limit while the drone wrote.
 pub fn motor_at_limit(lasts_s: f64) -> Diagnostic {
     let message = format!("a motor was at its limit for {lasts_s:.2} s while writing");
     Diagnostic::warning("motor-at-limit", message).with("lasts_s", lasts_s)
 }
 
-/// The warning that the battery could not give the thrust asked for.
+/// Makes the warning that the battery could not provide the required thrust.
 pub fn battery_weak(lasts_s: f64) -> Diagnostic {
-    let message = format!("the battery could not give the thrust asked for during {lasts_s:.2} s");
+    let message = format!("the battery could not provide the required thrust for {lasts_s:.2} s");
     Diagnostic::warning(BATTERY[0], message).with("lasts_s", lasts_s)
 }
 
-/// The warning that the battery was empty and the motors stopped.
+/// Makes the warning that the battery was empty and the motors stopped.
 pub fn battery_empty() -> Diagnostic {
     Diagnostic::warning(BATTERY[1], "the battery was empty and the motors stopped")
 }
 
-/// The warning that fewer than two base stations saw the drone.
+/// Makes the warning that fewer than two base stations saw the drone.
 pub fn unseen(lasts_s: f64) -> Diagnostic {
     let message = format!("fewer than two base stations saw the drone for {lasts_s:.2} s");
     Diagnostic::warning(UNSEEN, message)
@@ -37,13 +37,13 @@ pub fn unseen(lasts_s: f64) -> Diagnostic {
         .helped("move the base stations, or the word (see `coverage`)")
 }
 
-/// The warning that the motors stopped because the host was silent.
+/// Makes the warning that the motors stopped because the host was silent.
 pub fn host_silent(stopped_s: f64) -> Diagnostic {
-    let message = format!("no setpoint came for 2 s and the motors stopped at {stopped_s:.1} s");
+    let message = format!("no setpoint arrived for 2 s, so the motors stopped at {stopped_s:.1} s");
     Diagnostic::warning("host-silent", message).with("time_s", stopped_s)
 }
 
-/// The warning that the drone stayed on the floor although its plan rises.
+/// Makes the warning that the drone stayed on the floor although its plan rises.
 pub fn grounded(largest_command: f64) -> Diagnostic {
     let message = format!(
         "the drone never left the floor: its motor commands reach {largest_command:.1} of 65535 (are they \
@@ -52,7 +52,7 @@ pub fn grounded(largest_command: f64) -> Diagnostic {
     Diagnostic::warning("grounded", message).with("motors", largest_command)
 }
 
-/// The warning that a log lacks quantities (zeros in the samples), or `None` if it lacks none.
+/// Makes the warning that a log lacks quantities, which are 0 in the samples, or returns `None`.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
     let message = format!("not in the log: {}", names.join(", "));

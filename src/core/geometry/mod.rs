@@ -1,8 +1,10 @@
-//! Poses, frames, polylines and solids: the only place where one frame is turned into another.
+//! Conversion of poses and frames, with polylines and solids. No other module converts between
+//! frames.
 //!
-//! World: z up, x to the viewer's right in the written word, y into the scene. The word stands in
-//! the x-z plane. Body: x forward, y left, z up. Attitude: yaw ψ, pitch θ, roll φ with
-//! `world_from_body = Rz(ψ) Ry(θ) Rx(φ)`, the convention of the reference flight.
+//! In the world frame, z points up, x to the viewer's right along the word, and y into the scene.
+//! The word is in the x-z plane. In the body frame, x points forward, y left and z up. Attitudes
+//! consist of yaw ψ, pitch θ and roll φ with `world_from_body = Rz(ψ) Ry(θ) Rx(φ)`, the convention
+//! of the reference flight.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -14,15 +16,15 @@ pub use polyline::{Chords, arc_lengths, bounds, distance};
 pub use polyline::{polyline_length_m, segment_distance, simplify};
 pub use solid::Solid;
 
-/// Attitude of a body as yaw, pitch and roll. In JSON an array of the three.
+/// Attitude of a body as yaw, pitch and roll. In JSON, it is an array of these three angles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(into = "[f64; 3]")]
 pub struct Attitude {
-    /// ψ, about world z.
+    /// Yaw ψ about world z in rad.
     pub yaw_rad: f64,
-    /// θ, about the yawed y axis, positive nose down.
+    /// Pitch θ about the yawed y axis in rad, positive with the nose down.
     pub pitch_rad: f64,
-    /// φ, about body x.
+    /// Roll φ about body x in rad.
     pub roll_rad: f64,
 }
 
@@ -33,9 +35,9 @@ impl From<Attitude> for [f64; 3] {
 }
 
 impl Attitude {
-    /// The rotation that turns body vectors into world vectors: `Rz(ψ) Ry(θ) Rx(φ)`.
+    /// Returns the rotation from body to world vectors, `Rz(ψ) Ry(θ) Rx(φ)`.
     pub fn world_from_body(&self) -> Matrix3<f64> {
-        // The product of the three rotations, written out.
+        // The matrix is the product of the three rotations.
         let (sy, cy) = libm::sincos(self.yaw_rad);
         let (sp, cp) = libm::sincos(self.pitch_rad);
         let (sr, cr) = libm::sincos(self.roll_rad);
@@ -53,31 +55,32 @@ impl Attitude {
     }
 }
 
-/// The rotation that turns world vectors into camera vectors (x right, y down, z forward) for a
-/// camera that looks along `forward` and holds its horizon level.
+/// Returns the rotation from world vectors to camera vectors (x right, y down, z forward) for a
+/// camera that looks along `forward` with a level horizon.
 ///
-/// Looking straight up or down leaves the horizon open. World x is then taken as right.
+/// If the camera looks straight up or down, the horizon is undefined. In that case, right is world
+/// x.
 ///
 /// # Panics
 ///
-/// If `forward` is zero.
+/// Panics if `forward` is zero.
 pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
     assert!(forward.norm() > 0.0, "a camera must look somewhere");
     let forward = forward.normalize();
-    // Rows are the axes of the camera in the world.
+    // The rows are the axes of the camera in the world frame.
     let side = forward.cross(&Vector3::z());
     let right = if side.norm() > 1e-9 { side.normalize() } else { Vector3::x() };
     let down = forward.cross(&right);
     Matrix3::from_rows(&[right.transpose(), down.transpose(), forward.transpose()])
 }
 
-/// The rotation that turns world vectors into camera vectors (x right, y down, z forward), for a
-/// camera whose attitude is the quaternion `w, x, y, z` and which, unturned, looks along -z with x
-/// to its right and y up (Blender, Skybrush's `.skyc`, glTF).
+/// Returns the rotation from world vectors to camera vectors (x right, y down, z forward) for a
+/// camera with the orientation quaternion `w, x, y, z`. Without rotation, the camera looks along -z
+/// with x to its right and y up (Blender, Skybrush's `.skyc`, glTF).
 ///
 /// # Panics
 ///
-/// If the quaternion is zero.
+/// Panics if the quaternion is zero.
 pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     let quaternion = nalgebra::Quaternion::new(w, x, y, z);
     assert!(quaternion.norm() > 0.0, "a quaternion of zeros is not an attitude");
@@ -86,7 +89,8 @@ pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
 }
 
-/// A vector rotated about the vertical axis, from x toward y. Zero leaves every bit.
+/// Returns a vector rotated about the vertical axis, from x toward y. A rotation by zero preserves
+/// every bit of the vector.
 #[inline]
 pub fn turned(vector: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
     if angle_rad == 0.0 {

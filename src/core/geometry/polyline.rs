@@ -1,7 +1,7 @@
 //! Polylines in a plane, in any unit of length.
 
-/// The box around points: left, bottom, right, top. Without points it is infinite, with left beyond
-/// right and bottom beyond top.
+/// Returns the box around points, as left, bottom, right, top. Without points, the box is infinite,
+/// with left beyond right and bottom beyond top.
 pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
     let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     points.into_iter().fold(empty, |[left, bottom, right, top], [x, y]| {
@@ -9,12 +9,12 @@ pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
     })
 }
 
-/// Distance of two points.
+/// Returns the distance between two points.
 pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
-/// Distance of a point from a segment.
+/// Returns the distance of a point from a segment.
 pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;
@@ -24,7 +24,8 @@ pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -
     libm::hypot(x - ax - t * dx, y - ay - t * dy)
 }
 
-/// Arc length from the first point to each point of a line. Empty for an empty line.
+/// Returns the arc lengths from the first point of a line to each point. An empty line has no
+/// segments.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut arc_length = 0.0;
     let later = line.windows(2).map(|ends| {
@@ -34,18 +35,19 @@ pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     line.first().map(|_| 0.0).into_iter().chain(later).collect()
 }
 
-/// Length of a polyline.
+/// Returns the length of a polyline.
 pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
     points_m.windows(2).map(|ends| distance(ends[0], ends[1])).sum()
 }
 
-/// Indices of the points that a simplified line within `error` keeps (Ramer, Douglas and Peucker).
+/// Returns the indices of the points that simplification to within `error` keeps (Ramer, Douglas
+/// and Peucker).
 pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
     }
-    // The ends are kept. In each span between kept points, the farthest point is kept if it is off
-    // by more than the error, and splits the span in two.
+    // Both ends of the line remain. In each span between remaining points, the farthest point
+    // remains and splits the span in two if its distance exceeds the error.
     let mut keep = vec![false; line.len()];
     (keep[0], keep[line.len() - 1]) = (true, true);
     let mut spans = vec![(0, line.len() - 1)];
@@ -70,7 +72,7 @@ pub struct Chords<const N: usize> {
 }
 
 impl<const N: usize> Chords<N> {
-    /// Chords of every gradient.
+    /// Chords of any gradient.
     pub const ALL: Self = Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
     /// Keeps only the chords whose offset after `elapsed_s` is between `low` and `high`.
@@ -81,7 +83,7 @@ impl<const N: usize> Chords<N> {
         }
     }
 
-    /// True if they include the chord to a sample at `offset` after `elapsed_s`.
+    /// True if these chords include the one to a sample at `offset` after `elapsed_s`.
     pub fn contain(&self, offset: [f64; N], elapsed_s: f64) -> bool {
         (0..N).all(|i| (self.least[i]..=self.greatest[i]).contains(&(offset[i] / elapsed_s)))
     }

@@ -2,30 +2,30 @@
 
 use nalgebra::Vector3;
 
-/// A convex solid. Its distance has one minimum along a straight path.
+/// Convex solid. The distance from a solid has a single minimum along a straight path.
 #[derive(Clone, Debug)]
 pub enum Solid {
-    /// All places within a radius of a box, whose ends may be equal or infinite.
+    /// All positions within a radius of a box, whose ends may be equal or infinite.
     Block {
-        /// Ends along x, y and z.
+        /// Ends of the box along x, y and z in m.
         ends_m: [[f64; 2]; 3],
-        /// The radius.
+        /// Radius around the box in m.
         radius_m: f64,
     },
-    /// A plane: a point, and the unit normal.
+    /// Plane, given by a point and its unit normal.
     Plane(Vector3<f64>, Vector3<f64>),
 }
 
 impl Solid {
-    /// An upright pillar without ends.
+    /// Makes an upright pillar of infinite height.
     pub fn pillar([x_m, y_m]: [f64; 2], radius_m: f64) -> Self {
         let ends_m = [[x_m; 2], [y_m; 2], [f64::NEG_INFINITY, f64::INFINITY]];
         Self::Block { ends_m, radius_m }
     }
 
-    /// Distance of a position from the solid, or 0 within.
+    /// Returns the distance of a position from the solid in m, or 0 inside it.
     pub fn distance_m(&self, position_m: &Vector3<f64>) -> f64 {
-        // Distance of a coordinate from an interval.
+        // Each coordinate has a distance from an interval of the block.
         let beyond_m = |[low, high]: [f64; 2], m: f64| (low - m).max(m - high).max(0.0);
         let distance_m = match self {
             Self::Block { ends_m: [x, y, z], radius_m } => {
@@ -37,16 +37,16 @@ impl Solid {
         distance_m.max(0.0)
     }
 
-    /// Least distance along a straight path, by ternary search, or `None` if it is not below
-    /// `most_m`.
+    /// Returns the minimum distance along a straight path, by ternary search, or `None` from
+    /// `most_m` on.
     pub fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
         let distance_at = |fraction: f64| self.distance_m(&from_m.lerp(&to_m, fraction));
-        // A distance changes by no more than the path is long.
+        // Along a path, the distance changes by no more than the path's length.
         if distance_at(0.0) - (to_m - from_m).norm() >= most_m {
             return None;
         }
-        // The distance from a convex solid is convex along the path, so it has one minimum. 36
-        // steps narrow the search to 5e-7 of the path.
+        // The distance from a convex solid is convex along the path, so that it has a single
+        // minimum. 36 steps narrow the search to 5e-7 of the path.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..36 {
             let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];

@@ -1,31 +1,32 @@
-//! Light channels: their names in a plan, and their firmware parameters.
+//! Light channels, with their names in a plan and their firmware parameters.
 
 use super::{COLOR_LED_COLORS, RING_COLORS};
 
-/// A light channel that a deck of Bitcraze's listens to. A custom lamp names its parameter in its
-/// row of the emitter table ([`super::Fixture::parameter`]).
+/// Light channel to which one of Bitcraze's decks responds. For a custom lamp, its row of the
+/// emitter table names the parameter ([`super::Fixture::parameter`]).
 #[derive(Debug, PartialEq)]
 pub struct Channel {
     /// Name of the channel and of its column in a plan.
     pub name: &'static str,
-    /// The firmware parameter that it sets.
+    /// Firmware parameter that the channel sets.
     pub parameter: &'static str,
-    /// Channels of a plan for its color, as bytes of the parameter from the last one on, or a pin's
-    /// none.
+    /// Channels of a plan that set the color, in the order of the parameter's bytes, or empty for a
+    /// pin.
     pub colors: &'static [&'static str],
-    /// The channel's deck, and parameters `deck.*`, one of which is set if it is attached.
+    /// Name of the deck, and the firmware parameters `deck.*`, one of which is set if the deck is
+    /// present.
     pub deck: (&'static str, &'static [&'static str]),
-    /// Parameters that make it ready and dark before a flight that it lights.
+    /// Parameters that make the lamp ready and dark before a flight in which it is lit.
     pub ready: &'static [(&'static str, u32)],
-    /// Parameters that keep it dark in a flight that it does not light.
+    /// Parameters that keep the lamp dark in a flight in which it is not lit.
     pub idle: &'static [(&'static str, u32)],
 }
 
 const RING_DECK: (&str, &[&str]) = ("the ring", &["bcLedRing"]);
 
-/// The light channels of Bitcraze's decks (firmware `ledring12.c`, `color_led_deck.c`): the
-/// headlights are a pin. The ring shows `ring.fadeColor` under effect 14, one write for three
-/// colors. The color LED deck has four dies.
+/// Light channels of Bitcraze's decks (firmware `ledring12.c`, `color_led_deck.c`), of which the
+/// headlights are a pin. With effect 14, the ring shows `ring.fadeColor`, so that a single write
+/// sets all three colors. The color LED deck has four dies.
 pub const CHANNELS: [Channel; 3] = [
     Channel {
         name: "headlights",
@@ -53,15 +54,15 @@ pub const CHANNELS: [Channel; 3] = [
     },
 ];
 
-/// The channel of the ring.
+/// Channel of the ring.
 pub const RING: &Channel = &CHANNELS[1];
-/// The channel of the color LED deck.
+/// Channel of the color LED deck.
 pub const COLOR_LED: &Channel = &CHANNELS[2];
-/// The channel that the reference team's letters drive.
+/// Name of the channel that the reference team's letters drive.
 pub const HEADLIGHTS: &str = CHANNELS[0].name;
 
 impl Channel {
-    /// The channel of a deck with this name, or `None` for the channel of a custom lamp.
+    /// Returns the channel of a deck with this name, or `None` for the channel of a custom lamp.
     pub fn named(name: &str) -> Option<&'static Self> {
         CHANNELS.iter().find(|channel| channel.name == name)
     }

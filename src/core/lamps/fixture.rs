@@ -1,4 +1,4 @@
-//! Fixtures: rows of the emitter table, with position, beam and drive of each lamp.
+//! Fixtures, the rows of the emitter table, which give the position, beam and drive of each lamp.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,44 +7,44 @@ use crate::error::{Error, Result, within};
 use crate::settings::{Described, joined, settings};
 
 settings! {
-    /// A lamp on the drone: one row of the emitter table.
+    /// A lamp on the drone, which is one row of the emitter table.
     pub struct Fixture {
-        /// Name in tables and messages.
+        /// Name of the lamp in tables and messages.
         name: String = "lamp".to_owned();
-        /// The condition that turns the lamp on.
+        /// Condition that turns the lamp on.
         drive: Drive = Drive::Always;
-        /// Position on the body: x forward, y left, z up.
+        /// Position on the body, with x forward, y left, z up.
         position_body_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
-        /// Axis of its beam, in the body frame.
+        /// Axis of the beam in the body frame.
         axis_body: [f64; 3] = [1.0, 0.0, 0.0], in -1e3..=1e3;
-        /// Light-emitting dies: one, or several of different colors with separate drives.
+        /// Light-emitting dies, either one or several of different colors with separate drives.
         dies: Vec<Die> = vec![Die::default()];
-        /// Exponent m of the beam shape: intensity falls as cosᵐ of the angle off axis. 1 is a
-        /// Lambertian lamp.
+        /// Exponent m of the beam shape, in which intensity falls as cosᵐ of the angle from the
+        /// axis. An exponent of 1 is a Lambertian lamp.
         beam_exponent: f64 = 1.0, in 0.0..=1000.0;
-        /// Isotropic fraction: intensity in all directions relative to that on the axis.
+        /// Isotropic fraction, the intensity in all directions relative to that on the axis.
         spill: f64 = 0.0, in 0.0..=1.0;
-        /// Cosine of the angle off axis beyond which the body hides the lamp: −1 for nowhere, 0
-        /// beyond a right angle.
+        /// Cosine of the angle from the axis beyond which the body hides the lamp, which is −1 if
+        /// no angle is hidden, and 0 for a right angle.
         visible_cos: f64 = -1.0, in -1.0..=1.0;
         /// Diameter of the luminous disc.
         diameter_m: f64 = 0.003, in 0.0..=1.0;
-        /// Depth along its axis of a luminous cylinder of that diameter, such as a diffuser, which
-        /// is as wide and as high as it looks from the camera, or a disc that faces the camera if
-        /// left out.
+        /// Depth along the axis of a luminous cylinder of that diameter, such as a diffuser, whose
+        /// width and height are those that the camera sees. If left out, the lamp is a disc that
+        /// faces the camera.
         depth_m: Option<f64> = None, in 0.0..=1.0;
-        /// Bit in the parameter led.bitmask of the firmware, if it has one.
+        /// Bit of the lamp in the firmware parameter led.bitmask, if the lamp has one.
         ///
-        /// `led.c`.
+        /// Source: `led.c`.
         bitmask_bit: Option<u8> = None, in 0.0..=6.0;
-        /// Firmware parameter of its light channel, such as `deckled.level`. Lamps of Bitcraze's
-        /// decks have fixed parameters.
+        /// Firmware parameter of the lamp's light channel, such as `deckled.level`. The parameters
+        /// of lamps on Bitcraze's decks are fixed.
         parameter: Option<String> = None;
-        /// Value of that parameter at full level, or 1 for a switch.
+        /// Value of the parameter at full level, or 1 for a switch.
         parameter_max: u32 = 1, in 1.0..=4_294_967_295.0;
     }
 
-    /// A die of a lamp.
+    /// A light-emitting die of a lamp.
     pub struct Die {
         /// Luminous intensity along the axis at full level.
         intensity_cd: f64 = 1.0, in 0.0..=1e6;
@@ -53,40 +53,41 @@ settings! {
     }
 }
 
-/// Drive of a lamp.
+/// Source that drives a lamp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Drive {
-    /// A light channel of the plan. Changes wait for the radio and the lamp timer of the firmware.
+    /// Light channel of the plan that commands the lamp. Changes of its level wait for the radio
+    /// and for the lamp timer of the firmware.
     Command(String),
-    /// Power: always on.
+    /// Supply voltage, which means that the lamp is always on.
     Always,
-    /// A sequence of the firmware (`ledseq.c`).
+    /// LED sequence of the firmware (`ledseq.c`).
     Blink {
-        /// Duration of a flash.
+        /// Duration of a flash in s.
         on_s: f64,
-        /// Time from one flash to the next.
+        /// Time from one flash to the next in s.
         period_s: f64,
-        /// Start of the first flash.
+        /// Start of the first flash in s.
         phase_s: f64,
     },
-    /// Random flashes too short to be distinguished: the mean level of every 0.1 s is their number.
+    /// Random flashes too short to be distinguished, whose number gives the level of every 0.1 s.
     Flicker {
         /// Mean number of flashes per second.
         flashes_hz: f64,
-        /// Duration of a flash.
+        /// Duration of a flash in s.
         flash_s: f64,
     },
-    /// The effect of the LED ring at this LED, 0 to 11 (`ledring12.c`).
+    /// Effect of the LED ring at this LED, 0 to 11 (`ledring12.c`).
     Ring(usize),
-    /// The color LED deck: four dies white, red, green, blue (`color_led_deck.c`).
+    /// Color LED deck, whose four dies are white, red, green and blue (`color_led_deck.c`).
     ColorLed,
 }
 
 impl Described for Drive {
     /// Checks the numbers of a blink or a flicker.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        // Key, value and range of each number.
+        // Each range has a key, a value, a minimum and a maximum.
         let ranges = match *self {
             Self::Blink { on_s, period_s, phase_s } => vec![
                 ("blink.period_s", period_s, 0.001, 1e6),
@@ -105,7 +106,7 @@ impl Described for Drive {
 }
 
 impl Drive {
-    /// The light channel of a plan that the lamp follows, or `None` if it follows none.
+    /// Returns the light channel of a plan that the lamp follows, or `None` if it follows none.
     pub fn channel(&self) -> Option<&str> {
         match self {
             Self::Command(channel) => Some(channel),
@@ -116,13 +117,15 @@ impl Drive {
     }
 }
 
-/// LEDs of the ring.
+/// Number of LEDs on the ring.
 pub const RING_LEDS: usize = 12;
 
 impl Fixture {
-    /// Checks that axis, dies and drive fit together. `key` names the table.
+    /// Checks that the axis is not zero, that the chromaticities exist, and that parameter and dies
+    /// suit the drive. `key` names the table in messages.
     pub(super) fn check_drive(&self, key: &str) -> Result<()> {
-        // Ranges beyond those of single settings, then the parameter, then what the drive needs.
+        // Limits across several numbers are checked first, then the parameter, then the number of
+        // dies that the drive requires.
         let place = |field: &str| format!("{key} `{}`: {field}", self.name);
         let length_sq: f64 = self.axis_body.iter().map(|value| value * value).sum();
         within(&place("axis_body (length squared)"), length_sq, 1e-6, 1e6)?;
@@ -139,12 +142,12 @@ impl Fixture {
             Drive::Ring(_) | Drive::ColorLed | Drive::Command(_) | Drive::Always => return Ok(()),
             Drive::Blink { .. } | Drive::Flicker { .. } => return Ok(()),
         };
-        let hint = "the printed scene has the rows of every known deck";
+        let hint = "a printed scene contains the rows of every known deck";
         Err(Error::input(place("drive and dies"), actual, wanted, hint))
     }
 
-    /// Checks that the parameter, if there is one, is a full name, and of a lamp with a channel
-    /// that is not a deck's: exports set no other.
+    /// Checks that the parameter, if there is one, is a full name, and that the lamp has a channel
+    /// that is not a deck's, because exports set no other parameters.
     fn check_parameter(&self, key: &str) -> Result<()> {
         let Some(parameter) = &self.parameter else { return Ok(()) };
         fn is_name(part: &str) -> bool {
@@ -153,12 +156,13 @@ impl Fixture {
         let is_full_name =
             parameter.split_once('.').is_some_and(|(group, name)| is_name(group) && is_name(name));
         let (wanted, hint) = match self.drive.channel() {
-            _ if !is_full_name => {
-                ("group.name of letters, digits and _", "the firmware's list of parameters has it")
-            }
-            None => ("no parameter: nothing commands this lamp", "set drive.command"),
+            _ if !is_full_name => (
+                "group.name of letters, digits and _",
+                "choose it from the firmware's list of parameters",
+            ),
+            None => ("no parameter, because nothing commands this lamp", "set drive.command"),
             Some(channel) if Channel::named(channel).is_some() => (
-                "no parameter: the channel belongs to a deck",
+                "no parameter, because the channel belongs to a deck",
                 "give the lamp a separate channel: drive.command",
             ),
             Some(_) => return Ok(()),

@@ -1,4 +1,4 @@
-//! Lamps: description of a drone's decks, lamps and light channels, without pixels.
+//! Description of a drone's decks, lamps and light channels, without pixels.
 
 mod channel;
 mod fixture;
@@ -10,31 +10,32 @@ pub use fixture::{Die, Drive, Fixture, RING_LEDS};
 pub use options::{ColorLedLevels, LightOptions, RingColor, RingEffect, RingFade};
 pub use tables::Deck;
 
-/// Channels of a plan for the color of the ring.
+/// Channels of a plan that set the color of the ring.
 pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];
-/// Channels of a plan for the color of the color LED deck. Without them it is the color of the
-/// letter.
+/// Channels of a plan that set the color of the color LED deck. Without these channels, the deck
+/// has the color of the letter.
 pub const COLOR_LED_COLORS: [&str; 4] =
     ["color-led.white", "color-led.red", "color-led.green", "color-led.blue"];
 
-/// The bytes of a color, dimmed to a level from 0 to 1, as one number with the first byte highest:
-/// the form of the decks' parameters.
+/// Packs the bytes of a color, dimmed to a level from 0 to 1, into one number with the first byte
+/// highest, which is the form of the decks' parameters.
 pub fn packed(bytes: &[u8], level: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
     bytes.iter().fold(0, |word, byte| word << 8 | dimmed(*byte))
 }
 
-/// A color after the LED memory or the timing memory: packed into 5, 6 and 5 bits by cflib
-/// (`led_driver_memory.py`, `led_timings_driver_memory.py`), expanded by the firmware.
+/// Returns a color as the ring shows it from its LED memory or timing memory, after cflib has
+/// packed it into 5, 6 and 5 bits (`led_driver_memory.py`, `led_timings_driver_memory.py`) and the
+/// firmware has expanded it.
 pub fn ring_memory_rgb([red, green, blue]: [u8; 3]) -> [u8; 3] {
-    // The integer constants of both programs.
+    // The integer constants are those of cflib and the firmware.
     let five_bits = |byte: u8| expanded(((u32::from(byte) * 249 + 1014) >> 11) * 527 + 23);
     let six_bits = |byte: u8| expanded(((u32::from(byte) * 253 + 505) >> 10) * 259 + 33);
     [five_bits(red), six_bits(green), five_bits(blue)]
 }
 
-/// A byte from its multiple by 64.
+/// Returns a byte from 64 times its value.
 fn expanded(scaled: u32) -> u8 {
     u8::try_from(scaled >> 6).unwrap_or(u8::MAX)
 }

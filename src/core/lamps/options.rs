@@ -1,106 +1,109 @@
-//! Options: the lamps of the drone, and how they follow commands.
+//! Options of the drone's lamps and of how they follow commands.
 
 use super::{Deck, Fixture};
 use crate::error::{Result, within};
 use crate::settings::{Described, settings};
 
 settings! {
-    /// The lamps, and how they follow commands.
+    /// The drone's lamps, and how they follow commands.
     ///
-    /// By default those of the reference flight: a Crazyflie 2.x with the LED-ring deck, its ring
-    /// as the firmware starts it, since the team's script never turned it off.
+    /// The defaults are those of the reference flight, a Crazyflie 2.x with the LED-ring deck,
+    /// whose ring shows the firmware's initial effect because the team's script never turned it
+    /// off.
     pub struct LightOptions {
         /// Delay from sending a light command to its arrival in the firmware.
         ///
-        /// One parameter write takes about 20 ms one way (crazyswarm issue 245). Too little hides
-        /// streaks at the ends of strokes.
+        /// One parameter write takes about 20 ms one way (crazyswarm issue 245). With too short a
+        /// delay, streaks at the ends of strokes do not appear in the simulation.
         radio_delay_s: f64 = 0.02, in 0.0..=10.0;
-        /// Period of the lamp timer of the firmware, 0 or at least 0.001. Changes wait for its next
-        /// tick. With 0 the headlights follow at once, and the effects of the ring keep 50 ms.
+        /// Period of the firmware's lamp timer, 0 or at least 0.001. Changes of a lamp take effect
+        /// at the timer's next tick. With a period of 0, the headlights follow immediately, and the
+        /// effects of the ring keep their period of 50 ms.
         ///
-        /// `ledring12.c`.
+        /// Source: `ledring12.c`.
         tick_s: f64 = 0.05, in 0.0..=10.0;
-        /// Parameter led.bitmask of the firmware: with bit 7 set, bits 0 to 6 turn the LEDs of the
-        /// board on, so that 128 turns all of them off. 0 leaves them to the firmware.
+        /// Firmware parameter led.bitmask. With bit 7 set, bits 0 to 6 turn on the LEDs of the
+        /// board, so that 128 turns off all of them. With 0, the firmware controls these LEDs.
         ///
-        /// `led.c`.
+        /// Source: `led.c`.
         led_bitmask: u8 = 0;
-        /// White, red, green, blue of the color LED deck, 0 to 255.
+        /// White, red, green and blue of the color LED deck, 0 to 255.
         ///
-        /// `colorLedBot.wrgb8888`.
+        /// Firmware parameter: `colorLedBot.wrgb8888`.
         color_led_wrgb: [u8; 4] = [255, 0, 0, 0];
-        /// White, red, green, blue of the letters in turn, of the color LED deck or, without white,
-        /// of the ring, or empty if all are alike.
+        /// White, red, green and blue of successive letters, for the color LED deck or, without
+        /// white, for the ring. If empty, all letters have the same color.
         letters_wrgb: Vec<[u8; 4]> = Vec::new();
         /// Brightness correction of the color LED deck.
         ///
-        /// `colorLedBot.brightCorr`. The colors of a drawing are written without it.
+        /// Firmware parameter: `colorLedBot.brightCorr`. A drawing's colors are written without
+        /// this correction.
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
-        /// Deck below the body. Its lamps and the board's are the lamps, unless fixtures lists
-        /// them.
+        /// Deck below the body. If `fixtures` is empty, the drone's lamps are those of the deck and
+        /// the board.
         deck: Deck = Deck::LedRing, unless "light.fixtures";
-        /// The lamps, in place of those of deck and board, one table each. Intensity off axis:
+        /// Lamps that replace those of deck and board, one table each. The intensity off axis is
         /// `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
         fixtures: Option<Vec<Fixture>> = None;
-        /// Effect of the LED ring (ring.effect of the firmware).
+        /// Effect of the LED ring (firmware parameter ring.effect).
         ring: RingEffect = RingEffect::default();
         fixed {
-            /// Jitter of that delay, added with even distribution.
+            /// Maximum of the uniformly distributed jitter in s that is added to the radio delay.
             ///
-            /// An assumption: repeated packets cause it.
+            /// The jitter is an assumption, caused by repeated packets.
             radio_jitter_s: f64 = 0.01;
         }
     }
 
-    /// Effect of the LED ring. The firmware has more than these.
+    /// Effect of the LED ring. The firmware has further effects.
     pub enum RingEffect tagged {
-        /// 6, the default of the firmware: a white and a blue light that run against each other, a
-        /// turn in 0.6 s.
+        /// Effect 6, the default of the firmware, in which a white and a blue light rotate in
+        /// opposite directions, one turn in 0.6 s.
         "double-spin" => DoubleSpin,
-        /// 0: none.
+        /// Effect 0, no light.
         "off" => Off,
-        /// 7: one color, faded in within 1 s when the ring is switched on.
+        /// Effect 7, one color, which fades in within 1 s when the ring is switched on.
         "solid" => Solid(RingColor),
-        /// 13, LED memory: one color for all LEDs, rounded to 16 bits (RGB565).
+        /// Effect 13, LED memory, one color for all LEDs, rounded to 16 bits (RGB565).
         "memory" => Memory(RingColor),
-        /// 14: one color that fades to the next.
+        /// Effect 14, one color that fades into the next.
         "fade" => Fade(RingFade),
     }
 
     /// Color of the ring.
     pub struct RingColor {
-        /// Red, green, blue, 0 to 255, linear in light, unless the plan has the channels ring.red,
-        /// ring.green, ring.blue (1 is 255).
+        /// Red, green and blue, 0 to 255, linear in light, unless the plan has the channels
+        /// ring.red, ring.green and ring.blue (in which 1 corresponds to 255).
         color: [u8; 3] = [20; 3];
     }
 
-    /// Color of the ring, and its fading.
+    /// Color of the ring, and the duration of its fading.
     pub struct RingFade {
-        /// Red, green, blue, 0 to 255, linear in light, unless the plan has the channels ring.red,
-        /// ring.green, ring.blue (1 is 255).
+        /// Red, green and blue, 0 to 255, linear in light, unless the plan has the channels
+        /// ring.red, ring.green and ring.blue (in which 1 corresponds to 255).
         color: [u8; 3] = [20; 3];
-        /// Time from one color to the next (ring.fadeTime).
+        /// Duration of fading from one color to the next (firmware parameter ring.fadeTime).
         fade_s: f64 = 0.5, in 0.0..=1000.0;
     }
 
     /// Brightness correction of the color LED deck.
     pub enum ColorLedLevels {
-        /// Evened out and squared, the default of the firmware: white, red, green and blue are
-        /// scaled by 0.99, 0.78, 0.51 and 1, then `3 + 252 (v/255)²`.
+        /// Equalized and squared, the default of the firmware, which scales white, red, green and
+        /// blue by 0.99, 0.78, 0.51 and 1, respectively, and then converts to `3 + 252 (v/255)²`.
         "corrected" => Corrected,
-        /// None.
+        /// No correction.
         "plain" => Plain,
     }
 }
 
 impl LightOptions {
-    /// The listed lamps, or those of deck and board if none are listed.
+    /// Returns the listed lamps, or those of deck and board if none are listed.
     pub fn fixtures(&self) -> Vec<Fixture> {
         self.fixtures.clone().unwrap_or_else(|| self.deck.fixtures())
     }
 
-    /// White, red, green and blue of the color LED deck on a letter, counted from 0. The colors of
-    /// the letters repeat.
+    /// Returns white, red, green and blue of the color LED deck for a letter, counted from 0. The
+    /// listed colors repeat if there are more letters.
     pub fn wrgb_of(&self, letter: Option<usize>) -> [u8; 4] {
         let colors = &self.letters_wrgb;
         match letter {
@@ -109,8 +112,8 @@ impl LightOptions {
         }
     }
 
-    /// Red, green and blue of the ring on a letter, counted from 0: the letter's, unless it has
-    /// only white, else that of the effect.
+    /// Returns red, green and blue of the ring for a letter, counted from 0, which is the letter's
+    /// color unless that has only white, else the color of the effect.
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {
             ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],
@@ -120,11 +123,11 @@ impl LightOptions {
         }
     }
 
-    /// Checks the ranges.
+    /// Checks that all settings are within their ranges.
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] with the key that is out of range.
+    /// Returns [`crate::error::Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "light", None)?;
         if self.tick_s != 0.0 {

@@ -1,12 +1,12 @@
-//! Tables: the lamps of drones and decks that exist, as rows.
+//! Tables of the lamps on existing drones and decks.
 //!
-//! A scene file lists its rows, so that it makes the same photo when these tables change.
+//! A scene file lists the rows themselves, so that changes of these tables do not change its photo.
 //!
-//! Sources: Bitcraze's data sheets of the LED-ring deck (headlights "> 1800 mcd", twelve WS2812B on
-//! a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
-//! `color_led_deck.h`). WS2812B data sheets (390–420, 660–720, 180–200 mcd at 620, 522, 466 nm,
-//! 120° wide, pulse width at 400 Hz or more). Chromaticities are those of gaussian spectra 20, 35
-//! and 25 nm wide at these wavelengths.
+//! The sources are Bitcraze's data sheets of the LED-ring deck (headlights "> 1800 mcd", twelve
+//! WS2812B on a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
+//! `color_led_deck.h`). WS2812B data sheets give 390–420, 660–720 and 180–200 mcd at 620, 522 and
+//! 466 nm, respectively, a beam 120° wide, and pulse width modulation at 400 Hz or more. The
+//! chromaticities are of Gaussian spectra 20, 35 and 25 nm wide at these wavelengths.
 
 use super::{COLOR_LED, Die, Drive, Fixture, HEADLIGHTS, RING_LEDS};
 use crate::settings::settings;
@@ -18,13 +18,13 @@ settings! {
         "led-ring" => LedRing,
         /// The color LED deck.
         "color-led" => ColorLed,
-        /// None.
+        /// No deck.
         "none" => None,
     }
 }
 
 impl Deck {
-    /// The deck's lamps, and the channel on which it writes unless the scene names others.
+    /// Returns the deck's lamps, and the channel that drives it unless the scene names others.
     fn row(self) -> (Vec<Fixture>, &'static str) {
         match self {
             Self::LedRing => (led_ring(), HEADLIGHTS),
@@ -33,47 +33,49 @@ impl Deck {
         }
     }
 
-    /// The lamps of a Crazyflie 2.x with this deck.
+    /// Returns the lamps of a Crazyflie 2.x with this deck.
     pub fn fixtures(self) -> Vec<Fixture> {
         self.row().0.into_iter().chain(crazyflie()).collect()
     }
 
-    /// The channel on which the deck writes unless the scene names others.
+    /// Returns the channel that drives the deck unless the scene names others.
     pub fn channel(self) -> &'static str {
         self.row().1
     }
 }
 
-/// Red, 622 nm.
+/// Chromaticity of red, 622 nm.
 const RED: [f64; 2] = [0.694, 0.306];
-/// Green, 525 nm.
+/// Chromaticity of green, 525 nm.
 const GREEN: [f64; 2] = [0.151, 0.758];
-/// Blue of the ring, 466 nm.
+/// Chromaticity of the ring's blue, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Blue of the board, 475 nm: in the team's photograph unclipped green has 0.14 of its light.
+/// Chromaticity of the board's blue (475 nm), whose green in the team's photograph is 0.14 of its
+/// light.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
-/// White, as D65.
+/// Chromaticity of white, that of D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
-/// White of the headlights: that of the unclipped parts of the team's photograph.
+/// Chromaticity of the headlights' white, taken from the unclipped parts of the team's photograph.
 const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 
-/// The LEDs on the board of a Crazyflie 2.x, which plans do not control but pictures show.
+/// Returns the LEDs on the board of a Crazyflie 2.x, which plans do not control but pictures show.
 ///
-/// Blue power LEDs at the rear (M2, M3), always lit. Red status LED at the front right (M1), 50 ms
-/// of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`, lines 65 to 69 of
-/// `ledseq.c` at 016e1e7). Link LED at the front left (M4), red for every packet sent
-/// (`radiolinkSyslinkDispatch`, `radiolink.c`), for a tick of 1 ms that its timer cuts short
-/// (`seq_linkup_def` and `runLedseq`, `ledseq.c`), so half of it in the mean. The reference
-/// flight's log of 38 variables in seven blocks, at 10 ms if the radio keeps up, holds 279 packets
-/// a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's photograph,
-/// which shows no green for the packets received.
+/// The blue power LEDs at the rear (M2, M3) are always lit. The red status LED at the front right
+/// (M1) is lit for 50 ms of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`,
+/// lines 65 to 69 of `ledseq.c` at 016e1e7). The link LED at the front left (M4) flashes red for
+/// every packet sent (`radiolinkSyslinkDispatch`, `radiolink.c`), for a 1 ms tick that its timer
+/// cuts short (`seq_linkup_def` and `runLedseq`, `ledseq.c`), which leaves half of it on average.
+/// The reference flight's log of 38 variables in seven blocks, sent every 10 ms if the radio keeps
+/// up, takes 279 packets per second. At 0.2 m/s their flashes are 0.7 mm apart and form a faint
+/// thin line, as in the team's photograph, in which packets received leave no green.
 ///
-/// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class: the light that a small
-/// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on
-/// both axes. The board hides them from below. They are fitted to the team's photograph, in which a
-/// pixel is 3.1 mm. In 536 profiles across an upright blue strand, the green channel exceeds the
-/// levels 240, 200 and 150 over widths of 2.9, 4.0 and 5.3 px (render: 3.4, 4.5, 5.5). A level
-/// strand is about half as wide, as that of a flat disc of light around the LED.
+/// The intensities are assumed to be 40 mcd of blue and 30 mcd of red in every direction, which a
+/// small package (0603 class) and the white solder mask around it send sideways, at the motor
+/// mounts 30 mm from the middle on both axes. From below, the board hides these LEDs. The
+/// intensities are fitted to the team's photograph, in which a pixel is 3.1 mm. In 536 profiles
+/// across an upright blue strand, the green channel exceeds the levels 240, 200 and 150 over widths
+/// of 2.9, 4.0 and 5.3 px, respectively (in our render 3.4, 4.5 and 5.5 px). A level strand is
+/// about half as wide, as if the light came from a flat disc around the LED.
 pub fn crazyflie() -> Vec<Fixture> {
     let (blue, red) = (die(0.04, BOARD_BLUE), die(0.03, RED));
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
@@ -99,8 +101,8 @@ pub fn crazyflie() -> Vec<Fixture> {
             ..Fixture::default()
         });
     }
-    // Reflections of the first three. That of the link is too faint to see. The fractions and
-    // diameters of propeller and body are fitted to the photograph.
+    // The first three LEDs have reflections. The link LED is too faint for one. The fractions and
+    // diameters of the light from propeller and body are fitted to the photograph.
     for led in 0..3 {
         let [x, y, _] = rows[led].position_body_m;
         let propeller_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
@@ -110,12 +112,13 @@ pub fn crazyflie() -> Vec<Fixture> {
     rows
 }
 
-/// A part of the drone that an LED of the board lights, with a fraction of its light.
+/// Returns a part of the drone that an LED of the board lights and that reflects some light.
 ///
-/// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
-/// each red one, 13 to 15 mm farther from the middle of the drone. Blue is unclipped there, at 0.7
-/// of saturation. In the main strand green clips, too. The propeller, a centimeter higher up, is
-/// assumed to reflect it. The body is the motor, its mount and the arm around the LED.
+/// In the team's photograph, a fainter strand runs beside each blue one, and a fainter dot appears
+/// beside each red one, 13 to 15 mm farther from the middle of the drone. In the fainter strand,
+/// blue is unclipped at 0.7 of saturation. In the main strand, the green channel is clipped as
+/// well. The propeller, which is a centimeter higher, is assumed to reflect that light. The body
+/// consists of the motor, its mount and the arm around the LED.
 fn lit_by(
     led: &Fixture,
     part: &str,
@@ -129,31 +132,33 @@ fn lit_by(
     Fixture { name, position_body_m, dies, diameter_m, depth_m: None, ..led.clone() }
 }
 
-/// The LED-ring deck below the body: two headlights forward, twelve RGB LEDs down.
+/// Returns the LED-ring deck below the body, with two headlights forward and twelve RGB LEDs down.
 ///
-/// LED 0 points forward and the numbers run to the right, as in the deck's drawing.
+/// LED 0 points forward, and the numbers increase to the right, as in the deck's drawing.
 ///
-/// Most of a headlight's light that is seen from the side comes off the body. In the team's
-/// photograph a stroke is a band of 11 to 14 px of 3.1 mm, as wide as the front of the drone, at
-/// 0.6 to 0.8 of saturation, with strands that saturate: the headlights', and another 15 mm ahead
-/// of them in the first N and the O's, where the drone is seen from its side. To the right of the
-/// camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
-/// things as far to the left and to the right as the motors are. Its edges are sharp: beyond the
-/// last pixel above level 200, green falls to 0.26, 0.016 and 0.005 of saturation (ours 0.34, 0.023
-/// and 0.005), so that the front of the drone is a block and not a Gaussian lamp. Fitted to it: 1.2
-/// % of a headlight's light goes to its side, arms, mounts and propellers throw back 0.13 cd of
-/// both, and a motor 0.03 cd of each.
+/// Seen from the side, most of a headlight's light comes from the body. In the team's photograph, a
+/// stroke is a band of 11 to 14 px of 3.1 mm, as wide as the front of the drone, at 0.6 to 0.8 of
+/// saturation. The band contains saturated strands, which are those of the headlights and another
+/// one 15 mm ahead of them in the first N and the O's, in which the drone is seen from its side. In
+/// the R, which is to the right of the camera, there are two such strands, 11 and 20 mm ahead in
+/// its stem and 17 and 25 mm in its bowl, as far to the left and to the right as the motors. The
+/// band has sharp edges. Beyond the last pixel above level 200, green falls to 0.26, 0.016 and
+/// 0.005 of saturation (in our render 0.34, 0.023 and 0.005), so that the front of the drone is
+/// modeled as a block instead of a Gaussian lamp. Fitted to the photograph, 1.2 % of a headlight's
+/// light goes to its side, arms, mounts and propellers reflect 0.13 cd of both headlights, and a
+/// motor reflects 0.03 cd of each.
 ///
-/// Assumption: the deck and the battery hide a headlight and its light beyond 120° off its beam.
+/// The deck and the battery are assumed to hide a headlight beyond 120° from its beam.
 ///
-/// From the side the white packages of the ring's LEDs glow. In a public photograph of a flower
-/// (docs/photograph.md) strokes are ribbons with brighter edges, as wide as the ring when the drone
-/// climbs. They have 5 to 30 times the light of a power LED of the board beside them (a JPEG of 510
-/// px is not more exact). With an isotropic fraction of 0.15 the ratio is 5. From above the deck
-/// hides them: the team's camera, 16° and more above the letters, saw only the glow on the floor of
-/// a ring that swings by 4°.
+/// Seen from the side, the white packages of the ring's LEDs glow. In a public photograph of a
+/// flower (docs/photograph.md), strokes are ribbons with brighter edges, which are as wide as the
+/// ring when the drone climbs. These ribbons have 5 to 30 times the light of a power LED of the
+/// board beside them, as exactly as a JPEG of 510 px shows. An isotropic fraction of 0.15 gives a
+/// ratio of 5. From above, the deck hides the ring's LEDs. The team's camera, 16° and more above
+/// the letters, only recorded the glow on the floor of a ring that swings by 4°.
 pub fn led_ring() -> Vec<Fixture> {
-    // Both headlights, the LEDs of the ring, and the parts of the body that the headlights light.
+    // The rows are the two headlights, the LEDs of the ring, and the parts of the body that the
+    // headlights illuminate.
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
     rows.extend((0..RING_LEDS).map(|led| Fixture {
         name: format!("ring {led}"),
@@ -178,19 +183,20 @@ pub fn led_ring() -> Vec<Fixture> {
     rows
 }
 
-/// Distance of a motor from the middle on both axes: an arm of 46 mm at 45° (`vehicle.arm_m`).
+/// Distance of a motor from the middle on both axes in m, at 45° on an arm of 46 mm
+/// (`vehicle.arm_m`).
 const MOTOR_M: f64 = 0.0325;
 
-/// Place of an LED of the ring: every 30° clockwise on a circle of 13.7 mm, to 0.01 mm, 12 mm below
-/// the drone's middle.
+/// Returns the position of an LED of the ring. The LEDs are 30° apart, clockwise on a circle of
+/// 13.7 mm, rounded to 0.01 mm, 12 mm below the drone's middle.
 fn ring_position_body_m(led: usize) -> [f64; 3] {
     let (sin, cos) = libm::sincos(led as f64 * core::f64::consts::FRAC_PI_6);
-    // A negative zero plus zero is zero.
+    // Adding zero turns a negative zero into zero.
     let [forward_m, left_m] = [cos, -sin].map(|part| (1370.0 * part).round() / 1e5 + 0.0);
     [forward_m, left_m, -0.012]
 }
 
-/// A headlight of the ring deck, `left_m` from the middle.
+/// Returns a headlight of the ring deck, `left_m` from the middle.
 fn headlight(name: &str, left_m: f64) -> Fixture {
     Fixture {
         name: name.into(),
@@ -205,16 +211,17 @@ fn headlight(name: &str, left_m: f64) -> Fixture {
     }
 }
 
-/// The color LED deck of 2025 below the body: four dies under a diffuser.
+/// Returns the color LED deck of 2025 below the body, which has four dies under a diffuser.
 ///
-/// The diffuser is a bowl of 34.7 mm, 9.2 mm deep (Bitcraze's mechanical drawing of the LED
-/// diffuser, which comes with the deck). In their film of the deck it is evenly bright from the
-/// side: a stroke is wide where the drone climbs and narrow where it flies level. An even bowl is
-/// 0.31 times as bright to the side as below, the ratio of its faces, and has 4.7 sr: the dies have
-/// 250, 139, 210 and 50 lm in the firmware.
+/// The diffuser is a bowl 34.7 mm wide and 9.2 mm deep (Bitcraze's mechanical drawing of the LED
+/// diffuser, which comes with the deck). In Bitcraze's film of the deck, the diffuser is evenly
+/// bright from the side, so that a stroke is wide when the drone climbs and narrow when it flies
+/// level. Seen from the side, an evenly bright bowl has 0.31 times the intensity that it has from
+/// below, which is the ratio of its areas, and its light corresponds to 4.7 sr. According to the
+/// firmware, the dies have 250, 139, 210 and 50 lm.
 ///
-/// Assumptions: the diffuser lets 0.7 of their light through. The board hides the bowl from above.
-/// Pulse width at 1 kHz. The throttling when hot is not modeled.
+/// The diffuser is assumed to transmit 0.7 of their light. The board hides the bowl from above. The
+/// dies are pulse width modulated at 1 kHz. The throttling of hot dies is not modeled.
 pub fn color_led() -> Vec<Fixture> {
     let [white, red, green, blue] = [250.0, 139.0, 210.0, 50.0].map(|lm| lm * DIFFUSED);
     vec![Fixture {
@@ -231,7 +238,7 @@ pub fn color_led() -> Vec<Fixture> {
     }]
 }
 
-/// Candela below the color LED deck per lumen of a die.
+/// Intensity in cd below the color LED deck per lumen of a die.
 const DIFFUSED: f64 = 0.7 / 4.7;
 
 fn die(intensity_cd: f64, chromaticity: [f64; 2]) -> Die {

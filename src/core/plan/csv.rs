@@ -1,4 +1,4 @@
-//! Plans as CSV files: one row a setpoint, one column a number, SI units in the names.
+//! Plans as CSV files: one row per setpoint, one column per number, SI units in the names.
 
 use std::io::Write;
 use std::path::Path;
@@ -10,20 +10,20 @@ use crate::error::{Error, Result};
 use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
 use crate::flight::table::{Table, write_table};
 
-/// Columns of a plan file, before one `light.<channel>` for each light channel.
+/// Columns of a plan file, which precede one `light.<channel>` for each light channel.
 ///
-/// World frame. `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
-/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, a trajectory on board `jx_m_s3` to `jz_m_s3`, timed
-/// light commands add `lit` before the light channels, a heading other than 0 adds `yaw_rad`, which
-/// stays the same.
+/// Positions and their derivatives are in the world frame. `letter` is 1 for the first letter of
+/// the word and 0 outside letters. Feedforward adds `x_sent_m`, `y_sent_m` and `z_sent_m`. An
+/// onboard trajectory adds `jx_m_s3` to `jz_m_s3`. Timed light commands add `lit` before the light
+/// channels. A heading other than 0 adds `yaw_rad`, which is the same in all rows.
 pub const COLUMNS: [&str; 11] = [
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
     "letter",
 ];
 
-/// Columns of the positions that are sent, if they differ from the design.
+/// Columns of the positions that are sent, if these differ from the design.
 const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
-/// Columns of the jerk of a trajectory on board.
+/// Columns of the jerk of an onboard trajectory.
 const JERK_COLUMNS: [&str; 3] = ["jx_m_s3", "jy_m_s3", "jz_m_s3"];
 /// Column of the design's light level, if light commands are sent ahead of it.
 const LIT_COLUMN: &str = "lit";
@@ -31,13 +31,13 @@ const LIT_COLUMN: &str = "lit";
 const YAW_COLUMN: &str = "yaw_rad";
 
 impl Plan {
-    /// Writes the plan as CSV, on the grid of 1e-6.
+    /// Writes the plan as CSV, with numbers rounded to multiples of 1e-6.
     ///
     /// # Errors
     ///
-    /// Errors of the writer.
+    /// Returns the errors of the writer.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
-        // Names of columns, then rows in the same order.
+        // The names of the columns are collected first, followed by the rows in the same order.
         let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
         let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
         let jerk = JERK_COLUMNS.iter().filter(|_| !self.jerk_m_s3.is_empty());
@@ -61,32 +61,33 @@ impl Plan {
         write_table(out, &header, rows)
     }
 
-    /// Reads a plan from a CSV file as [`Self::write_csv`] makes it.
+    /// Reads a plan from a CSV file that [`Self::write_csv`] has written.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], or [`Error::Input`] with line and column.
+    /// Returns [`Error::Io`], or [`Error::Input`] with line and column.
     pub fn read_csv(path: &Path) -> Result<Self> {
         Self::from_table(&Table::read(path)?)
     }
 
-    /// Reads a plan from the text of its file. `file` is its name in messages.
+    /// Reads a plan from the text of its file. `file` is the file's name in messages.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with line and column.
+    /// Returns [`Error::Input`] with line and column.
     pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
         Self::from_table(&Table::parse(csv, file)?)
     }
 
-    /// Makes a plan of the table of its file. A table with notes is refused: the program writes
-    /// plans without doubt.
+    /// Converts the table of a plan file to a plan. A table with notes is refused, because the
+    /// program itself never writes a plan that needs them.
     fn from_table(table: &Table) -> Result<Self> {
         if let Some(note) = table.notes().first() {
-            let (wanted, hint) = ("a plan as the program writes it", "let the program write it");
+            let (wanted, hint) =
+                ("a plan in the program's format", "have the program write the plan");
             return Err(Error::input("text", note, wanted, hint));
         }
-        // Times may be of this century, other quantities stay within a drone's world.
+        // Times may be Unix timestamps of today, but other quantities are in the range of a drone.
         table.times_s(COLUMNS[0])?;
         let columns = COLUMNS.map(|name| match name {
             "time_s" => table.column(name),
@@ -105,7 +106,7 @@ impl Plan {
             }
         });
         let setpoints = setpoints.collect();
-        // The optional columns.
+        // The optional columns follow.
         let yaw_rad = heading_rad(table)?;
         Self::new(PlanData {
             setpoints,
@@ -118,7 +119,7 @@ impl Plan {
     }
 }
 
-/// The heading, 0 without its column. A value that changes from row to row is an error.
+/// Returns the heading in rad, or 0 without its column. A heading that changes is an error.
 fn heading_rad(table: &Table) -> Result<f64> {
     let yaws_rad = optional_column(table, YAW_COLUMN)?;
     let yaw_rad = yaws_rad.first().copied().unwrap_or_default();
@@ -131,12 +132,12 @@ fn heading_rad(table: &Table) -> Result<f64> {
     }
 }
 
-/// A column of a quantity. Empty if the table lacks it.
+/// Returns a column of a quantity. Returns an empty list if the table lacks the column.
 fn optional_column(table: &Table, name: &str) -> Result<Vec<f64>> {
     if table.has(name) { table.quantity(name).map(<[f64]>::to_vec) } else { Ok(Vec::new()) }
 }
 
-/// Three columns as vectors, or an empty list if the table lacks the first.
+/// Returns three columns as vectors, or an empty list if the table lacks the first.
 fn optional_vectors(table: &Table, names: [&str; 3]) -> Result<Vec<Vector3<f64>>> {
     if !table.has(names[0]) {
         return Ok(Vec::new());

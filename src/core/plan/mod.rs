@@ -12,56 +12,56 @@ use crate::product::{
 
 pub mod csv;
 
-/// Everything that is sent to one drone, in order of time.
+/// Everything that is sent to one drone, in chronological order.
 pub type Plan = Valid<PlanData>;
 
-/// The data of a [`Plan`].
+/// Data of a [`Plan`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlanData {
-    /// Setpoints, each held until the next. One at or below the floor (z ≤ 0) asks for motors off.
+    /// Setpoints, each of which is held until the next. A setpoint at or below the floor (z ≤ 0)
+    /// turns the motors off.
     pub setpoints: Vec<Setpoint>,
-    /// Light commands sent with each setpoint: one column per channel, 0 (off) to 1.
+    /// Light commands sent with each setpoint, in one column per channel, from 0 (off) to 1.
     pub lights: BTreeMap<String, Vec<f64>>,
-    /// Light level of the design at each setpoint, if commands are sent ahead of it (light timing),
-    /// or empty if it equals `lights`. See [`PlanData::lit()`].
+    /// Light level of the design at each setpoint if commands are sent ahead of it (light timing),
+    /// or empty if it equals `lights`. [`PlanData::lit()`] resolves the empty case.
     pub lit: Vec<f64>,
-    /// Positions that are sent in place of the setpoints' own (feedforward), or empty. See
-    /// [`PlanData::sent_m()`].
+    /// Positions that are sent in place of the setpoints' positions (feedforward), or empty.
+    /// [`PlanData::sent_m()`] resolves the empty case.
     pub sent_m: Vec<Vector3<f64>>,
-    /// Jerk of a trajectory on board at each setpoint, m/s³, or empty: setpoints that are sent
-    /// carry none. See [`PlanData::jerk_m_s3()`].
+    /// Jerk of an onboard trajectory at each setpoint in m/s³, or empty because streamed setpoints
+    /// have none. [`PlanData::jerk_m_s3()`] resolves the empty case.
     pub jerk_m_s3: Vec<Vector3<f64>>,
-    /// Heading of the nose over the whole flight, from world x toward y.
+    /// Heading of the nose during the whole flight in rad, from world x toward y.
     pub yaw_rad: f64,
 }
 
-/// One packet to the drone: where it should be now, and how the design moves on from there.
+/// Packet to the drone, which contains the desired state and determines how the design continues.
 ///
-/// Until the next setpoint the design position is
-/// `position + velocity Δt + acceleration Δt² / 2`. A controller that reads positions only holds
-/// `position` instead, and lags.
+/// Until the next setpoint, the design position is `position + velocity Δt + acceleration Δt² / 2`.
+/// A controller that reads only positions holds `position` instead, and lags.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
-    /// Since the first setpoint.
+    /// Time since the first setpoint in s.
     pub time_s: f64,
-    /// World frame.
+    /// Position in the world frame in m.
     pub position_m: Vector3<f64>,
-    /// World frame.
+    /// Velocity in the world frame in m/s.
     pub velocity_m_s: Vector3<f64>,
-    /// World frame.
+    /// Acceleration in the world frame in m/s².
     pub acceleration_m_s2: Vector3<f64>,
-    /// Index of the letter that is being written, or `None` during take-off and landing.
+    /// Index of the letter that is being written, or `None` outside letters.
     pub letter: Option<usize>,
 }
 
 impl PlanData {
-    /// Time of the last setpoint, or 0 for an empty plan.
+    /// Returns the time of the last setpoint in s, or 0 for an empty plan.
     pub fn duration_s(&self) -> f64 {
         self.setpoints.last().map_or(0.0, |last| last.time_s)
     }
 
-    /// The plan as a clock runs it that counts `rate` true seconds a second. Times are divided by
-    /// the rate, and derivatives scaled to match.
+    /// Returns the plan as it is executed by a clock that counts `rate` true seconds per second.
+    /// Times are divided by the rate, and derivatives are scaled to match.
     #[must_use]
     pub fn paced(mut self, rate: f64) -> Self {
         for setpoint in &mut self.setpoints {
@@ -75,28 +75,28 @@ impl PlanData {
         self
     }
 
-    /// Returns the position that is sent for a setpoint: the feedforward position if there is one,
-    /// else the setpoint's own.
+    /// Returns the position that is sent for a setpoint, which is the feedforward position if there
+    /// is one, else the setpoint's position.
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
     }
 
-    /// The jerk of the trajectory on board at a setpoint, or zero without one.
+    /// Returns the jerk of the onboard trajectory at a setpoint, or zero if there is none.
     pub fn jerk_m_s3(&self, row: usize) -> Vector3<f64> {
         self.jerk_m_s3.get(row).copied().unwrap_or_default()
     }
 
-    /// Row of the setpoint in force at a time, or 0 before the first.
+    /// Returns the row of the setpoint in force at a time, or 0 before the first.
     pub fn row_at(&self, time_s: f64) -> usize {
         self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
     }
 
-    /// The setpoint in force at a time, or the first one before it. `None` for an empty plan.
+    /// Returns the setpoint at a time, or the first one before it, or `None` in an empty plan.
     pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
         self.setpoints.get(self.row_at(time_s))
     }
 
-    /// Position of the design at a time, or the origin for an empty plan.
+    /// Returns the position of the design at a time, or the origin for an empty plan.
     pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
         match self.setpoint_at(time_s) {
             Some(setpoint) => setpoint.design_m(time_s.max(setpoint.time_s)),
@@ -104,8 +104,8 @@ impl PlanData {
         }
     }
 
-    /// Names and levels of the channels that switch lamps. A channel `ring.red` only sets a color
-    /// if there is a channel `ring`.
+    /// Returns the names and levels of the channels that switch lamps. A channel such as `ring.red`
+    /// only sets a color if there is also a channel `ring`.
     pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
         self.lights.iter().filter(|(channel, _)| {
             let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);
@@ -113,7 +113,7 @@ impl PlanData {
         })
     }
 
-    /// Light level that is commanded at each setpoint: the highest of all lamps.
+    /// Returns the light level commanded at each setpoint, which is the highest of all lamps.
     pub fn commanded(&self) -> Vec<f64> {
         let mut highest = vec![0.0; self.setpoints.len()];
         for (_, levels) in self.lamps() {
@@ -125,25 +125,25 @@ impl PlanData {
         highest
     }
 
-    /// Light level of the design at each setpoint, held until the next.
+    /// Returns the light level of the design at each setpoint, which is held until the next.
     pub fn lit(&self) -> Vec<f64> {
         if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
     }
 
-    /// Time at full light in the design, s. Levels below 1 count in proportion.
+    /// Returns the time of full light in the design in s. Levels below 1 count in proportion.
     pub fn full_light_s(&self) -> f64 {
         let lit = self.lit();
         let rows = self.setpoints.windows(2).zip(&lit);
         rows.map(|(pair, level)| level * (pair[1].time_s - pair[0].time_s)).sum()
     }
 
-    /// An empty plan with its light channels.
+    /// Makes an empty plan with the given light channels.
     pub fn with_channels(channels: &[String]) -> Self {
         let lights = channels.iter().map(|channel| (channel.clone(), Vec::new())).collect();
         Self { lights, ..Self::default() }
     }
 
-    /// Adds a setpoint with one level for all channels.
+    /// Adds a setpoint with the same level for all channels.
     pub fn push(&mut self, setpoint: Setpoint, level: f64) {
         self.setpoints.push(setpoint);
         self.lights.values_mut().for_each(|levels| levels.push(level));
@@ -153,7 +153,7 @@ impl PlanData {
 impl Rules for PlanData {
     /// Checks times, numbers, lights, and the lengths of optional columns.
     fn check(&self) -> Result<()> {
-        // Setpoints by row, then columns beside them.
+        // Setpoints are checked row by row, followed by the columns beside them.
         let n = self.setpoints.len();
         check_times(self.setpoints.iter().map(|setpoint| setpoint.time_s))?;
         for (row, setpoint) in self.setpoints.iter().enumerate() {
@@ -181,21 +181,18 @@ impl Rules for PlanData {
                 }
             }
         }
-        match is_number(self.yaw_rad) {
-            true => Ok(()),
-            false => Err(odd_number("yaw_rad", 0, self.yaw_rad)),
-        }
+        if is_number(self.yaw_rad) { Ok(()) } else { Err(odd_number("yaw_rad", 0, self.yaw_rad)) }
     }
 }
 
 impl Setpoint {
-    /// Position of the design at `time_s`, at or after this setpoint.
+    /// Returns the position of the design at `time_s`, which must not precede this setpoint.
     pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
         let dt = time_s - self.time_s;
         self.position_m + self.velocity_m_s * dt + self.acceleration_m_s2 * (0.5 * dt * dt)
     }
 
-    /// True if the setpoint asks for motors off.
+    /// True if the setpoint turns the motors off.
     pub fn on_floor(&self) -> bool {
         self.position_m.z <= 0.0
     }

@@ -1,17 +1,17 @@
-//! Elementary functions without branches, so that the compiler vectorizes loops over them.
+//! Elementary functions without branches, so that the compiler can vectorize loops over them.
 //!
-//! They give the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No product is
-//! fused with a sum, so that every machine rounds alike. Each is valid for the arguments that occur
-//! here. [`is_hard`] finds those that `libm` itself must compute.
+//! The functions return the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No
+//! product is fused with a sum, so that every machine rounds alike. Each function is valid for the
+//! arguments that occur in this program. [`is_hard`] identifies arguments that need `libm` itself.
 
 use std::f64::consts::FRAC_2_PI;
 
-/// The number whose upper 32 bits are `word` and whose lower bits are zero.
+/// Returns the number whose upper 32 bits are `word` and whose lower bits are zero.
 const fn high(word: u64) -> f64 {
     f64::from_bits(word << 32)
 }
 
-/// The natural logarithm of a normal number (msun `e_log.c`).
+/// Returns the natural logarithm of a normal number (msun `e_log.c`).
 #[inline(always)]
 pub(super) fn ln(x: f64) -> f64 {
     const LN2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
@@ -24,7 +24,8 @@ pub(super) fn ln(x: f64) -> f64 {
         1.531_383_769_920_937_3e-1,
         1.479_819_860_511_658_6e-1,
     ];
-    // x = 2^k (1 + f) with 1 + f about 1. A whole number below 2^52 added to 2^52 is its last bits.
+    // With 1 + f near 1, x = 2^k (1 + f). A whole number below 2^52 that is added to 2^52 appears
+    // in the last bits of the sum.
     let bits = x.to_bits();
     let word = (bits >> 32) + (0x3ff0_0000 - 0x3fe6_a09e);
     let k = f64::from_bits(0x4330_0000_0000_0000 | word >> 20) - 4_503_599_627_370_496.0 - 1023.0;
@@ -40,14 +41,14 @@ pub(super) fn ln(x: f64) -> f64 {
     s * (half_sq + (odd + even)) + k * LN2[1] - half_sq + f + k * LN2[0]
 }
 
-/// True for an angle so near to a multiple of a quarter turn that msun reduces it with more digits.
+/// True for an angle so near a multiple of a quarter turn that msun reduces it with more digits.
 #[inline(always)]
 pub(super) fn is_hard(x: f64) -> bool {
     let near = |word: u64| (x >= high(word)) & (x < high(word + 1));
     near(0x3ff9_21fb) | near(0x4009_21fb) | near(0x4012_d97c) | near(0x4019_21fb)
 }
 
-/// Coefficients of msun's `k_sin.c` and `k_cos.c`.
+/// Coefficients of the polynomials in msun's `k_sin.c` and `k_cos.c`.
 const S: [f64; 6] = [
     -1.666_666_666_666_663_2e-1,
     8.333_333_333_322_49e-3,
@@ -65,19 +66,19 @@ const C: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// Sine and cosine of an angle from 0 to 2π that is not hard (msun `s_sincos.c`, `e_rem_pio2.c`).
+/// Returns sine and cosine of an angle in 0 to 2π that is not hard (`s_sincos.c`, `e_rem_pio2.c`).
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
-    // The nearest multiple of a quarter turn, subtracted in two parts: a, and its rounding error b.
-    // The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun compares them.
+    // The nearest multiple of a quarter turn is subtracted in two parts, to a and a rounding error
+    // b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun compares them.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
     let z = x - quarters * QUARTER[0];
     let a = z - quarters * QUARTER[1];
     let b = (z - a) - quarters * QUARTER[1];
 
-    // Polynomials of sine and cosine of a + b.
+    // The polynomials give sine and cosine of a + b.
     let z = a * a;
     let w = z * z;
     let r = S[1] + z * (S[2] + z * S[3]) + z * w * (S[4] + z * S[5]);
@@ -90,7 +91,7 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     let w = 1.0 - half;
     let cos = w + (((1.0 - w) - half) + (z * r - a * b));
 
-    // An odd number of quarter turns swaps them, and each half turn changes a sign.
+    // An odd number of quarter turns swaps sine and cosine, and each half turn changes a sign.
     let odd = (quarters == 1.0) | (quarters == 3.0);
     let (sine, cosine) = if odd { (cos, sin) } else { (sin, cos) };
     let sign = |minus: bool| if minus { -1.0 } else { 1.0 };
@@ -99,17 +100,17 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     (sine, cosine)
 }
 
-/// The cosine of an angle within ±10⁶, off by no more than 3·10⁻¹⁶ and the rounding of the angle,
-/// reduced in three parts (Cody, Waite, 1980).
+/// Returns the cosine of an angle within ±10⁶, which is reduced in three parts (Cody, Waite, 1980).
+/// The error is at most 3·10⁻¹⁶ plus the rounding of the angle.
 #[inline(always)]
 pub(super) fn cos(x: f64) -> f64 {
     const QUARTER: [f64; 3] =
         [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
-    /// 1.5 · 2⁵²: added and subtracted, it rounds to the nearest whole number.
+    /// 1.5 · 2⁵², which rounds a number to a whole number when it is added and subtracted.
     const WHOLE: f64 = 6_755_399_441_055_744.0;
     let quarters = (x * FRAC_2_PI + WHOLE) - WHOLE;
     let a = ((x - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];
-    // Which of four quarters: 0, 1, 2 or 3.
+    // The quadrant is 0, 1, 2 or 3 modulo 4.
     let fours = (quarters * 0.25 + WHOLE) - WHOLE;
     let which = quarters - 4.0 * fours;
     let z = a * a;

@@ -1,4 +1,4 @@
-//! Random numbers by key, named streams of noise, and a smooth random field.
+//! Pseudorandom numbers by key, named streams of noise, and a smooth random field.
 
 mod elementary;
 mod noise;
@@ -7,10 +7,10 @@ mod normals;
 pub use self::noise::{Field, Noise, PUBLIC_SEEDS, stream};
 pub use self::normals::Normals;
 
-/// The odd number nearest to 2⁶⁴ over the golden ratio.
+/// Odd number nearest to 2⁶⁴ divided by the golden ratio.
 pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Output of `SplitMix64` (Steele, Lea, Flood 2014) for a state.
+/// Returns the output of `SplitMix64` (Steele, Lea, Flood 2014) for a state.
 pub fn split_mix(state: u64) -> u64 {
     let z = state.wrapping_add(GOLDEN);
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -18,9 +18,9 @@ pub fn split_mix(state: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Poisson-distributed number with a mean up to 500, by inversion of a uniform number from 0 to 1.
+/// Returns a Poisson-distributed number (mean up to 500) from a uniform number, by inversion.
 pub fn poisson(mean: f64, uniform: f64) -> u32 {
-    // P(0) = exp(−mean), and P(n) = P(n − 1) · mean / n.
+    // The probabilities are P(0) = exp(−mean) and P(n) = P(n − 1) · mean / n.
     let mut p = libm::exp(-mean);
     let (mut number, mut sum) = (0, p);
     // The bound ends the loop if rounding keeps the sum of the probabilities below 1.

@@ -1,7 +1,7 @@
-//! Random numbers of a flight: named streams of one seed, and a smooth random field.
+//! Random numbers of a flight, as named streams from one seed, and a smooth random field.
 //!
-//! Every sensor draws a fixed count of numbers for each measurement. Each number thus only depends
-//! on the seed, the drone, the sensor and the count of its measurements.
+//! Every sensor draws a fixed number of random numbers for each measurement. Each number therefore
+//! depends only on the seed, the drone, the sensor and the index of its measurement.
 
 use std::f64::consts::TAU;
 
@@ -13,14 +13,15 @@ use rand::{RngExt, SeedableRng};
 use super::elementary::cos;
 use crate::digest::{fnv_1a, hmac_sha256};
 
-/// Plane waves per axis of a [`Field`]. Enough that no direction is preferred. More cost time.
+/// Number of plane waves for each component of a [`Field`]. This number is large enough that the
+/// field prefers no direction. A larger number would take more time.
 const WAVES: usize = 8;
 
-/// Seeds below this are public: anybody tries them one by one. Their streams have one key.
+/// Smallest secret seed. Anybody can try all smaller seeds, whose streams have a common key.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
-/// The random stream of a name under a seed. Each stream of a secret seed has a separate key of 256
-/// bits, so that a stream reveals nothing about another stream or about the seed.
+/// Returns the random stream with a name under a seed. Each stream of a secret seed has a separate
+/// key of 256 bits, so that a stream reveals nothing about another stream or about the seed.
 pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     if seed >= PUBLIC_SEEDS {
         return ChaCha8Rng::from_seed(hmac_sha256(&seed.to_le_bytes(), name));
@@ -30,8 +31,8 @@ pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     rng
 }
 
-/// Noise of one sensor on one drone. Its numbers only depend on the seed, the drone and the name:
-/// another sensor or drone does not change them.
+/// Noise of one sensor on one drone. The numbers depend only on the seed, the drone and the name,
+/// so that another sensor or drone does not change them.
 #[derive(Debug)]
 pub struct Noise {
     pub(super) rng: ChaCha8Rng,
@@ -39,38 +40,39 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// The noise of a sensor, by name, on a drone.
+    /// Makes the noise of a sensor, given by name, on a drone.
     pub fn new(seed: u64, drone: u64, sensor: &str) -> Self {
         let rng = stream(seed, drone.to_le_bytes().into_iter().chain(sensor.bytes()));
         Self { rng, spare: None }
     }
 
-    /// Draws a normal number with mean 0 and variance 1, by the method of Box and Muller (1958).
-    /// With `libm` its bits are the same on every machine, unlike the tails of a ziggurat.
+    /// Draws a normally distributed number with mean 0 and variance 1, by the method of Box and
+    /// Muller (1958). With `libm` its bits are the same on every machine, unlike those of the tails
+    /// in the ziggurat method.
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
-        // A pair of uniform numbers gives two normals. The second number is kept.
+        // Two uniform numbers give two normally distributed ones, of which the second is kept.
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         let (sin, cos) = libm::sincos(TAU * self.uniform());
         self.spare = Some(radius * sin);
         radius * cos
     }
 
-    /// Draws three independent normal numbers.
+    /// Draws three independent, normally distributed numbers.
     pub fn normals(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }
 
-    /// Draws a uniform number in `[0, 1)`.
+    /// Draws a uniformly distributed number in `[0, 1)`.
     pub fn uniform(&mut self) -> f64 {
         self.rng.random()
     }
 }
 
-/// A smooth field of `N` components, each a sum of random plane waves: nearly a Gaussian field with
-/// correlation `exp(−d²/2l²)` (random Fourier features: Rahimi, Recht 2007).
+/// Smooth field of `N` components, each of which is a sum of random plane waves, nearly a Gaussian
+/// field with correlation `exp(−d²/2l²)` (random Fourier features: Rahimi, Recht 2007).
 #[derive(Debug)]
 pub struct Field<const N: usize> {
     waves: [[Wave; WAVES]; N],
@@ -84,7 +86,8 @@ struct Wave {
 }
 
 impl<const N: usize> Field<N> {
-    /// A field with standard deviation `sigma` of each component and correlation length `length_m`.
+    /// Makes a field with standard deviation `sigma` per component and correlation length
+    /// `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let waves = [(); N].map(|()| {
             [(); WAVES].map(|()| Wave {
@@ -92,24 +95,24 @@ impl<const N: usize> Field<N> {
                 phase_rad: TAU * noise.uniform(),
             })
         });
-        // A cosine has variance ½.
+        // The variance of a cosine is ½.
         let amplitude = sigma * (2.0 / WAVES as f64).sqrt();
         Self { waves, amplitude }
     }
 
-    /// The components of the field at a position.
+    /// Returns the components of the field at a position.
     pub fn value_at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
         SVector::from_fn(|component, _| self.component(component, position_m))
     }
 
-    /// One component of the field at a position.
+    /// Returns one component of the field at a position.
     pub fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
         let heights = crate::dispatch(Heights(&self.waves[component], position_m));
         self.amplitude * heights.iter().sum::<f64>()
     }
 }
 
-/// Heights of plane waves at a place.
+/// Values of the plane waves at a position.
 struct Heights<'a>(&'a [Wave; WAVES], &'a Vector3<f64>);
 
 impl NullaryFnOnce for Heights<'_> {
@@ -158,7 +161,8 @@ mod tests {
 
     #[test]
     fn numbers_stay_what_they_are_in_every_release() {
-        // Recorded. Changes only if rand changes its ChaCha8 or its uniform numbers.
+        // The numbers are recorded from an earlier run. They change only if rand changes its
+        // ChaCha8 or its uniform numbers.
         let recorded =
             [-0.05580547212376694, 0.04353956031888157, 0.3569199963005024, -1.4828057980230476];
         assert_eq!(first(42, 0, "gyro"), recorded);
@@ -169,7 +173,8 @@ mod tests {
         let mut noise = Noise::new(42, 0, "gyro");
         let drawn: Vec<f64> = (0..20).map(|_| noise.normal()).collect();
         for pair in [7_u32, 2, 9] {
-            // A normal takes one uniform number of 64 bits, two words, from the stream.
+            // A normally distributed number takes one uniform number of 64 bits, which is two
+            // words, from the stream.
             noise.rng.set_word_pos(u128::from(4 * pair));
             noise.spare = None;
             let first = 2 * pair as usize;

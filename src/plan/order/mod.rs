@@ -1,13 +1,13 @@
 //! Order and direction of strokes with the least time in the dark.
 //!
-//! In a small word the duration of a transit is taken from its plan. Otherwise it is estimated as
-//! the slower axis of a double integrator, from the velocity at one stroke's end to that at the
-//! next one's start. The estimate is the same backward, so that a reversed run of strokes costs the
-//! same inside.
+//! For a small word, the duration of a transit is that of its plan. Otherwise, it is the duration
+//! on the slower axis of a double integrator, from the velocity at one stroke's end to that at the
+//! next one's start. This estimate is the same in the opposite direction, so that reversing a run
+//! of strokes does not change the cost inside it.
 //!
-//! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held and Karp 1962, Bellman
-//! 1962). Beyond: the nearest stroke next, then local search ([`search`]), then the best directions
-//! for that order.
+//! For up to [`EXACT_STROKES`] strokes, the method is dynamic programming over subsets (Held and
+//! Karp 1962, Bellman 1962). For more strokes, it starts with the nearest stroke next, continues
+//! with local search ([`search`]), and finds the best directions for that order.
 
 use nalgebra::Vector2;
 use rayon::prelude::*;
@@ -23,31 +23,32 @@ use noctograph_core::strokes::{StrokeOrder, Strokes};
 
 mod search;
 
-/// Most strokes whose order is the optimum.
+/// Maximum number of strokes for which the optimal order is computed.
 const EXACT_STROKES: usize = 10;
-/// Greatest number of ways of all strokes for which exact transits are planned.
+/// Maximum total number of ways of all strokes for which exact transits are planned.
 const MAX_PLANNED_WAYS: usize = 24;
-/// Largest number of strokes in a drawing. Its order is sought among all pairs.
+/// Maximum number of strokes in a drawing. The search for the order of the strokes compares all
+/// pairs.
 const MAX_STROKES: usize = 10_000;
 
-/// Cost of a step to another letter in reading order, s: more than any transit within a word, so
-/// that an order from one end to the other, with one step a letter, is the cheapest.
+/// Cost in s of a step to another letter in reading order. This cost exceeds any transit within a
+/// word, so that the cheapest order runs from one end to the other with one step per letter.
 const LETTER_S: f64 = 1000.0;
-/// How much longer the order of reading may take, as a fraction of the shortest flight.
+/// Maximum additional time of reading order, as a fraction of the shortest flight.
 const READING_EXCESS: f64 = 0.1;
 /// Number of transits sampled to estimate the time of many strokes, and the fraction of the
-/// estimate that the strokes take at least.
+/// estimate that the strokes certainly take.
 const SAMPLED_TRANSITS: usize = 500;
 const CERTAIN_FRACTION: f64 = 0.85;
 /// Hint for drawings that take too long.
 pub(super) const TOO_LONG_HINT: &str = "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw \
-                                  fewer strokes, or smaller";
+                                  fewer or smaller strokes";
 
-/// A stroke and the way it is drawn.
+/// Index of a stroke, and index of the way in which it is drawn.
 type Visit = (usize, usize);
 
-/// The strokes of a drawing in the order and direction in which they are flown. Handwriting keeps
-/// the writer's.
+/// Returns the strokes of a drawing in the order and direction in which they are flown. Handwriting
+/// keeps the writer's order and direction.
 pub(super) fn in_order(
     strokes: &Strokes,
     speed_m_s: f64,
@@ -63,14 +64,14 @@ pub(super) fn in_order(
     Ok(flown)
 }
 
-/// Fails early for many strokes that take far too long, estimated from a sample of their transits,
-/// because planning all transits is most of the work.
+/// Returns an error early if many strokes take far too long. A sample of their transits gives the
+/// estimate, because planning all transits is most of the work.
 fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Result<()> {
     let n_strokes = flown.len();
     if n_strokes < 2 * SAMPLED_TRANSITS {
         return Ok(());
     }
-    // The time of all transits, from an even sample of them.
+    // The time of all transits is extrapolated from an even sample.
     let stride = n_strokes.div_ceil(SAMPLED_TRANSITS);
     let ways = ways_of(flown, speed_m_s);
     let tour = Tour { ways: &ways, style, is_planned: true, letters: &[] };
@@ -82,35 +83,35 @@ fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Res
         return Ok(());
     }
     let problem = format!(
-        "{n_strokes} strokes take about {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s"
+        "{n_strokes} strokes take about {flight_s:.0} s, but the longest flight is {MAX_DURATION_S} s"
     );
     Err(Error::infeasible(problem, TOO_LONG_HINT).coded(FLIGHT_LONG))
 }
 
-/// The ways to draw each stroke.
+/// Returns the ways in which each stroke can be drawn.
 fn ways_of(strokes: &[PenStroke], speed_m_s: f64) -> Vec<Vec<Way>> {
     strokes.iter().map(|stroke| stroke.ways(speed_m_s)).collect()
 }
 
-/// Time for which all strokes are lit.
+/// Returns the total time in s for which strokes are lit.
 fn all_lit_s(strokes: &[PenStroke], speed_m_s: f64) -> f64 {
     strokes.iter().map(|stroke| stroke.lit_s(speed_m_s)).sum()
 }
 
-/// True if strokes keep their order and direction.
+/// True if the strokes keep their order and direction.
 pub(super) fn is_kept(strokes: &Strokes, style: &EvenStyle) -> bool {
     style.order == Order::Drawn || strokes.order == StrokeOrder::Kept
 }
 
-/// The strokes in the order of the drawing. Fails without any, for too many, and for light beyond
-/// the longest flight.
+/// Returns the strokes in the order of the drawing. Returns an error if there are none or too many,
+/// or if they are lit for longer than the longest flight.
 pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStroke>> {
     let drawn = pen_strokes(strokes);
     if drawn.is_empty() {
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    // Both limits are checked before an order is sought, whose time grows with the square.
+    // Both limits precede the search for an order, whose time grows with the square of the number.
     let (n_strokes, lit_s) = (drawn.len(), all_lit_s(&drawn, speed_m_s));
     let (problem, hint) = if n_strokes > MAX_STROKES {
         (
@@ -120,10 +121,10 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
     } else if lit_s > MAX_DURATION_S {
         (
             format!(
-                "{n_strokes} strokes are lit for {lit_s:.0} s in all, the longest flight is \
+                "{n_strokes} strokes are lit for {lit_s:.0} s in total, but the longest flight is \
                  {MAX_DURATION_S} s"
             ),
-            "raise plan.stroke_speed_m_s, or draw less, or smaller",
+            "raise plan.stroke_speed_m_s, or draw fewer or smaller strokes",
         )
     } else {
         return Ok(drawn);
@@ -131,25 +132,25 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
     Err(Error::infeasible(problem, hint).coded(FLIGHT_LONG))
 }
 
-/// Strokes in the order and direction with the least time in the dark.
+/// Returns the strokes in the order and direction with the least time in the dark.
 pub(super) fn shortest(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
     along(drawn, shortest_tour(&ways_of(drawn, speed_m_s), style, &[]))
 }
 
-/// The visited strokes in the order and direction of a tour.
+/// Returns the visited strokes in the order and direction of a tour.
 fn along(drawn: &[PenStroke], visits: Vec<Visit>) -> Vec<PenStroke> {
     visits.into_iter().map(|(stroke, way)| drawn[stroke].along(way)).collect()
 }
 
-/// The strokes letter by letter from the first, or in the shortest order if that saves more than
-/// [`READING_EXCESS`] of its time.
+/// Returns the strokes letter by letter from the first, or in the shortest order if that saves more
+/// than [`READING_EXCESS`] of its time.
 fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
     let ways = ways_of(drawn, speed_m_s);
     let letters: Vec<usize> = drawn.iter().map(|stroke| stroke.letter).collect();
     let tour = Tour { ways: &ways, style, is_planned: false, letters: &[] };
     let shortest = shortest_tour(&ways, style, &[]);
     let mut read = shortest_tour(&ways, style, &letters);
-    // Its cost is the same from the last letter to the first.
+    // The cost is the same in both directions, so that the tour may begin at the last letter.
     if letters[read[0].0] > letters[read[read.len() - 1].0] {
         read.reverse();
         read = tour.best_ways(&read);
@@ -160,7 +161,8 @@ fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStr
     along(drawn, if is_fast { read } else { shortest })
 }
 
-/// The tour with the least time in the dark, exact for few strokes, letter by letter if given.
+/// Returns the tour with the least time in the dark, which is exact for few strokes, and letter by
+/// letter if `letters` is not empty.
 fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Visit> {
     if ways.len() <= EXACT_STROKES {
         let is_planned = ways.iter().map(Vec::len).sum::<usize>() <= MAX_PLANNED_WAYS;
@@ -172,23 +174,24 @@ fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec
     tour.best_ways(&visits)
 }
 
-/// Strokes, and the time in the dark between them.
+/// Strokes, and the rules for the time in the dark between them.
 struct Tour<'a> {
     ways: &'a [Vec<Way>],
     style: &'a EvenStyle,
-    /// True if transits are planned, not estimated.
+    /// True if transits are planned, false if they are estimated.
     is_planned: bool,
-    /// The letter of each stroke if each letter is to be written before the next, or none.
+    /// Index of each stroke's letter if each letter is to be written before the next, or empty.
     letters: &'a [usize],
 }
 
 impl Tour<'_> {
-    /// How the stroke of a visit is entered and left.
+    /// Returns how the stroke of a visit is entered and left.
     fn way(&self, visit: Visit) -> &Way {
         &self.ways[visit.0][visit.1]
     }
 
-    /// Time of the transit between two strokes or the floor, with the cost of another letter.
+    /// Returns the time of the transit between two strokes or the floor, plus the cost of other
+    /// letters.
     fn between_s(&self, from: Option<Visit>, to: Option<Visit>) -> f64 {
         let still = Vector2::zeros();
         match (from.map(|from| self.way(from)), to.map(|to| self.way(to))) {
@@ -207,8 +210,8 @@ impl Tour<'_> {
         }
     }
 
-    /// Duration of a transit over a displacement from one velocity to another, planned or
-    /// estimated. Infinite if none was found.
+    /// Returns the planned or estimated duration of a transit over a displacement from one velocity
+    /// to another. The duration is infinite if there is no transit.
     fn transit_s(&self, path_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
         if self.is_planned {
             let moving =
@@ -217,13 +220,13 @@ impl Tour<'_> {
             let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
-        // Each axis gets an equal part of the acceleration.
+        // Each axis is allowed an equal part of the acceleration.
         let limit = self.style.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
         let axis = |i: usize| axis_s(path_m[i], from[i], to[i], self.style.dark_speed_m_s, limit);
         axis(0).max(axis(1))
     }
 
-    /// Time in the dark of a tour from the floor to the floor.
+    /// Returns the time in the dark of a tour from the floor to the floor.
     fn total_s(&self, visits: &[Visit]) -> f64 {
         let inner = visits.windows(2).map(|pair| self.between_s(Some(pair[0]), Some(pair[1])));
         inner.sum::<f64>()
@@ -231,19 +234,19 @@ impl Tour<'_> {
             + self.between_s(visits.last().copied(), None)
     }
 
-    /// The optimal tour (Held and Karp 1962).
+    /// Returns the optimal tour (Held and Karp 1962).
     fn exact(&self) -> Vec<Visit> {
         let visits: Vec<Visit> = (0..self.ways.len())
             .flat_map(|stroke| (0..self.ways[stroke].len()).map(move |way| (stroke, way)))
             .collect();
         let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
         let best = self.best_ends(&visits);
-        // The best last visit, landing included.
+        // The best last visit is chosen with the time of landing included.
         let total_s =
             |last: usize| best[full * n + last].0 + self.between_s(Some(visits[last]), None);
         let last = (0..n).min_by(|a, b| total_s(*a).total_cmp(&total_s(*b)));
         let (mut set, mut index) = (full, last.unwrap_or(usize::MAX));
-        // Back along the visits before.
+        // The order is traced back through the previous visits.
         let mut order = Vec::new();
         while index != usize::MAX {
             order.push(visits[index]);
@@ -255,14 +258,14 @@ impl Tour<'_> {
         order
     }
 
-    /// For each set of strokes (a bit each) and visit that ends it, in a row of all visits for each
-    /// set: the least time so far, and the index of the visit before (`usize::MAX`: none).
+    /// Returns a table with a row for each set of strokes (one bit each) and a column for each
+    /// visit that ends it. An entry contains the least time so far and the index of the previous
+    /// visit (`usize::MAX` if there is none).
     fn best_ends(&self, visits: &[Visit]) -> Vec<(f64, usize)> {
         let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
-        // Every transit once. There is none between two ways of one stroke.
-        let between_s = |a: &Visit, b: &Visit| match a.0 == b.0 {
-            true => f64::INFINITY,
-            false => self.between_s(Some(*a), Some(*b)),
+        // Every transit is computed once. There is no transit between two ways of the same stroke.
+        let between_s = |a: &Visit, b: &Visit| {
+            if a.0 == b.0 { f64::INFINITY } else { self.between_s(Some(*a), Some(*b)) }
         };
         let between: Vec<Vec<f64>> =
             visits.par_iter().map(|a| visits.iter().map(|b| between_s(a, b)).collect()).collect();
@@ -270,7 +273,7 @@ impl Tour<'_> {
         for (last, visit) in visits.iter().enumerate() {
             best[(1 << visit.0) * n + last] = (self.between_s(None, Some(*visit)), usize::MAX);
         }
-        // Sets in rising order: each set comes after its subsets.
+        // Sets in ascending order come after all of their subsets.
         for set in 1..=full {
             for last in 0..n {
                 let (so_far_s, _) = best[set * n + last];
@@ -289,10 +292,10 @@ impl Tour<'_> {
         best
     }
 
-    /// The strokes of a tour in the same order, in the best directions: a shortest path through
-    /// layers of ways (Viterbi 1967).
+    /// Returns the strokes of a tour in the same order, but in the best directions, which is a
+    /// shortest path through layers of ways (Viterbi 1967).
     fn best_ways(&self, visits: &[Visit]) -> Vec<Visit> {
-        // For each stroke and way: the least time so far, and the way of the stroke before.
+        // For each stroke and way, a layer has the least time so far and the previous stroke's way.
         let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(visits.len());
         for (index, (stroke, _)) in visits.iter().enumerate() {
             let ways = 0..self.ways[*stroke].len();
@@ -309,7 +312,7 @@ impl Tour<'_> {
             });
             layers.push(layer.collect());
         }
-        // Back from the best way of the last stroke, landing included.
+        // The ways are traced back from the best way of the last stroke, with landing included.
         let (last, layer) = (visits[visits.len() - 1].0, &layers[visits.len() - 1]);
         let total_s = |way: usize| layer[way].0 + self.between_s(Some((last, way)), None);
         let best = (0..layer.len()).min_by(|a, b| total_s(*a).total_cmp(&total_s(*b)));
@@ -324,19 +327,19 @@ impl Tour<'_> {
     }
 }
 
-/// Least time over a distance on an axis from one velocity to another, within limits.
+/// Returns the minimum time over a distance on an axis from one velocity to another within limits.
 fn axis_s(path_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
-    // Turned so that the acceleration comes before the braking.
+    // The axis is reversed if necessary, so that the acceleration precedes the braking.
     let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;
     let sign = if path_m >= direct_m { 1.0 } else { -1.0 };
     let (d, v, w) = (path_m * sign, from_m_s * sign, to_m_s * sign);
-    // The peak p of a triangle of speeds: 2 a d = 2 p² − v² − w².
+    // A triangle of speeds has the peak p with 2 a d = 2 p² − v² − w².
     let squares = 0.5 * (v * v + w * w);
     let peak = (limit_m_s2 * d + squares).max(0.0).sqrt();
     if peak <= speed_m_s {
         return ((2.0 * peak - v - w) / limit_m_s2).max(0.0);
     }
-    // A trapezoid: the rest of the distance is flown at full speed.
+    // In a trapezoid of speeds, the rest of the distance is flown at full speed.
     let cruise_m = d - (speed_m_s * speed_m_s - squares) / limit_m_s2;
     (2.0 * speed_m_s - v - w) / limit_m_s2 + cruise_m.max(0.0) / speed_m_s
 }
@@ -358,7 +361,7 @@ mod tests {
         strokes.map(|stroke| stroke.ways(0.2)).collect()
     }
 
-    /// The least time over all orders and ways, by trying each.
+    /// Finds the least time over all orders and ways by trying all of them.
     fn brute(tour: &Tour<'_>, done: &mut Vec<Visit>, best: &mut f64) {
         if done.len() == tour.ways.len() {
             *best = best.min(tour.total_s(done));
@@ -375,7 +378,7 @@ mod tests {
         }
     }
 
-    /// Ten words, three of them with too many strokes for an exact order.
+    /// The test has ten words, three of which have too many strokes for an exact order.
     #[test]
     fn words_are_written_as_they_are_read_where_it_costs_a_tenth_at_most() {
         let mut n_read = 0;
@@ -431,7 +434,7 @@ mod tests {
         }
     }
 
-    /// The order that always takes the nearest stroke next, without a bound.
+    /// Returns the order that always continues with the nearest stroke, without use of a bound.
     fn nearest_of_each(tour: &Tour<'_>) -> Vec<Visit> {
         let mut left: Vec<usize> = (0..tour.ways.len()).collect();
         let mut order: Vec<Visit> = Vec::new();
@@ -463,7 +466,7 @@ mod tests {
         let row = (0..40).map(f64::from).map(|x| Vector2::new(x, 1.0));
         let row = row
             .map(|point| PenStroke::even(0, vec![point, point + Vector2::new(0.5, 0.0)]).ways(0.2));
-        // Dashes on a square grid are near in many equal ways.
+        // Between dashes on a square grid, many distances are equal.
         for ways in [drawing(300, 1), drawing(61, 2), square(12, 0.05), row.collect()] {
             let tour = Tour { ways: &ways, style: &style, is_planned: false, letters: &[] };
             assert_eq!(tour.nearest(), nearest_of_each(&tour));

@@ -1,5 +1,5 @@
-//! Local search over orders: 2-opt (Croes 1958) and Or-opt (Or 1976) with reversed strokes, among
-//! near neighbors, from the order that always takes the nearest stroke next.
+//! Local search by 2-opt (Croes 1958) and Or-opt (Or 1976) with reversed strokes, among near
+//! neighbors. The search starts from the order that always continues with the nearest stroke.
 
 use std::ops::Range;
 
@@ -7,18 +7,18 @@ use nalgebra::Vector2;
 
 use super::{Tour, Visit};
 
-/// Strokes that are tried next to each.
+/// Number of strokes that are tried next to each stroke.
 const NEIGHBORS: usize = 8;
-/// Most rounds of improvement. No drawing has reached it.
+/// Maximum number of rounds of improvement. No drawing has reached this number of rounds.
 const MAX_ROUNDS: usize = 30;
-/// Least time that a change has to save, more than rounding.
+/// Minimum time in s that a change has to save, which is more than rounding errors.
 const LEAST_SAVED_S: f64 = 1e-9;
-/// Longest run of strokes that Or-opt moves.
+/// Maximum number of strokes that Or-opt moves together.
 const MAX_RUN: usize = 3;
 
 impl Tour<'_> {
-    /// The tour that begins on the floor and always continues with the stroke that is nearest in
-    /// time. Of equally near strokes, the first in the remaining list is taken.
+    /// Returns the tour that begins on the floor and always continues with the stroke that is
+    /// nearest in time. Of equally near strokes, the first in the list of remaining ones is taken.
     pub(super) fn nearest(&self) -> Vec<Visit> {
         // A stroke is entered and left no faster than the drone flies, lit or dark.
         let speeds_m_s = self.ways.iter().flatten().map(|way| way.start_m_s.norm());
@@ -31,8 +31,8 @@ impl Tour<'_> {
             let (mut least_s, mut best) = (f64::INFINITY, (0, 0));
             for (index, stroke) in remaining.iter().enumerate() {
                 for (way, start_m) in self.ways[*stroke].iter().map(|way| way.start_m).enumerate() {
-                    // The longer axis at full speed is a lower bound that costs little. The slack
-                    // is for rounding.
+                    // The longer axis at full speed gives a lower bound that is quick to compute.
+                    // The slack compensates for rounding.
                     let axis_m = end_m.map_or(0.0, |end_m| (start_m - end_m).amax());
                     if axis_m > least_s * speed_m_s * (1.0 + 1e-9) {
                         continue;
@@ -48,11 +48,11 @@ impl Tour<'_> {
         order
     }
 
-    /// For each stroke, the indices of the [`NEIGHBORS`] strokes with the nearest ends.
+    /// Returns the indices of the [`NEIGHBORS`] strokes with the nearest ends, for each stroke.
     fn neighbors(&self) -> Vec<Vec<usize>> {
         let ends: Vec<[Vector2<f64>; 2]> =
             self.ways.iter().map(|ways| [ways[0].start_m, ways[0].end_m]).collect();
-        // The least of four squared distances: strokes may be drawn backward.
+        // The minimum of four squared distances is used, because strokes may be drawn backward.
         let squared_distance = |a: usize, b: usize| {
             let pairs =
                 ends[a].iter().flat_map(|p| ends[b].iter().map(move |q| (p - q).norm_squared()));
@@ -76,7 +76,7 @@ impl Tour<'_> {
         let neighbors = self.neighbors();
         for _ in 0..MAX_ROUNDS {
             let before_s = self.total_s(visits);
-            // The index of each stroke in the order, kept with every change.
+            // The index of each stroke in the order is updated with every change.
             let mut index_of = vec![0; visits.len()];
             for (index, visit) in visits.iter().enumerate() {
                 index_of[visit.0] = index;
@@ -96,17 +96,18 @@ impl Tour<'_> {
         }
     }
 
-    /// 2-opt: reverses a run that brings the strokes at `i` and `j` side by side, if that saves
-    /// time. Returns the range of changed visits.
+    /// Reverses a run that brings the strokes at `i` and `j` side by side if that saves time
+    /// (2-opt). Returns the range of changed visits.
     fn two_opt(&self, visits: &mut [Visit], i: usize, j: usize) -> Option<Range<usize>> {
         let (low, high) = (i.min(j), i.max(j));
-        // Candidate runs: after `low` to `high`, `low` to before `high`, or both included.
+        // The candidates are the runs from after `low` to `high`, from `low` to before `high`, and
+        // from `low` to `high`.
         let runs = [(low + 1, high), (low, high - 1), (low, high)];
         runs.into_iter().find_map(|(first, last)| {
             if first > last {
                 return None;
             }
-            // Nothing changes inside a reversed run, so only its two ends count.
+            // The time inside a reversed run is unchanged, so that only its two ends are compared.
             let (before, after) = neighbors_of(visits, first..last + 1);
             let (head, tail) = (visits[first], visits[last]);
             let old_s = self.between_s(before, Some(head)) + self.between_s(Some(tail), after);
@@ -121,8 +122,8 @@ impl Tour<'_> {
         })
     }
 
-    /// Or-opt: moves a short run that begins at `i` next to the stroke at `j`, forward or backward,
-    /// if that saves time. Returns the range of changed visits.
+    /// Moves a short run that begins at `i` next to the stroke at `j`, forward or backward, if that
+    /// saves time (Or-opt). Returns the range of changed visits.
     fn or_opt(&self, visits: &mut Vec<Visit>, i: usize, j: usize) -> Option<Range<usize>> {
         for length in 1..=MAX_RUN.min(visits.len() - i) {
             if (i..i + length).contains(&j) {
@@ -152,18 +153,18 @@ impl Tour<'_> {
         None
     }
 
-    /// Time in the dark before and after a run.
+    /// Returns the time in the dark before and after a run in s.
     fn around_s(&self, before: Option<Visit>, run: &[Visit], after: Option<Visit>) -> f64 {
         self.between_s(before, run.first().copied()) + self.between_s(run.last().copied(), after)
     }
 }
 
-/// The visits before and after a range of them.
+/// Returns the visits before and after a range of visits.
 fn neighbors_of(visits: &[Visit], range: Range<usize>) -> (Option<Visit>, Option<Visit>) {
     (range.start.checked_sub(1).map(|before| visits[before]), visits.get(range.end).copied())
 }
 
-/// The visit of the same stroke in the opposite direction.
+/// Returns the visit of the same stroke in the opposite direction.
 fn reversed((stroke, way): Visit) -> Visit {
     (stroke, way ^ 1)
 }

@@ -1,11 +1,11 @@
-//! Flights from formulas, for tests.
+//! Flights computed from formulas, for tests.
 
 use nalgebra::Vector3;
 
 use noctograph_core::flight::{Flight, FlightData, FlightSample};
 
-/// A flight whose position and design are functions of time, sampled every `step_s` from 0 to
-/// `end_s`, with all motors carrying and the estimate at the position.
+/// Makes a flight whose position and design are functions of time, sampled every `step_s` from 0 to
+/// `end_s`, with running motors and the estimate equal to the position.
 pub(crate) fn flight(
     step_s: f64,
     end_s: f64,
@@ -15,7 +15,7 @@ pub(crate) fn flight(
     #[expect(clippy::cast_possible_truncation, reason = "a few hundred")]
     let n = (end_s / step_s).round() as u32;
     let samples = (0..=n).map(|k| {
-        // Through a division, so that 0.3 is 0.3 and not 0.30000000000000004.
+        // Division gives 0.3 in place of 0.30000000000000004.
         let time_s = f64::from(k) / (1.0 / step_s).round();
         FlightSample {
             time_s,
@@ -30,12 +30,12 @@ pub(crate) fn flight(
     Flight::made(FlightData { samples: samples.collect(), ..FlightData::default() })
 }
 
-/// The origin at all times.
+/// Returns the origin at all times.
 pub(crate) fn still(_time_s: f64) -> Vector3<f64> {
     Vector3::zeros()
 }
 
-/// A square of 0.4 m, its sides flown at 0.2 m/s, round and round, 0.5 m above the floor.
+/// Returns the position on a square with 0.4 m sides, flown repeatedly at 0.2 m/s, 0.5 m up.
 pub(crate) fn square(time_s: f64) -> Vector3<f64> {
     let side = time_s.max(0.0) / 2.0;
     let (whole, part) = (side.floor(), 0.4 * (side - side.floor()));

@@ -1,33 +1,34 @@
-//! Lag of a flight behind its design, or its lead.
+//! Lag or lead of a flight relative to its design.
 
 use nalgebra::SVector;
 
 use super::path::DesignPath;
 use noctograph_core::flight::FlightSample;
 
-/// Step of the search over a range of shifts. A letter's strokes last a second and more, so that
-/// the error falls and rises once within a step.
+/// Step in s of the search over a range of shifts. A letter's strokes last a second or more, so
+/// that the error has a single minimum within a step.
 const STEP_S: f64 = 0.02;
-/// Resolution of the shift: at 0.2 m/s, 0.2 µm of path.
+/// Resolution of the shift in s, which at 0.2 m/s is 0.2 µm of path.
 const RESOLUTION_S: f64 = 1e-6;
-/// Most samples of a rough search and of the first search, spread over the flight. The refinement
-/// takes all.
+/// Maximum numbers of samples for the rough search and for the first search, spread over the
+/// flight. The refinement uses all samples.
 const ROUGH_SAMPLES: usize = 250;
 const COARSE_SAMPLES: usize = 2000;
 /// Ratio to the least rough spread up to which a shift goes on to the first search. At the next
 /// shift of the grid, the spread of a flight that moves is several times the least.
 const NEAR: f64 = 2.0;
 
-/// Weight of the mean error, squared, against the variance about it. With 1, an L that is flown
-/// 6 cm beside its design with a lag of 0.2 s has one of 0.4 s, with this weight 0.2005 s. With 0,
-/// a straight stroke at an even speed has none, since its lag is an offset along it.
+/// Weight of the squared mean error relative to the variance around it. For an L flown 6 cm beside
+/// its design with a lag of 0.2 s, a weight of 1 would give a lag of 0.4 s, and this weight gives
+/// 0.2005 s. A weight of 0 would give no lag for a straight stroke at constant speed, because its
+/// lag is an offset along it.
 const OFFSET_WEIGHT: f64 = 1e-3;
 
-/// The shift of the design in time, within a range, that leaves the least spread of the error in
-/// the word's plane. The shifted design at time t is the design at t − shift.
+/// Returns the time shift of the design in s, within a range, that leaves the least spread of the
+/// error in the word's plane. The shifted design at time t is the design at t − shift.
 ///
-/// Three searches, each by more samples: of the whole grid, of the shifts of the grid that are
-/// nearly the best, and between the neighbors of the best.
+/// Three searches use more and more samples: over the whole grid, over the shifts of the grid that
+/// are nearly the best, and between the neighbors of the best shift.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
@@ -48,8 +49,8 @@ pub(super) fn best_shift_s(
     refined(range_s, best_s, |shift_s| cost(1, shift_s))
 }
 
-/// The variance of errors plus a small part of their squared mean, which prefers a shift in time to
-/// an offset in space. 0 without errors.
+/// Returns the variance of errors plus a small part of their squared mean, which prefers a shift in
+/// time to an offset in space. The result is 0 without errors.
 pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())
@@ -60,31 +61,31 @@ pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>
     squares / n - (1.0 - OFFSET_WEIGHT) * (sum / n).norm_squared()
 }
 
-/// The minimum of a function over a range: a grid search, then a golden-section search around the
-/// best point of the grid.
+/// Returns the minimum of a function over a range, by a grid search, followed by a golden-section
+/// search around the best point of the grid.
 pub fn minimize(range: [f64; 2], mut cost: impl FnMut(f64) -> f64) -> f64 {
     let best = best(grid(range).map(|shift_s| (cost(shift_s), shift_s)));
     refined(range, best, cost)
 }
 
-/// The shifts of a grid over a range.
+/// Returns the shifts of a grid over a range.
 fn grid([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
     (0..=n_steps).map(move |k| (low + f64::from(k) * STEP_S).min(high))
 }
 
-/// The shift with the least cost. Of equally good ones, the nearest to zero.
+/// Returns the shift with the least cost. Among equally good shifts, it is the nearest to zero.
 fn best(costs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.abs().total_cmp(&b.1.abs())));
     best.expect("a grid has a point").1
 }
 
-/// The minimum of a function between the neighbors of a point of the grid, by golden-section search
-/// (Kiefer 1953).
+/// Returns the minimum of a function between the neighbors of a point of the grid, by golden-section
+/// search (Kiefer 1953).
 fn refined([low, high]: [f64; 2], best: f64, mut fine: impl FnMut(f64) -> f64) -> f64 {
-    // Between the neighbors, two inner points a and b. The part beyond the worse one is dropped,
-    // and the better one is an inner point of the rest.
+    // Two inner points a and b lie between the neighbors of that point. The part beyond the worse
+    // one is dropped, and the better one becomes an inner point of the rest.
     let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
     let golden = 0.5 * (f64::sqrt(5.0) - 1.0);
     let reach = golden * (right - left);

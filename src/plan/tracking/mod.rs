@@ -1,16 +1,16 @@
-//! Tracking: errors of a flight against its design.
+//! Tracking errors of a flight relative to its design.
 //!
-//! Product in: [`Flight`]. Product out: [`Tracking`], figures over a stated [`Part`] of it.
+//! Input: a [`Flight`]. Output: [`Tracking`], the figures over a stated [`Part`] of the flight.
 //!
-//! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of
-//! the design in time that brings it closest to the flight in the word's plane (x-z), except for a
-//! constant offset. The error after that shift, and the distance to the path (the contour error),
-//! are visible in a photograph.
+//! The error at an instant mixes lag and distance from the path. The lag is the time shift of the
+//! design that brings it closest to the flight in the word's plane (x-z), except for a constant
+//! offset. The error after that shift, and the distance from the path (contour error), are visible
+//! in a photograph.
 //!
-//! All samples have equal weight: a log whose rate varies is resampled when it is imported.
+//! All samples have equal weight, since logs with a varying rate are resampled on import.
 //!
-//! Sources: Table 1 of the reference flight (RMSE), `NanoBench` (arXiv 2603.09908: lag, RMSE after
-//! lag and cross-track error).
+//! The sources are Table 1 of the reference flight (RMSE) and `NanoBench` (arXiv 2603.09908: lag,
+//! RMSE after lag and cross-track error).
 
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
@@ -34,103 +34,104 @@ pub use part::Part;
 pub use lag::{minimize, spread_m2};
 pub use path::{DesignPath, Walk};
 
-/// Longest lag and longest lead in the search. Crazyflies trail by 0.5 to 0.6 s without velocity
-/// feed-forward.
+/// Maximum lag and maximum lead in s that the search considers. Crazyflies lag by 0.5 to 0.6 s
+/// without velocity feedforward.
 pub const MAX_LAG_S: f64 = 1.5;
 
-/// The contour error is measured to the design from this long before to this long after the
-/// lag-shifted time. A shorter window counts lag at a corner as distance, a longer window finds a
-/// neighboring stroke: at 0.2 m/s it is 0.1 m of path to either side, the gap between two letters.
+/// Time in s before and after the lag-shifted time, within which the design's path is used for the
+/// contour error. A shorter window would count lag at a corner as distance, and a longer one would
+/// include a neighboring stroke, because at 0.2 m/s it covers 0.1 m of path to either side, the gap
+/// between two letters.
 const CONTOUR_WINDOW_S: f64 = 0.5;
 
-/// Largest root-mean-square error of the height at which letters are legible, in their cap heights:
-/// at 3 cm, letters of 0.5 m read with probability 0.90, at 5 cm with 0.5 to 0.85.
+/// Largest root-mean-square error of the height at which letters are legible, in cap heights. With
+/// 3 cm, letters of 0.5 m are read with probability 0.90, with 5 cm at 0.5 to 0.85.
 const HEIGHT_ERROR_FRAC: f64 = 0.05;
 
-/// The safety corridor for visitors: y within plus or minus this.
+/// Half the width in m of the safety corridor for visitors along y.
 pub const CORRIDOR_M: f64 = 0.2;
 
-/// Tracking errors, flown minus design, in the world frame.
+/// Tracking errors, which are flown minus design, in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Tracking {
     /// Part of the flight that the figures cover.
     pub part: Part,
-    /// Samples in that part.
+    /// Number of samples in that part.
     #[serde(rename = "samples")]
     pub n_samples: usize,
-    /// First and last sample of that part.
+    /// Times in s of the first and the last sample of that part.
     pub span_s: [f64; 2],
-    /// Root mean square per axis.
+    /// Root-mean-square error for each axis in m.
     pub rmse_m: Vector3<f64>,
-    /// Mean per axis.
+    /// Mean error for each axis in m.
     pub mean_error_m: Vector3<f64>,
-    /// Shift of the design in time, up to [`MAX_LAG_S`] either way, that leaves the least error in
-    /// the x-z plane about a constant offset. Negative if the drone is ahead of its design. 0 if
-    /// the design does not move.
+    /// Time shift of the design in s, up to [`MAX_LAG_S`] either way, that leaves the least error
+    /// in the x-z plane apart from a constant offset. The lag is negative if the drone is ahead of
+    /// its design. The lag is 0 if the design does not move.
     pub lag_s: f64,
-    /// Root mean square per axis against the design shifted by the lag.
+    /// Root-mean-square error for each axis in m, relative to the design shifted by the lag.
     pub rmse_after_lag_m: Vector3<f64>,
     /// Distance in the x-z plane from the flown position to the path of the design.
     pub contour: ContourError,
-    /// Root mean square of `estimate − position` per axis, if an estimate is logged.
+    /// Root mean square of `estimate − position` for each axis in m, if an estimate is logged.
     pub observer_rmse_m: Option<Vector3<f64>>,
-    /// Departure from the word's plane.
+    /// Deviation from the word's plane.
     pub drift: Drift,
-    /// Attitude over the flight, if it is logged.
+    /// Attitude during the flight, if it is logged.
     pub attitude: Option<AttitudeSpread>,
 }
 
 /// Distance from the flown position to the path of the design, in the x-z plane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ContourError {
-    /// Mean.
+    /// Mean distance in m.
     pub mean_m: f64,
-    /// Root mean square.
+    /// Root-mean-square distance in m.
     pub rms_m: f64,
-    /// 95th percentile.
+    /// 95th percentile of the distance in m.
     pub p95_m: f64,
-    /// Maximum.
+    /// Maximum distance in m.
     pub max_m: f64,
 }
 
 /// Position across the word's plane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Drift {
-    /// Minimum.
+    /// Minimum y in m.
     pub min_y_m: f64,
-    /// Maximum.
+    /// Maximum y in m.
     pub max_y_m: f64,
     /// Fraction of the samples within ±[`CORRIDOR_M`].
     pub in_corridor_frac: f64,
 }
 
-/// Yaw, pitch and roll over a flight, each by itself.
+/// Statistics of yaw, pitch and roll over a flight, each taken separately.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AttitudeSpread {
-    /// Mean.
+    /// Mean angles in rad.
     #[serde(rename = "mean_rad")]
     pub mean: Attitude,
-    /// Standard deviation.
+    /// Standard deviations of the angles in rad.
     #[serde(rename = "sigma_rad")]
     pub sigma: Attitude,
-    /// Maximum of the absolute value.
+    /// Maximum absolute values of the angles in rad.
     #[serde(rename = "max_rad")]
     pub max: Attitude,
 }
 
 impl Tracking {
-    /// Root mean square in the x-z plane.
+    /// Returns the root-mean-square error in the x-z plane in m.
     pub fn in_plane_rmse_m(&self) -> f64 {
         self.rmse_m.xz().norm()
     }
 
-    /// Cap height of the lowest letters that the drone holds its height well enough to write:
-    /// twenty times the error of the height after the lag.
+    /// Returns the cap height in m of the smallest letters that the drone's height is accurate
+    /// enough for, which is twenty times the error of the height after the lag.
     pub fn least_cap_height_m(&self) -> f64 {
         self.rmse_after_lag_m.z / HEIGHT_ERROR_FRAC
     }
 
-    /// Root mean square in the x-z plane against the design shifted by the lag.
+    /// Returns the root-mean-square error in the x-z plane in m from the design shifted by the lag.
     pub fn in_plane_rmse_after_lag_m(&self) -> f64 {
         self.rmse_after_lag_m.xz().norm()
     }
@@ -140,7 +141,7 @@ impl Tracking {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if the flight has no sample in that part, or no design.
+/// Returns [`Error::Input`] if the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     let (samples, design) = designed(flight, part)?;
     Ok(measure(flight, part, &samples, &design))
@@ -167,24 +168,25 @@ fn measure(flight: &Flight, part: Part, samples: &[FlightSample], design: &Desig
     }
 }
 
-/// [`Tracking::least_cap_height_m`] of a part of a flight, without the other figures.
+/// Returns [`Tracking::least_cap_height_m`] of a part of a flight, without the other figures.
 ///
 /// # Errors
 ///
-/// As [`track`].
+/// Returns the errors of [`track`].
 pub fn least_cap_height_m(flight: &Flight, part: Part) -> Result<f64> {
     let (samples, design) = designed(flight, part)?;
     Ok(after_lag(&samples, &design).1.z / HEIGHT_ERROR_FRAC)
 }
 
-/// The lag, and the root mean square against the design shifted by it.
+/// Returns the lag, and the root-mean-square error relative to the design shifted by it.
 fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64>) {
     let lag_s = lag::best_shift_s(samples, design, [-MAX_LAG_S, MAX_LAG_S]);
     let mut walk = design.walk();
     (lag_s, rms(samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s))))
 }
 
-/// The samples of a part of a flight, and the path of its design. Fails without either.
+/// Returns the samples of a part of a flight, and the path of its design. Returns an error if
+/// either is missing.
 pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, DesignPath)> {
     let samples = part.samples(flight)?;
     let design = DesignPath::new(flight).ok_or_else(|| {
@@ -194,7 +196,8 @@ pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, Desig
     Ok((samples, design))
 }
 
-/// The distances of samples from the design's path around their lag-shifted times.
+/// Returns statistics of the distances between samples and the design's path around their
+/// lag-shifted times.
 fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
     let mut walk = design.walk();
     let mut distances_m = Vec::from_iter(samples.iter().map(|sample| {
@@ -203,7 +206,7 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
         walk.distance_m(sample.position_m, around_s)
     }));
     distances_m.sort_unstable_by(f64::total_cmp);
-    // Means of the distances and of their squares.
+    // The means are those of the distances and of their squares.
     let n = distances_m.len();
     let sums: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
     let means = sums / n as f64;
@@ -215,7 +218,7 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
     }
 }
 
-/// The least and greatest y of samples, and the fraction of them inside the corridor.
+/// Returns the smallest and largest y of samples, and the fraction of samples inside the corridor.
 fn drift(samples: &[FlightSample]) -> Drift {
     let y_m = || samples.iter().map(|sample| sample.position_m.y);
     Drift {
@@ -226,7 +229,7 @@ fn drift(samples: &[FlightSample]) -> Drift {
     }
 }
 
-/// Mean, standard deviation and greatest absolute value of the attitude angles.
+/// Returns the mean, standard deviation and maximum absolute value of the attitude angles.
 fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     let angles = || samples.iter().map(|sample| angles_rad(&sample.attitude));
     let mean = mean(angles());
@@ -238,23 +241,23 @@ fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     }
 }
 
-/// Root mean square of each component of vectors. Zero without any.
+/// Returns the root mean square of each component of vectors. The result is zero without samples.
 pub fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
 }
 
-/// Mean of vectors. Zero without any.
+/// Returns the mean of vectors. The mean is zero without samples.
 pub fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
     sum / n.max(1) as f64
 }
 
-/// Yaw, pitch and roll as a vector.
+/// Returns yaw, pitch and roll as a vector.
 pub fn angles_rad(attitude: &Attitude) -> Vector3<f64> {
     Vector3::new(attitude.yaw_rad, attitude.pitch_rad, attitude.roll_rad)
 }
 
-/// The attitude of a vector of yaw, pitch and roll.
+/// Makes an attitude from a vector of yaw, pitch and roll.
 pub fn attitude(angles_rad: Vector3<f64>) -> Attitude {
     let [yaw_rad, pitch_rad, roll_rad] = angles_rad.into();
     Attitude { yaw_rad, pitch_rad, roll_rad }

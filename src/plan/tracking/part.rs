@@ -1,47 +1,47 @@
-//! Parts of a flight: letters, in the air, all.
+//! Parts of a flight, which are the letters, the time in the air, or all of it.
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
 use noctograph_core::settings::settings;
 
 settings! {
-    /// Part of a flight.
+    /// A part of a flight.
     pub enum Part {
         /// From take-off to landing.
         ///
-        /// As [`airborne`] finds them: the part of the reference flight's figures.
+        /// [`airborne`] finds both, as for the reference flight's figures.
         "airborne" => Airborne,
-        /// Samples that write letters.
+        /// Samples in which the drone writes letters.
         "letters" => Letters,
-        /// Every sample, the floor included.
+        /// Every sample, including those on the floor.
         "all" => All,
     }
 }
 
 impl Part {
-    /// The letters of a flight, or its time in the air if it writes none.
+    /// Returns the letters of a flight, or its time in the air if it writes none.
     pub fn from_flight(flight: &Flight) -> Self {
         let writes = flight.samples.iter().any(|sample| sample.letter.is_some());
         if writes { Self::Letters } else { Self::Airborne }
     }
 
-    /// The samples of this part, in order of time.
+    /// Returns the samples of this part in chronological order.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] if there are none, or no position in them.
+    /// Returns [`Error::Input`] if there are none, or if they have no position.
     pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
         if !flight.has(Quantity::Position) {
             let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
-        // The samples, with the problem and its remedy if there are none.
+        // Each part has its samples, and the problem and its remedy if there are none.
         let samples = &flight.samples;
         let (samples, actual, hint) = match self {
-            Self::All => (samples.clone(), "no sample", "name a file that holds a flight"),
+            Self::All => (samples.clone(), "no sample", "name a file that contains a flight"),
             Self::Letters => (
                 samples.iter().filter(|sample| sample.letter.is_some()).copied().collect(),
-                "no sample that writes a letter",
+                "no sample is part of a letter",
                 "compare the airborne part instead",
             ),
             Self::Airborne => (

@@ -1,4 +1,4 @@
-//! The design as a path in time: straight segments, each flown evenly.
+//! Path of the design over time, in straight segments of constant speed.
 
 use std::ops::Range;
 
@@ -7,20 +7,21 @@ use nalgebra::{Vector2, Vector3};
 use noctograph_core::flight::Flight;
 use noctograph_core::geometry::Chords;
 
-/// Largest distance of a left-out sample from its segment, per axis: twice the grid of the flight's
-/// file, so that a straight stroke is one segment.
+/// Largest distance in m per axis of an omitted sample from its segment. Twice the file's rounding
+/// unit makes a straight stroke one segment.
 const TOLERANCE_M: f64 = 2e-6;
 
-/// Position of the design over time. Before the first and after the last sample it does not move.
+/// Position of the design over time. The position is constant before the first and after the last
+/// sample.
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,
-    /// From the end of the segment before each corner to the end of the segment after it.
+    /// Segments, one per corner, from the previous segment's end to that of the corner's segment.
     segments: Segments,
 }
 
-/// Segments by the five numbers of [`plane_segment`], a column each, and the length of the path up
-/// to the start of each.
+/// Segments as the five numbers of [`plane_segment`], with one column for each number, and the
+/// length of the path up to the start of each segment.
 #[derive(Clone, Debug, Default)]
 struct Segments {
     columns: [Vec<f64>; 5],
@@ -45,11 +46,12 @@ impl Segments {
         self.starts_m.len()
     }
 
-    /// Squared distance of a point from the nearest of several segments, which follow each other.
+    /// Returns the squared distance of a point from the nearest of several consecutive segments in
+    /// m².
     ///
-    /// From the middle to both ends, [`LANES`] at once. The path cannot come nearer to the point
-    /// faster than it is long, so that segments between a far point of the path and the first that
-    /// may be nearer than the nearest so far are skipped.
+    /// The search goes from the middle to both ends, [`LANES`] segments at a time. Along the path,
+    /// the distance from the point changes by at most the length of the path. Therefore segments
+    /// that cannot be nearer than the nearest so far are skipped.
     #[inline(always)]
     fn squared_distance_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
         let mut least_m2 = f64::INFINITY;
@@ -102,13 +104,13 @@ impl Segments {
     }
 }
 
-/// A segment in the x-z plane as five numbers: its first point, its vector, and the squared length.
+/// Returns a segment in the x-z plane as five numbers: first point, vector and squared length.
 fn plane_segment(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
     let step_m = (to_m - from_m).xz();
     [from_m.x, from_m.z, step_m.x, step_m.y, step_m.norm_squared()]
 }
 
-/// The squared distance of a point from a segment.
+/// Returns the squared distance of a point from a segment.
 #[inline(always)]
 fn squared_distance_m2(
     point_m: Vector2<f64>,
@@ -128,15 +130,15 @@ struct Corner {
 }
 
 impl DesignPath {
-    /// The design of a flight. `None` without samples, and for a design of zeros throughout, which
-    /// is that of a log without setpoints.
+    /// Makes the path of a flight's design. Returns `None` without samples, and for a design that
+    /// is zero throughout, as in a log without setpoints.
     pub fn new(flight: &Flight) -> Option<Self> {
         let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
         let corners = flight.samples.iter().map(|sample| (sample.time_s, sample.design_m));
         designed.then(|| Self::through(corners))
     }
 
-    /// The path through at least one point, in the order of their times.
+    /// Makes the path through at least one point, given in chronological order.
     pub fn through(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
         let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
         let corners = without_even_corners(corners);
@@ -150,25 +152,25 @@ impl DesignPath {
         path
     }
 
-    /// First and last time of the design.
+    /// Returns the first and last time of the design in s.
     pub fn span_s(&self) -> [f64; 2] {
         [self.corners[0].time_s, self.corners[self.corners.len() - 1].time_s]
     }
 
-    /// The time at which the design first moves, or begins if it never does.
+    /// Returns the time in s at which the design first moves, or begins if it never moves.
     pub fn first_move_s(&self) -> f64 {
         let away = |pair: &[Corner]| pair[1].at_m != self.corners[0].at_m;
         let last = self.corners.windows(2).position(away).unwrap_or(0);
         self.corners[last].time_s
     }
 
-    /// A reader of positions that starts at the beginning.
+    /// Returns a reader of positions that starts at the beginning of the path.
     pub fn walk(&self) -> Walk<'_> {
         Walk { path: self, segment: 0 }
     }
 }
 
-/// Reads a path at times that do not fall, without searching.
+/// Reader of a path at times that do not decrease, which needs no search.
 #[derive(Debug)]
 pub struct Walk<'a> {
     path: &'a DesignPath,
@@ -176,7 +178,7 @@ pub struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Position of the design at `time_s`.
+    /// Returns the position of the design at `time_s`.
     pub fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
         let segment = self.segment_at(time_s);
         self.path.on_segment(segment, time_s)
@@ -201,7 +203,8 @@ impl Walk<'_> {
         self.segment
     }
 
-    /// Distance in the x-z plane from a point to the path of the design between two times.
+    /// Returns the distance in m from a point to the design's path between two times, in the x-z
+    /// plane.
     pub fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
         let from_m = self.at_m(from_s);
         let (path, first, point_m) = (self.path, self.segment, point_m.xz());
@@ -212,7 +215,7 @@ impl Walk<'_> {
         if first == last {
             return near(from_m, to_m).sqrt();
         }
-        // The parts of the first and last segment, and all segments between them.
+        // The path consists of parts of the first and last segment, and all segments between them.
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
         let segments = &path.segments;
         let inner_m2 =
@@ -222,13 +225,13 @@ impl Walk<'_> {
 }
 
 impl DesignPath {
-    /// End of the segment from a corner on.
+    /// Returns the end of the segment that begins at a corner.
     fn end_m(&self, index: usize) -> Vector3<f64> {
         let end_s = self.corners.get(index + 1).map_or(f64::INFINITY, |end| end.time_s);
         self.on_segment(index, end_s)
     }
 
-    /// Position at a time on the segment from a corner on, at its ends before and after it.
+    /// Returns the position at a time on the segment after a corner, or the nearer end outside it.
     fn on_segment(&self, index: usize, time_s: f64) -> Vector3<f64> {
         let (start, end) = self.ends(index);
         let Some(end) = end else { return start.at_m };
@@ -250,8 +253,8 @@ fn fraction(start: &Corner, end: &Corner, time_s: f64) -> f64 {
     fraction.clamp(0.0, 1.0)
 }
 
-/// The corners without those that lie on a straight segment of constant speed between others,
-/// within [`TOLERANCE_M`]: swinging-door compression (Bristol 1990).
+/// Removes the corners that are within [`TOLERANCE_M`] of a straight segment of constant speed
+/// between others, by swinging-door compression (Bristol 1990).
 fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
     let mut kept: Vec<Corner> = Vec::new();
     let mut last: Option<Corner> = None;
@@ -261,8 +264,8 @@ fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
             kept.push(corner);
             continue;
         };
-        // No velocity passes all samples: the segment ends at the sample before, and the next
-        // segment begins there.
+        // If no velocity passes all samples, the segment ends at the previous sample and another
+        // begins.
         let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
         let (step_m, lasts_s) = since(&kept[kept.len() - 1]);
         if corner.time_s <= before.time_s || !chords.contain(step_m.into(), lasts_s) {
@@ -287,7 +290,7 @@ mod tests {
 
     #[test]
     fn a_straight_stroke_is_one_segment_and_a_step_is_another() {
-        // Right for a second, a step up, then a wait.
+        // The design moves right for a second, steps up, and then waits.
         fn design(t: f64) -> Vector3<f64> {
             match t {
                 t if t <= 1.0 => Vector3::new(0.2 * t, 0.0, 0.5),
@@ -308,7 +311,7 @@ mod tests {
 
     #[test]
     fn distance_is_only_to_the_named_stretch() {
-        // Right at z = 0.5 for a second, up for a second.
+        // The design moves right at z = 0.5 for a second, and up for another.
         let design = |t: f64| Vector3::new(t.min(1.0), 0.0, 0.5 + (t - 1.0).max(0.0));
         let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
         let point = Vector3::new(0.9, 7.0, 1.0);

@@ -1,4 +1,4 @@
-//! Flights with known errors.
+//! Tests with flights of known errors.
 
 use noctograph_core::flight::FlightData;
 use std::f64::consts::TAU;
@@ -24,7 +24,7 @@ fn a_pure_delay_is_all_lag_and_no_contour_error() {
 
 #[test]
 fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
-    // As a plan that leads its controller, while the design has begun and goes on.
+    // The flight is that of a plan that leads its controller, while the design moves throughout.
     for lead_s in [0.02, 0.1, 0.4, 1.2] {
         let mut flown = flight(0.004, 20.0, |t| square(t + lead_s), square);
         flown.edit(|flown| {
@@ -43,10 +43,10 @@ fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
 #[test]
 fn a_constant_offset_is_no_lag() {
     let aside = Vector3::new(0.0, 0.03, -0.02);
-    // Only along x, so that the path is 0.02 m away everywhere.
+    // The design moves only along x, so that its path is 0.02 m away everywhere.
     let design = |t: f64| Vector3::new(0.2 * t, 0.0, 0.5);
     let tracking = track(&flight(0.01, 5.0, |t| design(t) + aside, design), Part::All).unwrap();
-    // Zero is within the range of the search, and found as closely as any other shift.
+    // The search finds zero as accurately as any other shift within its range.
     near(tracking.lag_s, 0.0, 1e-6, "lag");
     near((tracking.rmse_m - aside.abs()).norm(), 0.0, 1e-12, "RMSE");
     near((tracking.mean_error_m - aside).norm(), 0.0, 1e-12, "mean");
@@ -58,7 +58,7 @@ fn a_constant_offset_is_no_lag() {
 
 #[test]
 fn a_lag_is_found_beside_the_path_of_a_word_that_ends_elsewhere() {
-    // An L, down and to the right, flown 0.2 s late and 3 cm beside and above it.
+    // The design is an L, down and to the right, flown 0.2 s late, and beside and above it.
     let design =
         |t: f64| Vector3::new(0.2 * (t - 2.5).clamp(0.0, 1.5), 0.0, 1.0 - 0.2 * t.min(2.5));
     for aside in [Vector3::zeros(), Vector3::new(0.03, 0.0, 0.02), Vector3::new(-0.05, 0.0, 0.04)] {
@@ -77,7 +77,7 @@ fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
         }
     }
     let flown = flight(0.004, 16.0, |t| round(0.31)(t - 0.3), round(0.3));
-    // From 1 s on, when the design that the drone trails has begun.
+    // The letter begins at 1 s, when the design that the drone follows has begun.
     let late =
         flown.samples.iter().map(|s| FlightSample { letter: (s.time_s >= 1.0).then_some(0), ..*s });
     let flown = Flight::made(FlightData { samples: late.collect(), ..FlightData::default() });
@@ -90,8 +90,9 @@ fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
 
 #[test]
 fn a_crossing_stroke_does_not_reduce_the_contour_error() {
-    // Right along z = 0.5, later back along z = 0.55: a drone 0.05 m too high on its way right lies
-    // on the later stroke, and one 0.05 m too low on its way back on the earlier one.
+    // The design runs right along z = 0.5, and later back along z = 0.55. A drone 0.05 m too high
+    // on its way right is on the later stroke, and one 0.05 m too low on its way back is on the
+    // earlier one.
     fn design(t: f64) -> Vector3<f64> {
         match t {
             t if t < 3.0 => Vector3::new(0.2 * t, 0.0, 0.5),
@@ -179,7 +180,7 @@ fn a_flight_without_samples_letters_air_or_design_is_refused() {
     flown.edit(|flown| {
         flown.samples.iter_mut().for_each(|s| (s.motors, s.letter) = ([9.0; 4], None))
     });
-    assert!(refused(&flown, Part::Letters).contains("writes a letter"));
+    assert!(refused(&flown, Part::Letters).contains("part of a letter"));
     assert!(refused(&flown, Part::Airborne).contains("in the air"));
     flown.edit(|flown| flown.unlogged = [Quantity::Position].into());
     assert!(refused(&flown, Part::All).contains("no position"));

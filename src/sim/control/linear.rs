@@ -1,22 +1,24 @@
-//! Linear models: linearization, stability, observability.
+//! Linear models, with their linearization, stability and observability.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::Matrix;
 
-/// Step of the central differences, relative to `max(1, |x|)`. The error falls with its square
-/// (1.7e-9 of the derivative of a sine). A hundredth of it would lose as much to rounding.
+/// Step of the central differences, relative to `max(1, |x|)`. The error decreases with the square
+/// of the step (sine: 1.7e-9 of the derivative). A hundredth of the step would lose as much to
+/// rounding.
 const STEP: f64 = 1e-4;
-/// The smaller of the two extrapolated steps. The error falls with its fourth power.
+/// Smaller of the two extrapolated steps. The error decreases with the fourth power of the step.
 const FINE_STEP: f64 = 1e-3;
-/// Pivot below which a direction counts as unseen, relative to the largest.
+/// Pivot relative to the largest below which a direction counts as unobservable.
 const RANK_TOLERANCE: f64 = 1e-9;
-/// Squarings after which a power that neither vanishes nor grows counts as not stable: only a
-/// pole within 1e-17 of the border, relative to the largest, gets that far.
+/// Maximum number of squarings, after which a power that neither vanishes nor grows is not stable.
+/// Only a pole within 1e-17 of the stability boundary, relative to the largest, needs this many
+/// squarings.
 const MAX_SQUARINGS: usize = 60;
 
-/// Linear model `(A, B)` of `ẋ = f(x, u)` about a point: `A = ∂f/∂x` and `B = ∂f/∂u`, by central
-/// differences with a step of 1e-4 (relative above 1).
+/// Returns the linear model `(A, B)` of `ẋ = f(x, u)` at a point, `A = ∂f/∂x` and `B = ∂f/∂u`, by
+/// central differences with a step of 1e-4 (relative above 1).
 pub fn linearize<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
@@ -25,21 +27,21 @@ pub fn linearize<const N: usize, const M: usize>(
     (jacobian(|x| f(x, u), x, STEP), jacobian(|u| f(x, u), u, STEP))
 }
 
-/// [`linearize`] with Richardson's extrapolation from two steps, exact to 1e-12: for figures that
-/// are compared with references, not for flight.
+/// Does the same as [`linearize`] with Richardson's extrapolation from two steps, exact to 1e-12,
+/// for numbers that are compared with references instead of flown.
 pub fn linearize_finely<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
     u: &SVector<f64, M>,
 ) -> (SMatrix<f64, N, N>, SMatrix<f64, N, M>) {
-    // With D(h) of the central difference: (4 D(h) − D(2h)) / 3 cancels the error in h².
+    // With the central difference D(h), (4 D(h) − D(2h)) / 3 cancels the error in h².
     let [h, h2] = [FINE_STEP, 2.0 * FINE_STEP];
     let a = jacobian(|x| f(x, u), x, h) * 4.0 - jacobian(|x| f(x, u), x, h2);
     let b = jacobian(|u| f(x, u), u, h) * 4.0 - jacobian(|u| f(x, u), u, h2);
     (a / 3.0, b / 3.0)
 }
 
-/// Jacobian of `f` by central differences with a relative step.
+/// Returns the Jacobian of `f` by central differences with a relative step.
 fn jacobian<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, M>) -> SVector<f64, N>,
     point: &SVector<f64, M>,
@@ -50,18 +52,18 @@ fn jacobian<const N: usize, const M: usize>(
         let (mut up, mut down) = (*point, *point);
         up[i] += step * point[i].abs().max(1.0);
         down[i] -= step * point[i].abs().max(1.0);
-        // Divided by the difference after rounding, not by twice the step.
+        // The divisor is the difference after rounding instead of twice the step.
         jacobian.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
     }
     jacobian
 }
 
-/// A matrix of static size as one of dynamic size.
+/// Converts a matrix of static size to one of dynamic size.
 pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Matrix {
     Matrix::from_column_slice(R, C, m.as_slice())
 }
 
-/// The block matrix `[A B; C D]` of square blocks `A` and `D`.
+/// Returns the block matrix `[A B; C D]` of square blocks `A` and `D`.
 pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Matrix {
     let (n, m) = (a.nrows(), d.nrows());
     let mut joined = a.clone().resize(n + m, n + m, 0.0);
@@ -71,16 +73,16 @@ pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Mat
     joined
 }
 
-/// Number of independent observable directions of `ẋ = A x`, `y = C x`: the rank of
-/// `[C; CA; CA²; …]` (Kalman). The number of states means observable.
+/// Returns the rank of `[C; CA; CA²; …]` (Kalman), the number of observable directions of `ẋ = A
+/// x`, `y = C x`. If this rank equals the number of states, the system is observable.
 pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }
 
-/// The transposed observability matrix, `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
+/// Returns the transposed observability matrix, `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
 fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
-    // Time is scaled so that the powers of A stay of one size.
+    // Time is scaled so that the powers of A keep their size.
     let a = a / a.norm().max(f64::MIN_POSITIVE);
     let mut columns = Matrix::zeros(n, n * p);
     let mut block = c.clone();
@@ -91,7 +93,7 @@ fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     columns
 }
 
-/// Rank of a matrix with no more rows than columns, by LU decomposition with full pivoting.
+/// Returns the rank of a matrix with no more rows than columns, by LU with full pivoting.
 fn rank(columns: Matrix) -> usize {
     let n = columns.nrows();
     let upper = columns.full_piv_lu().u();
@@ -99,11 +101,11 @@ fn rank(columns: Matrix) -> usize {
     pivots.iter().filter(|pivot| **pivot > RANK_TOLERANCE * pivots.max()).count()
 }
 
-/// True if every eigenvalue of `A` has a negative real part, so that `ẋ = A x` dies out. A pole on
-/// the border counts as not stable, and so does a matrix that is not finite.
+/// True if every eigenvalue of `A` has a negative real part, so that `ẋ = A x` decays. A pole on
+/// the stability boundary counts as not stable, and so does a matrix that is not finite.
 pub fn is_hurwitz(a: &Matrix) -> bool {
-    // The Cayley transform (1 + A)(1 − A)⁻¹ maps the left half plane onto the unit disc. Its powers
-    // vanish exactly if all eigenvalues are within, which squaring shows in a few steps.
+    // The Cayley transform (1 + A)(1 − A)⁻¹ maps the left half-plane to the unit disc. Its powers
+    // vanish exactly if all eigenvalues are inside, which squaring shows in a few steps.
     let scaled = a / a.norm();
     let one = Matrix::identity(a.nrows(), a.ncols());
     let Some(inverse) = (&one - &scaled).try_inverse() else {
@@ -123,13 +125,13 @@ pub fn is_hurwitz(a: &Matrix) -> bool {
     false
 }
 
-/// Indices of the unobservable states of `ẋ = A x`, `y = C x`, which are not a combination of the
-/// rows of `[C; CA; CA²; …]`.
+/// Returns the indices of the unobservable states of `ẋ = A x`, `y = C x`, which are not a
+/// combination of the rows of `[C; CA; CA²; …]`.
 pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let observable = rank(columns.clone());
     let (last, size) = (columns.ncols(), columns.norm().max(f64::MIN_POSITIVE));
-    // A state is unobservable if measuring it as well would raise the rank.
+    // A state is unobservable if measuring it as well would increase the rank.
     let unobservable = (0..a.nrows()).filter(|&state| {
         let mut augmented = columns.clone().insert_column(last, 0.0);
         augmented[(state, last)] = size;

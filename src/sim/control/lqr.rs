@@ -1,18 +1,18 @@
-//! Linear-quadratic regulator, and the observer gain as its dual.
+//! Linear-quadratic regulator, and the observer gain as that of its dual.
 
 use super::Matrix;
 use super::riccati::care;
 use noctograph_core::error::{Error, Result};
 
-/// Gain `K` of the feedback `u = −K x` that minimizes `∫ xᵀQx + uᵀRu dt` for `ẋ = A x + B u`.
+/// Returns the gain `K` of `u = −K x` that minimizes `∫ xᵀQx + uᵀRu dt` for `ẋ = A x + B u`.
 ///
-/// `K = R⁻¹ Bᵀ X` with `X` of the continuous algebraic Riccati equation. Only the ratio of `Q` to
-/// `R` matters.
+/// `K = R⁻¹ Bᵀ X` with the solution `X` of the continuous algebraic Riccati equation. Only the
+/// ratio of `Q` to `R` affects the gain.
 ///
 /// # Errors
 ///
-/// [`Error::Infeasible`] if `R` is not positive definite, or if no feedback stabilizes the system
-/// at these weights.
+/// Returns [`Error::Infeasible`] if `R` is not positive definite, or if no feedback stabilizes the
+/// system at these weights.
 pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
     let r_inverse = r.clone().cholesky().map(|r| r.inverse()).ok_or_else(|| {
         Error::infeasible(
@@ -24,15 +24,16 @@ pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
     Ok(r_inverse * b.transpose() * x)
 }
 
-/// Gain `L` of the observer `x̂̇ = A x̂ + B u − L (C x̂ − y)`: the regulator of the dual system
-/// `(Aᵀ, Cᵀ)`, transposed.
+/// Returns the gain `L` of the observer `x̂̇ = A x̂ + B u − L (C x̂ − y)`, which is the transposed
+/// gain of the regulator for the dual system `(Aᵀ, Cᵀ)`.
 ///
-/// With `model` and `measurement` as the densities of the noise that drives the state and of the
-/// noise on the output, it is the stationary Kalman–Bucy filter.
+/// If `model` and `measurement` are the noise densities of the state and of the output,
+/// respectively, the observer is the stationary Kalman–Bucy filter.
 ///
 /// # Errors
 ///
-/// As [`lqr`], with "seen by an output" for "reached by an input".
+/// Returns the errors of [`lqr`], for states that no output shows instead of states without an
+/// input.
 pub fn observer_gain(
     a: &Matrix,
     c: &Matrix,
@@ -51,7 +52,8 @@ mod tests {
     use super::*;
     use crate::control::is_hurwitz;
 
-    /// Closed form for `ẍ = b u`: `k₁ = √(q₁/r)`, `k₂ = √(q₂/r + 2 k₁/b)`.
+    /// Returns the error relative to the exact `k₁ = √(q₁/r)`, `k₂ = √(q₂/r + 2 k₁/b)` for `ẍ = b
+    /// u`.
     fn double_integrator_error(b: f64, q1: f64, q2: f64, r: f64) -> f64 {
         let k = lqr(
             &dmatrix![0.0, 1.0; 0.0, 0.0],
@@ -71,7 +73,7 @@ mod tests {
         assert!(double_integrator_error(1.0 / 3.32e-5, 40.0, 1.0, 38_586_096.0) < 1e-12, "yaw");
     }
 
-    /// Hover of the reference flight and its weights, straight from the figures.
+    /// Returns the matrices of the reference flight's hover, and its weights, as numbers.
     fn hover() -> [DMatrix<f64>; 4] {
         let (mut a, mut b) = (DMatrix::zeros(12, 12), DMatrix::zeros(12, 4));
         let ones = [(0, 6), (1, 7), (2, 8), (3, 11), (4, 10), (5, 9)];
@@ -84,15 +86,15 @@ mod tests {
         [a, b, DMatrix::from_diagonal(&q.to_vec().into()), DMatrix::from_diagonal(&r)]
     }
 
-    /// Largest error of a gain in any row, relative to the row.
+    /// Returns the largest error of a gain in any row, relative to the row.
     fn row_error(k: &DMatrix<f64>, want: &DMatrix<f64>) -> f64 {
         let rows = (0..k.nrows()).map(|i| (k.row(i) - want.row(i)).norm() / want.row(i).norm());
         rows.fold(0.0, f64::max)
     }
 
-    /// Newton–Kleinman with 60 digits (Lyapunov equation by Kronecker product and LU) in mpmath
-    /// 1.4.1, Python 3.11, begun from SciPy 1.17.1, until a step is below 1e-50 of X:
-    /// `K = R**-1 * B.T * X`, `mp.nstr(K[i, j], 20)`.
+    /// The reference is Newton–Kleinman with 60 digits (Lyapunov equation by Kronecker product and
+    /// LU) in mpmath 1.4.1, Python 3.11, started from SciPy 1.17.1, until a step is below 1e-50 of
+    /// X: `K = R**-1 * B.T * X`, `mp.nstr(K[i, j], 20)`.
     #[test]
     fn gain_of_the_hovering_drone_is_that_of_sixty_digits() {
         let [a, b, q, r] = hover();
@@ -117,8 +119,8 @@ mod tests {
         assert!(error < 1e-14, "worst row {error:e}; SciPy's own solver is off by 1.5e-12");
     }
 
-    /// A dense system of whole numbers, with the reference as for the hovering drone, and the gain
-    /// of SciPy 1.17.1: `solve_continuous_are(A, B, Q, R)`.
+    /// The system is dense with whole numbers, its reference is computed as for the hovering drone,
+    /// and the other gain is from SciPy 1.17.1: `solve_continuous_are(A, B, Q, R)`.
     #[test]
     fn gain_of_a_dense_system_is_that_of_sixty_digits_and_of_scipy() {
         let a =
@@ -146,7 +148,7 @@ mod tests {
         assert!(other < 1e-10, "worst row {other:e} against SciPy");
     }
 
-    /// Residual relative to the terms of its equation.
+    /// Returns the residual relative to the terms of its equation.
     fn residual(x: &DMatrix<f64>, [a, g, q]: [&DMatrix<f64>; 3]) -> f64 {
         let (linear, quadratic) = (a.transpose() * x, x * g * x);
         let left = &linear + linear.transpose() - &quadratic + q;
@@ -201,14 +203,14 @@ mod tests {
             let k = lqr(&a, &b, &q, &r).unwrap_or_else(|e| panic!("case {case}: {e}"));
             let closed = &a - &b * &k;
             assert!(is_hurwitz(&closed), "case {case} is unstable");
-            // X of the closed loop's Lyapunov equation, only from K: independent of the solver.
+            // X of the closed loop's Lyapunov equation depends on K only, and not on the solver.
             let x = lyapunov(&closed, &(q + k.transpose() * &r * &k));
             let again = r.try_inverse().unwrap() * b.transpose() * x;
             assert!((again - &k).norm() < 1e-7 * k.norm(), "case {case}: K is no fixed point");
         }
     }
 
-    /// `X` of `AᵀX + XA + Q = 0` by its linear system of N² unknowns.
+    /// Returns `X` of `AᵀX + XA + Q = 0` by solving a linear system with N² unknowns.
     fn lyapunov(a: &DMatrix<f64>, q: &DMatrix<f64>) -> DMatrix<f64> {
         let one = DMatrix::<f64>::identity(6, 6);
         let system = one.kronecker(&a.transpose()) + a.transpose().kronecker(&one);
@@ -234,7 +236,7 @@ mod tests {
 
     #[test]
     fn observer_of_a_random_walk_is_the_stationary_kalman_gain() {
-        // ẋ = w with density 4, y = x + v with density 9: L = √(4/9).
+        // For ẋ = w with density 4 and y = x + v with density 9, the gain is L = √(4/9).
         let l = observer_gain(&dmatrix![0.0], &dmatrix![1.0], &dmatrix![4.0], &dmatrix![9.0]);
         assert!((l.unwrap()[0] - 2.0 / 3.0).abs() < 1e-15, "√(4/9)");
     }

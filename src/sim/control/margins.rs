@@ -1,4 +1,4 @@
-//! Margins of gain and phase of a feedback, and models with input lag.
+//! Gain and phase margins of a feedback, and models with input lag.
 
 use std::f64::consts::PI;
 
@@ -7,31 +7,34 @@ use nalgebra::{Complex, DVector};
 use super::Matrix;
 use super::linear::{is_hurwitz, with_states};
 
-/// Frequencies of the sweep, rad/s: far below a drone's slowest loop to far above its fastest.
+/// Lowest and highest frequency of the sweep in rad/s, far outside the range of a drone's loops.
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
-/// Steps of the sweep. A step of 0.4 % finds every crossing but two within it.
+/// Number of steps of the sweep. A step of 0.4 % separates all crossings except two within one
+/// step.
 const SWEEP_STEPS: u32 = 4000;
-/// Bisections of the step around a crossing: 0.4 % to 1e-12.
+/// Number of bisections of the step around a crossing, which narrow 0.4 % to 1e-12.
 const HALVINGS: u32 = 30;
 
 /// Margins of one loop, opened at its input, with the others closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Margins {
-    /// Largest factor above 1 on the input up to which the loop is stable. `None`: any.
+    /// Largest factor above 1 on the input up to which the loop is stable, or `None` if there is no
+    /// limit.
     pub gain_up: Option<f64>,
-    /// Smallest factor below 1 down to which it is stable. `None`: any.
+    /// Smallest factor below 1 down to which the loop is stable, or `None` if there is no limit.
     pub gain_down: Option<f64>,
-    /// Phase that can be lost before it is unstable. `None`: any.
+    /// Phase in rad that can be lost before the loop is unstable, or `None` if there is no limit.
     pub phase_rad: Option<f64>,
-    /// Frequency at which that phase is the smallest.
+    /// Frequency in rad/s at which that phase is smallest.
     pub crossover_rad_s: Option<f64>,
 }
 
-/// Margins of the feedback `u = −K x` on `ẋ = A x + B u`, for each input by itself.
+/// Returns the margins of the feedback `u = −K x` on `ẋ = A x + B u`, for each input by itself.
 ///
-/// From the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and 1e4 rad/s. A
-/// linear-quadratic regulator has, on its own plant, a phase margin of 60° and gain margins of 1/2
-/// to infinity (Anderson, Moore, 1990, chapter 5). `None` if the closed loop is not stable.
+/// The margins follow from the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and
+/// 1e4 rad/s. On its own plant, a linear-quadratic regulator has a phase margin of 60° and gain
+/// margins of 1/2 to infinity (Anderson, Moore, 1990, chapter 5). Returns `None` if the closed loop
+/// is not stable.
 pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
     let margins = (0..b.ncols()).map(|i| {
@@ -44,8 +47,8 @@ pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     is_hurwitz(&closed).then(|| margins.collect())
 }
 
-/// Frequency response `k (iω − A)⁻¹ b`, or `None` at a pole. In real arithmetic: the solution
-/// `x = u + iv` of `(iω − A) x = b` has `(A² + ω²) v = −ω b` and `u = A v / ω`.
+/// Returns the frequency response `k (iω − A)⁻¹ b`, or `None` at a pole. In real arithmetic, the
+/// solution `x = u + iv` of `(iω − A) x = b` satisfies `(A² + ω²) v = −ω b` and `u = A v / ω`.
 fn response(
     a: &Matrix,
     a_squared: &Matrix,
@@ -62,10 +65,10 @@ fn response(
     Some(Complex::new(k.dot(&u), k.dot(&v)))
 }
 
-/// Margins of a loop from its response over a sweep of frequencies.
+/// Returns the margins of a loop from its response over a sweep of frequencies.
 fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     let mut margins = Margins::default();
-    // Equal steps of the logarithm. A frequency on a pole of the open loop has no response.
+    // The steps of the logarithm are equal. A frequency at a pole of the open loop has no response.
     let [low, high] = SWEEP_RAD_S.map(libm::log);
     let step = (high - low) / f64::from(SWEEP_STEPS);
     let samples = (0..=SWEEP_STEPS).map(|i| {
@@ -76,7 +79,7 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     for pair in samples.windows(2) {
         let [Some((low, at_low)), Some((high, at_high))] = *pair else { continue };
         let (range, values) = ([low, high], [at_low, at_high]);
-        // At a gain crossover, |L| = 1, the phase margin is π − |arg L|. The smallest counts.
+        // At a gain crossover, |L| = 1, the phase margin is π − |arg L|. The smallest one is kept.
         let excess = |l: Complex<f64>| l.norm_sqr() - 1.0;
         if let Some((crossover, value)) = crossing(&response, range, values, excess) {
             let phase = PI - libm::atan2(value.im, value.re).abs();
@@ -84,8 +87,8 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
                 (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(crossover));
             }
         }
-        // Phase crossover, L real and negative: the factor −1/L on the input makes L = −1. The
-        // nearest factors above and below 1 count.
+        // At a phase crossover, where L is real and negative, the factor −1/L on the input makes L
+        // = −1. The nearest factors above and below 1 are kept.
         if let Some((_, value)) = crossing(&response, range, values, |l| l.im)
             && value.re < 0.0
         {
@@ -100,9 +103,9 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     margins
 }
 
-/// Frequency at which a function of the response changes its sign, by bisection of the logarithm,
-/// and the response there. `values` are the responses at the ends of the range. `None` if both
-/// have the same sign.
+/// Returns the frequency at which a function of the response changes its sign, by bisection of the
+/// logarithm, and the response there. `values` contains the responses at the ends of the range.
+/// Returns `None` if both have the same sign.
 fn crossing(
     response: impl Fn(f64) -> Option<Complex<f64>>,
     [mut low, mut high]: [f64; 2],
@@ -121,8 +124,8 @@ fn crossing(
     response(high).map(|value| (high, value))
 }
 
-/// The matrices `A`, `B` and `K` of the plant `ẋ = A x + B u` with states `[x u]`, whose inputs
-/// follow their commands with a lag: `τ u̇ = u_command − u`. The feedback is `[K 0]`.
+/// Returns the matrices `A`, `B` and `K` of the plant `ẋ = A x + B u` with states `[x u]`, whose
+/// inputs follow their commands with a lag, `τ u̇ = u_command − u`. The feedback is `[K 0]`.
 pub fn with_input_lag(a: &Matrix, b: &Matrix, k: &Matrix, lag_s: f64) -> [Matrix; 3] {
     let (n, m) = b.shape();
     let one = Matrix::identity(m, m);
@@ -140,7 +143,7 @@ mod tests {
 
     #[test]
     fn margins_of_a_double_integrator_are_its_textbook_figures() {
-        // L = (1 + √2 s)/s²: the regulator of ẍ = u with Q = diag(1, 0), R = 1.
+        // For the regulator of ẍ = u with Q = diag(1, 0), R = 1, the loop is L = (1 + √2 s)/s².
         let a = dmatrix![0.0, 1.0; 0.0, 0.0];
         let k = dmatrix![1.0, 2.0_f64.sqrt()];
         let actual = margins(&a, &dmatrix![0.0; 1.0], &k).unwrap()[0];
@@ -154,7 +157,7 @@ mod tests {
 
     #[test]
     fn three_lags_in_a_row_stand_eight_times_the_gain() {
-        // L = 1/(s + 1)³: −1/8 at ω = √3.
+        // The loop L = 1/(s + 1)³ is −1/8 at ω = √3.
         let a = dmatrix![-1.0, 1.0, 0.0; 0.0, -1.0, 1.0; 0.0, 0.0, -1.0];
         let (b, k) = (dmatrix![0.0; 0.0; 1.0], dmatrix![1.0, 0.0, 0.0]);
         let actual = margins(&a, &b, &k).unwrap()[0];
@@ -166,11 +169,11 @@ mod tests {
 
     #[test]
     fn an_unstable_plant_needs_its_gain() {
-        // ẋ = x + u, u = −2 x: L = 2/(s − 1) begins at −2.
+        // For ẋ = x + u with u = −2 x, the loop L = 2/(s − 1) begins at −2.
         let (a, one) = (dmatrix![1.0], dmatrix![1.0]);
         let [lagging, b, k] = with_input_lag(&a, &one, &dmatrix![2.0], 0.1);
         let actual = margins(&lagging, &b, &k).unwrap()[0];
-        // 0.1 s² + 0.9 s + (2g − 1): stable above g = ½, which L reaches at ω = 0 only.
+        // The polynomial 0.1 s² + 0.9 s + (2g − 1) is stable above g = ½, and L is ½ only at ω = 0.
         assert_eq!(actual.gain_up, None, "{actual:?}");
         assert!(is_hurwitz(&(&lagging - &b * &k)), "as it is");
         assert!(!is_hurwitz(&(lagging - b * k * 0.49)), "with half of it");

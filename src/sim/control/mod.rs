@@ -1,21 +1,22 @@
-//! Control: mathematics of linear systems with no drone in it.
+//! Control, the mathematics of linear systems without any drone.
 //!
-//! In: a model `ẋ = A x + B u`, `y = C x`, and weights. Out: the gain of a linear-quadratic
-//! regulator, the gain of an observer by duality, and answers about a model (is it stable, how
-//! many of its states are observable, its poles, its margins of gain and phase).
+//! Input: a model `ẋ = A x + B u`, `y = C x`, and weights. Output: the gain of a linear-quadratic
+//! regulator, the gain of an observer by duality, and properties of a model, which are its
+//! stability, the number of observable states, its poles, and its gain and phase margins.
 //!
-//! Method: algebraic Riccati equations by structure-preserving doubling. A Cayley transform
-//! converts the continuous equation to a discrete equation. No gain is made from eigenvalues:
-//! nalgebra's QR iteration does not converge on some Hamiltonian matrices. Those of a closed loop
-//! are reported.
+//! Algebraic Riccati equations are solved by structure-preserving doubling. A Cayley transform
+//! converts the continuous equation to a discrete one. No gain is computed from eigenvalues,
+//! because nalgebra's QR iteration does not converge on some Hamiltonian matrices. The eigenvalues
+//! of a closed loop are only reported.
 //!
 //! Sources: Chu, Fan, Lin, "A structure-preserving doubling algorithm for continuous-time algebraic
-//! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80. Chu, Fan, Lin, Wang, "Structure-
-//! preserving algorithms for periodic discrete-time algebraic Riccati equations", Int. J. Control
-//! 77 (2004) 767–788. Anderson, Moore, "Optimal Control: Linear Quadratic Methods" (1990).
+//! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80. Chu, Fan, Lin, Wang,
+//! "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", Int.
+//! J. Control 77 (2004) 767–788. Anderson, Moore, "Optimal Control: Linear Quadratic Methods"
+//! (1990).
 //!
-//! Not modeled: cross weights between state and input, descriptor systems, semidefinite solutions
-//! (a state that costs nothing is refused).
+//! Cross weights between state and input, descriptor systems, and semidefinite solutions (a state
+//! without cost is refused) are not modeled.
 
 use nalgebra::DMatrix;
 
@@ -25,7 +26,7 @@ mod margins;
 mod poles;
 mod riccati;
 
-/// A matrix of dynamic size: analysis and design are compiled once, for all sizes of systems.
+/// Matrix of dynamic size, so that analysis and design are compiled once for all sizes of systems.
 type Matrix = DMatrix<f64>;
 
 pub(crate) use linear::with_states;

@@ -1,4 +1,4 @@
-//! The continuous algebraic Riccati equation, by structured doubling.
+//! Solution of the continuous algebraic Riccati equation by structured doubling.
 
 use nalgebra::Cholesky;
 
@@ -6,37 +6,40 @@ use super::Matrix;
 use super::linear::{is_hurwitz, with_states};
 use noctograph_core::error::{Error, Result};
 
-/// Doublings after which the recursion is given up. It squares its error, so that a solvable
-/// problem takes 7 to 15. Only a closed loop with a pole within 1e-12 of the border takes more.
+/// Maximum number of doublings. Each doubling squares the error, so that a solvable problem takes 7
+/// to 15. Only a closed loop with a pole within 1e-12 of the stability boundary takes more.
 const MAX_DOUBLINGS: usize = 60;
-/// Relative change of the solution at which the doubling has converged: a few units in the last
-/// place. A smaller value would wait for rounding noise.
+/// Relative change of the solution at which the doubling has converged, which is a few units in the
+/// last place. A smaller value would wait for rounding noise.
 const CONVERGED: f64 = 1e-15;
-/// Largest residual of an accepted solution, relative to the sizes that its terms are made of
-/// (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, of which the rounding of `X` causes 1e-16). Sound problems leave
-/// 1e-12 and less.
+/// Maximum residual of an accepted solution, relative to its terms (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, of
+/// which the rounding of `X` causes 1e-16). Well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
-/// flight's leaves 1e-15. Weights that are six decades apart leave up to 1e-5.
+/// flight's problem leaves a residual of 1e-15. Weights that differ by six decades leave a residual
+/// of up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Steps of the refinement. Each squares the error. After two only rounding remains.
+/// Maximum number of refinement steps. Each step squares the error, so that only rounding is left
+/// after two.
 const MAX_REFINEMENTS: usize = 2;
-/// Shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the one before. A
-/// second shift is needed only if the first hits an eigenvalue of `A`.
+/// Maximum number of shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the
+/// previous one. A second shift is needed only if the first is an eigenvalue of `A`.
 const MAX_SHIFTS: usize = 8;
 const SHIFT_GROWTH: f64 = 1.3;
 /// Shift of the Lyapunov equation's Cayley transform, relative to the norm of `A`. Any positive
-/// shift is exact. One near the poles takes the fewest doublings.
+/// shift is exact. A shift near the poles takes the fewest doublings.
 const LYAPUNOV_SHIFT: f64 = 0.25;
 
-/// Stabilizing solution `X` of the continuous equation `AᵀX + XA − XGX + Q = 0`, `G = B R⁻¹ Bᵀ`.
+/// Returns the stabilizing solution `X` of `AᵀX + XA − XGX + Q = 0`, where `G = B R⁻¹ Bᵀ`.
 ///
-/// `G` and `Q` are symmetric positive semidefinite. The solution is accepted only if its residual
-/// is below 1e-10 of the sizes of the equation's terms, it is positive definite, and `A − GX` is
-/// stable. There is none if an uncontrollable mode is unstable, or if a mode costs nothing. On the
-/// reference flight's problem it agrees with a 50-digit solution to 1e-15.
+/// `G` and `Q` must be symmetric and positive semidefinite. The solution is accepted only if its
+/// residual is below 1e-10 of the sizes of the equation's terms, if it is positive definite, and if
+/// `A − GX` is stable. There is no solution if an uncontrollable mode is unstable, or if a mode has
+/// no cost. For the reference flight's problem, the solution agrees with one of 50 digits to within
+/// 1e-15.
 pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
-    // Transform, double, refine, check. A shift on an eigenvalue of A fails, and the next is tried.
+    // Each shift is transformed, doubled, refined and checked. A shift that is an eigenvalue of A
+    // fails, and the next one is tried.
     let mut shift = mean_pole(a, g, q);
     for _ in 0..MAX_SHIFTS {
         let x = through_cayley(a, g, q, shift).map(|x| refined(x, a, g, q));
@@ -48,12 +51,12 @@ pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
     Err(no_solution())
 }
 
-/// Stabilizing solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`, by structure-
-/// preserving doubling (Chu, Fan, Lin, Wang 2004).
+/// Returns the stabilizing solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`, by
+/// structure-preserving doubling (Chu, Fan, Lin, Wang 2004).
 fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     for _ in 0..MAX_DOUBLINGS {
-        // Each pass doubles the horizon: W = I + G H, H ← H + Aᵀ H W⁻¹ A, G ← G + A W⁻¹ G Aᵀ,
-        // A ← A W⁻¹ A. H rises to X as A vanishes.
+        // Each pass doubles the horizon with W = I + G H, H ← H + Aᵀ H W⁻¹ A, G ← G + A W⁻¹ G Aᵀ, A
+        // ← A W⁻¹ A. H increases to X as A vanishes.
         let w = (one_like(&a) + &g * &h).lu();
         let (w_a, w_g) = (w.solve(&a)?, w.solve(&g)?);
         let next = symmetric(&h + a.transpose() * &h * &w_a);
@@ -71,8 +74,9 @@ fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     None
 }
 
-/// Solves the continuous equation as a discrete equation: `s = shift (z − 1) / (z + 1)` maps the
-/// left half plane onto the unit disc and keeps the solution. `None` if the shift does not work.
+/// Solves the continuous equation as a discrete equation, because `s = shift (z − 1) / (z + 1)`
+/// maps the left half-plane to the unit disc and preserves the solution. Returns `None` if the
+/// shift does not work.
 fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matrix> {
     let shifted = a - one_like(a) * shift;
     let w = shifted.transpose();
@@ -85,18 +89,19 @@ fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matr
     )
 }
 
-/// Geometric mean of the closed loop's |poles|: `|det H|^(1/2n)` of the Hamiltonian matrix, whose
-/// spectrum is that of the closed loop and its mirror image. The best-conditioned shift.
+/// Returns the geometric mean of the closed loop's |poles|, `|det H|^(1/2n)` of the Hamiltonian
+/// matrix, whose spectrum is that of the closed loop and its mirror image. This shift gives the
+/// best condition.
 fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
     let hamiltonian = with_states(a, &-g, &-q, &-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();
-    // By logarithms: the determinant of a large matrix overflows.
+    // Logarithms are summed, because the determinant of a large matrix overflows.
     let n = pivots.len() as f64;
     libm::exp(pivots.iter().map(|pivot| libm::log(pivot.abs())).sum::<f64>() / n)
 }
 
-/// Refines a solution by Newton's method (Kleinman 1968): adds the `D` of
-/// `A_cᵀ D + D A_c + residual = 0`, `A_c = A − GX`, while the residual is above rounding.
+/// Refines a solution by Newton's method (Kleinman 1968), which adds the `D` of `A_cᵀ D + D A_c +
+/// residual = 0` with `A_c = A − GX` while the residual is above rounding.
 fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
     for _ in 0..MAX_REFINEMENTS {
         let quadratic = &x * g * &x;
@@ -110,12 +115,12 @@ fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
     x
 }
 
-/// Solution `X` of the Lyapunov equation `AᵀX + XA + Q = 0`, or `None` if `A` is not stable. The
-/// Cayley transform makes it the sum `Σ Fᵀᵏ H Fᵏ`, which doubles its terms with every squaring of
-/// `F` (Smith 1968).
+/// Returns the solution `X` of the Lyapunov equation `AᵀX + XA + Q = 0`, or `None` if `A` is not
+/// stable. The Cayley transform converts the equation to the sum `Σ Fᵀᵏ H Fᵏ`, whose number of
+/// terms doubles with every squaring of `F` (Smith 1968).
 fn lyapunov(a: &Matrix, q: &Matrix) -> Option<Matrix> {
-    // F = (A + σ)(A − σ)⁻¹ and H = 2σ (A − σ)⁻ᵀ Q (A − σ)⁻¹. With X_k the first 2ᵏ terms of the
-    // sum, X_{k+1} = X_k + F_kᵀ X_k F_k, and F_{k+1} = F_k².
+    // The matrices are F = (A + σ)(A − σ)⁻¹ and H = 2σ (A − σ)⁻ᵀ Q (A − σ)⁻¹. If X_k contains the
+    // first 2ᵏ terms of the sum, X_{k+1} = X_k + F_kᵀ X_k F_k, and F_{k+1} = F_k².
     let shift = one_like(a) * (a.norm() * LYAPUNOV_SHIFT);
     let inverse = (a - &shift).try_inverse()?;
     let mut f = (a + &shift) * &inverse;
@@ -135,7 +140,7 @@ fn lyapunov(a: &Matrix, q: &Matrix) -> Option<Matrix> {
     None
 }
 
-/// True if `X` is the stabilizing solution of the continuous equation, see [`care`].
+/// True if `X` is the stabilizing solution of the continuous equation, as [`care`] requires.
 fn solves_care(x: &Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> bool {
     let g_x = g * x;
     let residual = a.transpose() * x + x * a - x * &g_x + q;
@@ -145,18 +150,18 @@ fn solves_care(x: &Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> bool {
         && is_hurwitz(&(a - g_x))
 }
 
-/// Symmetric part of a matrix.
+/// Returns the symmetric part of a matrix.
 fn symmetric(m: Matrix) -> Matrix {
     let transpose = m.transpose();
     (m + transpose) * 0.5
 }
 
-/// The identity matrix of the same size.
+/// Returns the identity matrix of the same size.
 fn one_like(m: &Matrix) -> Matrix {
     Matrix::identity(m.nrows(), m.ncols())
 }
 
-/// The error of an equation without a solution that [`solves_care`] accepts.
+/// Makes the error for an equation without a solution that [`solves_care`] accepts.
 fn no_solution() -> Error {
     Error::infeasible(
         "the Riccati equation has no stabilizing, positive definite solution",
@@ -173,7 +178,7 @@ mod tests {
 
     #[test]
     fn scalar_continuous_equation_has_its_textbook_root() {
-        // 2 a x − g x² + q = 0, the root that makes a − g x negative.
+        // The root of 2 a x − g x² + q = 0 must make a − g x negative.
         let (a, g, q) = (0.7, 2.0, 3.0);
         let x = care(&dmatrix![a], &dmatrix![g], &dmatrix![q]).unwrap()[0];
         let root = (a + f64::sqrt(a * a + g * q)) / g;
@@ -197,7 +202,7 @@ mod tests {
 
     #[test]
     fn of_two_positive_roots_only_the_stabilizing_one_is_accepted() {
-        // 2 x − x² − 1/2 = 0 has the roots 1 ± √½.
+        // The equation 2 x − x² − 1/2 = 0 has the roots 1 ± √½.
         let (one, q) = (dmatrix![1.0], dmatrix![-0.5]);
         let accepted = |x| solves_care(&dmatrix![x], &one, &one, &q);
         assert!(accepted(1.0 + f64::sqrt(0.5)), "closed loop −√½");
@@ -207,7 +212,7 @@ mod tests {
 
     #[test]
     fn a_shift_on_an_eigenvalue_is_moved() {
-        // Poles of the closed loop −0.5 and −2: their mean 1 is an eigenvalue of A.
+        // The closed loop has the poles −0.5 and −2, whose mean 1 is an eigenvalue of A.
         let a = dmatrix![0.0, 0.0; 0.0, 1.0];
         let (g, q) = (Matrix::identity(2, 2), dmatrix![0.25, 0.0; 0.0, 3.0]);
         assert!(through_cayley(&a, &g, &q, mean_pole(&a, &g, &q)).is_none(), "singular there");

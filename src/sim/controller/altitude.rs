@@ -1,8 +1,8 @@
-//! Altitude hold: the collective thrust from an estimated thrust map, all else from the regulator
-//! about the moving reference.
+//! Altitude hold, which takes the collective thrust from an estimated thrust map, and everything
+//! else from the regulator around the moving reference.
 //!
-//! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed:
-//! α⁰ and α¹ follow the battery and the load.
+//! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed,
+//! because α⁰ and α¹ follow the battery and the load.
 
 use nalgebra::{Vector3, dmatrix};
 
@@ -14,41 +14,42 @@ use crate::vehicle::{State, attitude, position, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::Result;
 
-/// Least lift per throttle, m/s²: a gain near zero or below would turn the loop around.
+/// Minimum lift per throttle in m/s², because a gain of zero or less would reverse the loop.
 const LEAST_GAIN_M_S2: f64 = 1.0;
-/// Error of the vertical velocity that weighs as much as `controller.altitude.error_m`.
+/// Error of the vertical velocity in m/s with the same weight as `controller.altitude.error_m`.
 const ERROR_M_S: f64 = 1.0;
-/// Cosine of the largest tilt that the throttle compensates.
+/// Cosine of the largest tilt for which the throttle compensates.
 const LEAST_COS_TILT: f64 = 0.5;
-/// Bound of the horizontal error that the regulator gets, m. Satellites that are back after 10 s of
-/// silence move the estimate by meters, for which the regulator would turn the drone over.
+/// Bound in m of the horizontal error that the regulator receives. When satellites return after 10
+/// s without a fix, the estimate moves by meters, for which the regulator would turn the drone
+/// over.
 const REACH_M: f64 = 0.5;
 
-/// How a throttle from 0 to 1 becomes vertical acceleration: `z̈ = α⁰ + α¹ τ`.
+/// Map from a throttle, 0 to 1, to the vertical acceleration, `z̈ = α⁰ + α¹ τ`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThrustMap {
-    /// α⁰, without throttle.
+    /// Vertical acceleration at zero throttle, α⁰.
     pub(crate) offset_m_s2: f64,
-    /// α¹, per unit of throttle.
+    /// Vertical acceleration per throttle, α¹.
     pub(crate) gain_m_s2: f64,
 }
 
 impl ThrustMap {
-    /// Throttle, 0 to 1, that gives a vertical acceleration.
+    /// Returns the throttle, 0 to 1, for a vertical acceleration.
     pub fn throttle(&self, acceleration_m_s2: f64) -> f64 {
         let gain = self.gain_m_s2.max(LEAST_GAIN_M_S2);
         ((acceleration_m_s2 - self.offset_m_s2) / gain).clamp(0.0, 1.0)
     }
 }
 
-/// Gains of altitude (1/s²) and vertical velocity (1/s), by a linear-quadratic regulator of the
-/// double integrator.
+/// Returns the gains of altitude (1/s²) and vertical velocity (1/s), by a linear-quadratic
+/// regulator of the double integrator.
 ///
 /// # Errors
 ///
-/// None that weights within their ranges can meet.
+/// Weights within their ranges cause no error.
 pub fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
-    // Bryson's rule: a weight is 1 / deviation².
+    // By Bryson's rule, a weight is 1 / deviation².
     let deviations = [options.error_m, ERROR_M_S, options.acceleration_m_s2];
     let [q_z, q_v, r] = deviations.map(|deviation| 1.0 / (deviation * deviation));
     let q = dmatrix![q_z, 0.0; 0.0, q_v];
@@ -65,7 +66,7 @@ pub(super) struct AltitudeHold {
 }
 
 impl AltitudeHold {
-    /// The controller of the options, with the vehicle's thrust map until another is given.
+    /// Makes the controller of the options, with the vehicle's thrust map until one is given.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {
@@ -77,7 +78,7 @@ impl AltitudeHold {
     }
 }
 
-/// The estimate with its horizontal error bounded to [`REACH_M`].
+/// Returns the estimate with its horizontal error limited to [`REACH_M`].
 fn within_reach(estimate: &State, reference_m: &Vector3<f64>) -> State {
     let error_m = (position(estimate) - reference_m).xy();
     let mut bounded = *estimate;
@@ -89,9 +90,9 @@ fn within_reach(estimate: &State, reference_m: &Vector3<f64>) -> State {
 }
 
 impl Controller for AltitudeHold {
-    /// Throttle by the thrust map, torques by the regulator.
+    /// Takes the throttle from the thrust map, and the torques from the regulator.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
-        // Wanted vertical acceleration, from altitude and vertical velocity.
+        // The desired vertical acceleration follows from altitude and vertical velocity.
         let up = attitude(estimate).world_from_body().row(2).into_owned();
         let velocity_m_s = (up * velocity(estimate))[0];
         let error_m = position(estimate).z - reference.position_m.z;
@@ -99,7 +100,8 @@ impl Controller for AltitudeHold {
         let acceleration_m_s2 = reference.acceleration_m_s2.z
             - k_z * error_m
             - k_v * (velocity_m_s - reference.velocity_m_s.z);
-        // Throttle by the map, more for a tilted drone. The regulator commands the torques.
+        // The throttle follows from the map, and is higher if the drone is tilted. The regulator
+        // commands the torques.
         let cos_tilt = up[2].max(LEAST_COS_TILT);
         let throttle = (self.map.throttle(acceleration_m_s2) / cos_tilt).min(1.0);
         let bounded = within_reach(estimate, &reference.position_m);
@@ -122,7 +124,7 @@ mod tests {
 
     #[test]
     fn gains_are_those_of_the_double_integrator() {
-        // k_z = √(q_z/r), k_v = √(q_v/r + 2 k_z).
+        // The gains are k_z = √(q_z/r) and k_v = √(q_v/r + 2 k_z).
         let [k_z, k_v] = altitude_gains(&AltitudeHoldOptions::default()).unwrap();
         assert!((k_z - 8.0).abs() < 1e-9 && (k_v - f64::sqrt(2.56 + 16.0)).abs() < 1e-9);
     }

@@ -1,10 +1,9 @@
 //! Gains of the linear-quadratic regulators.
 //!
-//! A regulator designed for immediate motors oscillates on a drone whose rotors need a tenth of a
-//! second. For lagging rotors the model is augmented by the four lagging inputs, and for integral
+//! A regulator designed for immediate motors oscillates on a drone whose rotors take a tenth of a
+//! second. For lagging rotors, the model is augmented by the four lagging inputs, and for integral
 //! action by the three integrals of the position (Anderson, Moore, "Optimal Control", 1990,
-//! chapters
-//! 3 and 4).
+//! chapters 3 and 4).
 
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
@@ -15,19 +14,19 @@ use noctograph_core::error::{Error, Result};
 /// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
 #[derive(Clone, Debug)]
 pub(crate) struct Gain {
-    /// 4×12, or 4×15 with integral action.
+    /// Gain K, 4×12, or 4×15 with integral action.
     pub(crate) k: DMatrix<f64>,
-    /// Zero for immediate rotors.
+    /// Gain K_u, which is zero for immediate rotors.
     pub(crate) k_rotor: Matrix4<f64>,
 }
 
 impl Gain {
-    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`]: the given gain, or the gain of
-    /// the weights. Weights without a stabilizing gain are an error.
+    /// Returns the gain for the model `ẋ = A x + B u` of [`with_integrals`], which is the given
+    /// gain, or that of the weights. Returns an error for weights without a stabilizing gain.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();
-        // A given gain, with zeros for the rotors if it has no columns for them.
+        // A given gain is extended by zeros if it has no columns for the rotors.
         if let Some(k) = &weights.k {
             let k = DMatrix::from_row_iterator(4, k[0].len(), k.iter().flatten().copied());
             let k = k.resize_horizontally(n + 4, 0.0);
@@ -42,8 +41,8 @@ impl Gain {
             let k = lqr(a, b, &q, &r).map_err(without_gain)?;
             return Ok(Self { k, k_rotor: Matrix4::zeros() });
         };
-        // Inputs in units whose weight is 1, so that newtons and millinewton meters are of one
-        // size. The gain is scaled back at the end.
+        // The inputs are scaled so that their weight is 1, because newtons and millinewton meters
+        // then have the same size. The gain is scaled back at the end.
         let unit = Matrix4::from_diagonal(&r.map(|weight| 1.0 / weight.sqrt()));
         let per_unit = Matrix4::from_diagonal(&r.map(f64::sqrt));
         let b = b * dynamic(&unit);
@@ -56,8 +55,8 @@ impl Gain {
     }
 }
 
-/// The matrices `A` and `B` of the model at hover, with the integrals of its position as states 12
-/// to 14 if the controller has integral action.
+/// Returns the matrices `A` and `B` of the model at hover, with the integrals of its position as
+/// states 12 to 14 if the controller has integral action.
 pub(crate) fn with_integrals(
     options: &SimOptions,
     a: &SMatrix<f64, 12, 12>,
@@ -71,12 +70,13 @@ pub(crate) fn with_integrals(
     [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
-/// The lag that a regulator models: the mean of the motors' rise and fall. `None` for immediate
-/// motors, for an ignored lag, and for a given gain without columns for rotors.
+/// Returns the lag in s that a regulator models, which is the mean of the motors' rise and fall.
+/// Returns `None` for immediate motors, for an ignored lag, and for a given gain without columns
+/// for rotors.
 pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
     let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
-    // A gain has 12 columns, 3 more for integrals, and 4 more for rotors.
+    // A gain has 12 columns, plus 3 for integrals and 4 for rotors.
     let is_modeled =
         k.as_ref().map_or(*motor_lag == MotorLag::Modeled, |k| matches!(k[0].len(), 16 | 19));
     (lag_s > 0.0 && is_modeled).then_some(lag_s)
@@ -123,8 +123,8 @@ mod tests {
 
     #[test]
     fn gain_for_lagging_rotors_is_that_of_scipy() {
-        // SciPy 1.17.1, `solve_continuous_are` on the scaled problem of sixteen states, lag 0.121
-        // s, the team's weights.
+        // The reference is SciPy 1.17.1, `solve_continuous_are` on the scaled problem of sixteen
+        // states, with a lag of 0.121 s and the team's weights.
         let team = SimOptions::default().controller;
         let gain = gain(&SimOptions { controller: team, ..SimOptions::cf21() });
         for (entry, want) in [

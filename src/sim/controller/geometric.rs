@@ -1,12 +1,13 @@
-//! Geometric tracking on SE(3): no Euler angles, no small-angle model.
+//! Geometric tracking on SE(3), without Euler angles and without a small-angle model.
 //!
-//! Source: Lee, Leok, `McClamroch`, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC
-//! 2010, with the integral terms of Goodarzi, Lee, Leok, "Geometric nonlinear PID control of a
-//! quadrotor UAV on SE(3)", ECC 2013, in the form of the firmware: `controller_lee.c` and
-//! `power_distribution_quadrotor.c`, releases 2024.10 to 2026.08. A test compares with its compiled
-//! C. Neither the force nor an integral is bounded, and saturated motors do not stop an integral.
+//! The sources are Lee, Leok, `McClamroch`, "Geometric tracking control of a quadrotor UAV on
+//! SE(3)", CDC 2010, and for the integral terms Goodarzi, Lee, Leok, "Geometric nonlinear PID
+//! control of a quadrotor UAV on SE(3)", ECC 2013, as in the firmware's `controller_lee.c` and
+//! `power_distribution_quadrotor.c`, releases 2024.10 to 2026.08. A test compares the commands with
+//! those of its compiled C code. Neither the force nor the integrals are bounded, and saturated
+//! motors do not stop the integrals.
 //!
-//! Not modeled: limits of the errors (100 m, 100 m/s), a yaw that turns.
+//! Limits of the errors (100 m, 100 m/s) and a changing yaw are not modeled.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,22 +16,22 @@ use crate::options::{GeometricOptions, SimOptions};
 use crate::vehicle::{Mixer, State, Wrench, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Thrust below which both integrals are reset, N: on the floor, and in a fall.
+/// Thrust in N below which both integrals are reset, as on the floor or in a fall.
 const LEAST_THRUST_N: f64 = 0.01;
 
-/// Thrust and torque from the errors of position and attitude.
+/// Controller that computes thrust and torque from the errors of position and attitude.
 #[derive(Clone, Debug)]
 pub(super) struct Geometric {
     gains: GeometricOptions,
     mass_kg: f64,
     inertia_kg_m2: Vector3<f64>,
     mixer: Mixer,
-    /// Largest command, if the battery's compensation does not cap the motors.
+    /// Maximum command, if the battery's compensation does not limit the motors.
     most: f64,
     tick_s: f64,
-    /// Integral of the position error, m s.
+    /// Integral of the position error in m s.
     position_sum: Vector3<f64>,
-    /// Integral of the attitude error, s.
+    /// Integral of the attitude error in s.
     attitude_sum: Vector3<f64>,
 }
 
@@ -48,8 +49,8 @@ impl Geometric {
         }
     }
 
-    /// Adds a tick's error to the integral, and returns the wanted force per mass: the reference
-    /// acceleration and gravity, corrected by the errors of position and velocity.
+    /// Adds a tick's error to the integral, and returns the desired force per mass, which is the
+    /// reference acceleration plus gravity, corrected for the errors of position and velocity.
     fn force_m_s2(
         &mut self,
         velocity_m_s: &Vector3<f64>,
@@ -70,9 +71,9 @@ impl Geometric {
 }
 
 impl Controller for Geometric {
-    /// The control law of Lee, Leok and `McClamroch` 2010.
+    /// Applies the control law of Lee, Leok and `McClamroch` 2010.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
-        // Thrust: the wanted force along the present body axis.
+        // The thrust is the desired force along the present body axis.
         let world_from_body = attitude(estimate).world_from_body();
         let error_m = position(estimate) - reference.position_m;
         let force = self.force_m_s2(&(world_from_body * velocity(estimate)), &error_m, reference);
@@ -80,13 +81,13 @@ impl Controller for Geometric {
         if thrust_n < LEAST_THRUST_N {
             self.reset_integrals();
         }
-        // Attitude: the body axis along the wanted force. A drone that would have to push down is
-        // held level.
+        // The desired attitude has its body axis along the desired force. A drone that would have
+        // to push down is held level.
         let wanted = wanted_attitude(&if thrust_n > 0.0 { force } else { Vector3::z() });
         let error = attitude_error(&wanted, &world_from_body);
         self.attitude_sum += error * self.tick_s;
 
-        // Body rate of the wanted attitude, in the body's frame. Without thrust it has none.
+        // The desired body rate is that of the desired attitude, and zero without thrust.
         let w = rate(estimate);
         let wanted_rate = match thrust_n {
             0.0 => Vector3::zeros(),
@@ -97,7 +98,7 @@ impl Controller for Geometric {
         let turning_rad_s2 = -error.component_mul(&Vector3::from(k_attitude))
             - error_rad_s.component_mul(&Vector3::from(k_rate))
             - self.attitude_sum.component_mul(&Vector3::from(k_attitude_integral));
-        // Torque: τ = J α + ω × J ω.
+        // The torque is τ = J α + ω × J ω.
         let j = &self.inertia_kg_m2;
         let torque = j.component_mul(&turning_rad_s2) + w.cross(&j.component_mul(&w));
         let wrench = Wrench::new(torque.x, torque.y, torque.z, thrust_n);
@@ -110,12 +111,12 @@ impl Controller for Geometric {
     }
 
     /// Sets the estimated heading to zero. The firmware's supervisor also resets the modes of x and
-    /// y. This controller does not use them and follows the last setpoint.
+    /// y. This controller does not use the modes and follows the last setpoint.
     fn level_out(&self, estimate: &mut State, _: &mut Reference) {
         estimate[3] = 0.0;
     }
 
-    /// The integrals whose gain is not zero.
+    /// Returns the integrals whose gain is not zero.
     fn memory(&mut self) -> Vec<&mut f64> {
         let position =
             self.position_sum.iter_mut().filter(|_| self.gains.k_position_integral != 0.0);
@@ -125,22 +126,23 @@ impl Controller for Geometric {
     }
 }
 
-/// The attitude whose z axis is along a force, and whose x axis is in the vertical plane of world
-/// x. A force along world x leaves the y axis along world y.
+/// Returns the attitude whose z axis is along a force and whose x axis is in the vertical plane of
+/// world x. For a force along world x, the y axis is along world y.
 fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
     let up = force.normalize();
     let left = up.cross(&Vector3::x()).try_normalize(0.0).unwrap_or(Vector3::y());
     Matrix3::from_columns(&[left.cross(&up), left, up])
 }
 
-/// Angular rate of the wanted attitude in its frame: the jerk turns the force, which z follows.
+/// Returns the angular rate of the desired attitude in its own frame, which follows from the jerk
+/// because the z axis follows the force.
 fn wanted_rate(wanted: &Matrix3<f64>, jerk_m_s3: &Vector3<f64>, thrust_m_s2: f64) -> Vector3<f64> {
     let turn = wanted.tr_mul(jerk_m_s3) / thrust_m_s2;
     Vector3::new(-turn.y, turn.x, 0.0)
 }
 
-/// Error of the attitude, `½ (R_dᵀ R − Rᵀ R_d)^∨`: for a small turn, the rotation vector from the
-/// wanted attitude in body axes, rad.
+/// Returns the attitude error `½ (R_dᵀ R − Rᵀ R_d)^∨`, which for a small rotation is the rotation
+/// vector from the desired attitude in body axes in rad.
 fn attitude_error(wanted: &Matrix3<f64>, actual: &Matrix3<f64>) -> Vector3<f64> {
     let turn = wanted.transpose() * actual;
     Vector3::new(
@@ -181,8 +183,8 @@ mod tests {
         assert!(motors.iter().all(|m| (m - want).abs() < 0.2), "{motors} against {want}");
     }
 
-    /// Worst difference of a motor's thrust from the firmware's code, N, and the fraction of
-    /// compared states in which the firmware cuts a motor.
+    /// Returns the largest difference in N between a motor's thrust and that of the firmware's
+    /// code, and the fraction of compared states in which the firmware limits a motor.
     fn compared(options: &SimOptions, recorded: &str) -> (f64, f64) {
         let mut options = options.clone();
         options.battery.resistance_ohm = 0.0;

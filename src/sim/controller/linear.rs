@@ -1,14 +1,13 @@
-//! A controller with memory as a linear system about hover, by finite differences of the
-//! controller's code.
+//! Linearization at hover of a controller with memory, by finite differences of its code.
 //!
 //! One call of [`Controller::command`] maps the estimate's deviation from hover and the memory
 //! (integrals, last measurements, filters) to motor commands and to the next memory. Central
-//! differences of that map give a discrete system. The inverse of Tustin's transform converts it to
-//! a continuous system with the same integrals. Its derivatives are right far below the rate of the
-//! commands.
+//! differences of this map give a discrete system. The inverse of Tustin's transform converts it to
+//! a continuous system with the same integrals. The derivatives of that system are correct far
+//! below the rate of the commands.
 //!
-//! Not modeled: saturation, and the time for which a command is held. The position loop of the
-//! cascade, which runs at a fifth of the rate, is taken at the full one.
+//! Saturation, and the time for which a command is held, are not modeled. The cascade's position
+//! loop, which runs at a fifth of the rate, is treated as running at the full rate.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -17,12 +16,16 @@ use crate::options::SimOptions;
 use crate::vehicle::{Mixer, State};
 use noctograph_core::error::Result;
 
-/// Step of the differences: 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the units of the
-/// memory. No loop saturates, and rounding stays below 1e-9 of a gain.
+/// Step of the differences, which is 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the
+/// units of the memory. At this step, no loop saturates, and rounding stays below 1e-9 of a gain.
 const STEP: f64 = 1e-4;
 
-/// `u = K x + H m` and `dm/dt = F m + G x`: the wrench's deviation from hover for the state's
-/// deviation `x`, and the memory `m`.
+/// Numbers of states of the drone and of inputs of the wrench.
+const N_STATES: usize = 12;
+const N_INPUTS: usize = 4;
+
+/// Linear system `u = K x + H m` and `dm/dt = F m + G x`, where u is the wrench's deviation from
+/// hover, `x` the state's deviation, and `m` the memory.
 #[derive(Clone, Debug)]
 pub(crate) struct LinearController {
     pub(crate) k: DMatrix<f64>,
@@ -33,24 +36,24 @@ pub(crate) struct LinearController {
 
 impl LinearController {
     pub(crate) fn new(options: &SimOptions) -> Result<Self> {
-        // The position loop at the full rate, so that every call is alike.
+        // The position loop runs at the full rate, so that all calls are equivalent.
         let mut options = options.clone();
         options.rates.position_hz = options.rates.attitude_hz();
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
         let n = controller(&options)?.memory().len();
-        // Central differences over the twelve states and the memory, column by column.
-        let mut jacobian = DMatrix::zeros(4 + n, 12 + n);
-        for i in 0..12 + n {
+        // Central differences are taken over the states and the memory, column by column.
+        let mut jacobian = DMatrix::zeros(N_INPUTS + n, N_STATES + n);
+        for i in 0..N_STATES + n {
             let [up, down] = [STEP, -STEP].map(|step| response(&options, n, i, step));
             jacobian.set_column(i, &((up? - down?) / (2.0 * STEP)));
         }
-        let parts = [((0, 0), (4, 12)), ((0, 12), (4, n)), ((4, 12), (n, n)), ((4, 0), (n, 12))];
+        let (x, u) = (N_STATES, N_INPUTS);
+        let parts = [((0, 0), (u, x)), ((0, x), (u, n)), ((u, x), (n, n)), ((u, 0), (n, x))];
         let [k, h, f, g] = parts.map(|(first, size)| jacobian.view(first, size).into_owned());
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
-    /// The continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` transforms into this
-    /// system.
+    /// Returns the continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` makes this one.
     fn continuous(self, tick_s: f64) -> Self {
         // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
@@ -64,20 +67,20 @@ impl LinearController {
     }
 }
 
-/// Wrench and next memory of a controller with `n` values of memory at hover, for a deviation of
-/// one state (`index` below 12) or of one value of the memory.
+/// Returns the wrench and the next memory of a controller with `n` values of memory at hover, for a
+/// deviation of one state (`index` below [`N_STATES`]) or of one value of the memory.
 fn response(options: &SimOptions, n: usize, index: usize, deviation: f64) -> Result<DVector<f64>> {
-    let mut deviations = vec![0.0; 12 + n];
+    let mut deviations = vec![0.0; N_STATES + n];
     deviations[index] = deviation;
+    let (state, of_memory) = deviations.split_at(N_STATES);
     let mut controller = controller(options)?;
     controller.rest(&State::zeros());
-    let memory = controller.memory().into_iter();
-    memory.zip(&deviations[12..]).for_each(|(value, deviation)| *value = *deviation);
-    let state = State::from_column_slice(&deviations[..12]);
+    controller.memory().into_iter().zip(of_memory).for_each(|(value, change)| *value += change);
+    let state = State::from_column_slice(state);
     let motors = controller.command(&state, &Reference::holding(Vector3::zeros())).motors;
     let wrench = Mixer::new(&options.vehicle).wrench(&motors);
     let next = controller.memory().into_iter().map(|value| *value);
-    Ok(DVector::from_iterator(4 + n, wrench.iter().copied().chain(next)))
+    Ok(DVector::from_iterator(N_INPUTS + n, wrench.iter().copied().chain(next)))
 }
 
 #[cfg(test)]
@@ -99,7 +102,7 @@ mod tests {
         assert_eq!(linear.f.nrows(), 6);
         let (k, mass_kg) = (&linear.k, vehicle.mass_kg);
         let forward = -j_y * gains.k_attitude[1] * gains.k_position / GRAVITY_M_S2;
-        // An integral of the position error acts as k_position_integral per second.
+        // An integral of the position error acts with k_position_integral per second.
         let integral = linear.h.row(3) * linear.g.column(2);
         for (slope, want, what) in [
             (k[(3, 2)], -mass_kg * gains.k_position, "thrust per height"),
@@ -130,7 +133,7 @@ mod tests {
         assert_eq!(n_memory(&options), 21, "immediate motors need filters");
     }
 
-    /// True if a hovering drone, tilted a little, comes to rest under a controller whose commands
+    /// True if a hovering drone with a small tilt comes to rest under a controller whose commands
     /// reach one input `late_ticks` later.
     fn comes_to_rest(options: &SimOptions, input: usize, late_ticks: usize) -> bool {
         let options = options.rehearsal();
@@ -142,7 +145,7 @@ mod tests {
         let remaining = libm::exp(-0.1 * tick_s / lag_s);
         let (mut state, hover) = (State::zeros(), vehicle.hover());
         controller.rest(&state);
-        // At rest the cascade does not command hover, which its integral corrects in flight.
+        // At rest, the cascade does not command hover, because in flight its integral does so.
         let base = mixer.wrench(&controller.command(&state, &at_rest).motors);
         controller.rest(&state);
         let mut rotors = hover;
@@ -173,7 +176,7 @@ mod tests {
         for &kind in kinds.filter(|kind| !matches!(kind.law(), Law::StateFeedback { .. })) {
             let mut options = SimOptions::cf21();
             options.controller.kind = kind;
-            // The firmware's own leave 3 ms, little more than a tick.
+            // The firmware's gains leave a delay margin of 3 ms, little more than a tick.
             options.controller.geometric.k_attitude = [330.0; 3];
             let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
             let design = design(&options, lag_s).unwrap();
@@ -183,7 +186,7 @@ mod tests {
                 let one = margins[input];
                 let delay_s = one.phase_rad.unwrap() / one.crossover_rad_s.unwrap();
                 println!("{kind:?} {name}: {delay_s:.4} s, {one:?}");
-                // Commands are held for 2 ms, which is 1 ms of delay.
+                // Commands are held for 2 ms, which is a delay of 1 ms.
                 for (fraction, rests) in [(0.8, true), (1.25, false)] {
                     #[expect(clippy::cast_possible_truncation, reason = "0 to 1000")]
                     let ticks = (fraction * delay_s / 0.002 - 0.5_f64).max(0.0) as usize;

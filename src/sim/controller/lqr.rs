@@ -1,5 +1,6 @@
-//! Linear-quadratic regulators: the reference flight's, one with the reference fed forward, and one
-//! with integral action, which leaves no steady error under a constant disturbance.
+//! Linear-quadratic regulators, which are that of the reference flight, one with the reference fed
+//! forward, and one with integral action, which leaves no constant error under a constant
+//! disturbance.
 
 use nalgebra::{Matrix4, SMatrix, Vector3};
 
@@ -10,21 +11,21 @@ use crate::options::SimOptions;
 use crate::vehicle::{Mixer, State, Wrench, at_rest, position};
 use noctograph_core::error::Result;
 
-/// Bound of the integral of the position error, m s per axis. The reference flight's center of mass
-/// needs 0.16. More than the bound would take seconds to undo.
+/// Bound of the integral of the position error in m s for each axis. The reference flight's center
+/// of mass requires 0.16. An integral beyond the bound would take seconds to decrease again.
 const MAX_SUM: f64 = 1.0;
 
-/// `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`, with the last term for
-/// lagging rotors.
+/// Control law `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`, with the last
+/// term for lagging rotors.
 ///
-/// The reference is the held setpoint, at rest and level, which the drone trails by half a second,
-/// or the moving reference with the attitude and the thrust that its acceleration needs. About held
-/// setpoints an integral would overshoot by as much as the drone trails, so that the regulator with
-/// integrals follows the moving reference.
+/// The reference is either the held setpoint, at rest and level, which the drone trails by half a
+/// second, or the moving reference with the attitude and the thrust that its acceleration requires.
+/// With held setpoints, an integral would overshoot by as much as the drone trails, so that the
+/// regulator with integrals follows the moving reference.
 #[derive(Clone, Debug)]
 pub(super) struct Lqr {
     k: SMatrix<f64, 4, 12>,
-    /// Zero without integral action.
+    /// Gain of the integrals, which is zero without integral action.
     k_integral: SMatrix<f64, 4, 3>,
     k_rotor: Matrix4<f64>,
     follows_reference: bool,
@@ -32,19 +33,20 @@ pub(super) struct Lqr {
     mass_kg: f64,
     mixer: Mixer,
     tick_s: f64,
-    /// Output of the modeled rotors, which nothing measures.
+    /// Output of the modeled rotors, which is not measured.
     rotors: Wrench,
-    /// Fraction of the rotors' old output that remains when the next command is sent. 0 for
-    /// immediate rotors.
+    /// Fraction of the rotors' old output that remains when the next command is sent. The fraction
+    /// is 0 for rotors without lag.
     remaining: f64,
-    /// Integral of the position error, m s.
+    /// Integral of the position error in m s.
     sum: Vector3<f64>,
 }
 
 impl Lqr {
-    /// The regulator of the options, from the model at hover with the center of mass in the middle.
+    /// Makes the regulator of the options from the hover model with a centered mass.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
-        // Linearize at hover, augment by integrals, and split the gain into its columns.
+        // The model is linearized at hover and augmented by integrals, and the gain is split by
+        // columns.
         let vehicle = &options.vehicle;
         let hover = vehicle.hover();
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
@@ -67,7 +69,7 @@ impl Lqr {
         })
     }
 
-    /// The wanted wrench and the error of the position, m.
+    /// Returns the desired wrench, and the position error in m.
     fn wrench(&self, estimate: &State, reference: &Reference) -> (Wrench, Vector3<f64>) {
         let (state, trim) = if self.follows_reference {
             let (state, thrust_m_s2) = reference.trim();
@@ -80,8 +82,8 @@ impl Lqr {
         (wrench, position(&error))
     }
 
-    /// Adds a tick's error to the integral, within its bound. With saturated motors the integral
-    /// only shrinks (anti-windup by conditional integration).
+    /// Adds a tick's error to the integral, within its bound. With saturated motors, the integral
+    /// can only decrease (anti-windup by conditional integration).
     fn integrate(&mut self, error_m: &Vector3<f64>, saturated: bool) {
         for (sum, error_m) in self.sum.iter_mut().zip(error_m) {
             if !saturated || *sum * error_m < 0.0 {
@@ -90,19 +92,19 @@ impl Lqr {
         }
     }
 
-    /// Updates the modeled rotors, which follow a commanded wrench, to the next tick.
+    /// Advances the modeled rotors, which follow a commanded wrench, to the next tick.
     fn advance_rotors(&mut self, wrench: &Wrench) {
         self.rotors = wrench + (self.rotors - wrench) * self.remaining;
     }
 
-    /// The command, with `thrust_n` as the collective thrust if it is given.
+    /// Returns the command, with `thrust_n` as the collective thrust if it is given.
     pub(super) fn command_with_thrust(
         &mut self,
         estimate: &State,
         reference: &Reference,
         thrust_n: Option<f64>,
     ) -> Command {
-        // The modeled rotors follow the motors' commands after clamping, not the wanted wrench.
+        // The modeled rotors follow the motor commands after clamping, not the desired wrench.
         let (mut wrench, error_m) = self.wrench(estimate, reference);
         wrench[3] = thrust_n.unwrap_or(wrench[3]);
         let (motors, saturated) = self.mixer.motors(&wrench);

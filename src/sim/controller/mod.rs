@@ -1,7 +1,8 @@
-//! Controllers: an estimate and a setpoint become motor commands.
+//! Controllers, which convert an estimate and a setpoint to motor commands.
 //!
-//! One trait with four implementations, chosen by [`ControllerKind`]. A controller runs
-//! `rates.attitude_hz` times a second, and its command is held in between as in the firmware.
+//! The trait has four implementations, which [`ControllerKind`] selects. A controller runs
+//! `rates.attitude_hz` times per second, and its command is held between two runs as in the
+//! firmware.
 
 mod altitude;
 mod gain;
@@ -28,19 +29,19 @@ use crate::vehicle::{State, attitude, velocity};
 use noctograph_core::error::Result;
 
 pub(super) trait Controller: std::fmt::Debug + Send {
-    /// Motor commands for the estimated state and the reference.
+    /// Returns the motor commands for the estimated state and the reference.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command;
 
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
 
-    /// Prepares for another kind of setpoint: to level out, to return from it, or to land.
+    /// Prepares for another kind of setpoint, to level out, to return from that, or to land.
     fn change_mode(&mut self, _: &State) {}
 
-    /// Changes estimate and reference for a flight without setpoints, as in the firmware: level,
-    /// and at the height of the last one.
+    /// Changes estimate and reference for a flight without setpoints, which is level at the height
+    /// of the last setpoint, as in the firmware.
     fn level_out(&self, estimate: &mut State, reference: &mut Reference) {
-        // Without errors of position and velocity in x and y the controller levels the drone.
+        // Without errors of position and velocity in x and y, the controller levels the drone.
         let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);
         *reference = Reference::holding(held_m);
         let world_from_body = attitude(estimate).world_from_body();
@@ -48,8 +49,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
         estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
     }
 
-    /// The memory from one command to the next, as values that may be set. Empty for the
-    /// regulators, whose gains are known.
+    /// Returns the memory between two commands, as values that may be set. The memory is empty for
+    /// the regulators, whose gains are known.
     fn memory(&mut self) -> Vec<&mut f64> {
         Vec::new()
     }
@@ -61,13 +62,13 @@ pub(super) trait Controller: std::fmt::Debug + Send {
 /// Command to the motors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Command {
-    /// m1…m4, from 0 to `vehicle.motor_max`.
+    /// Commands m1…m4, from 0 to `vehicle.motor_max`.
     pub(super) motors: Vector4<f64>,
     /// True if a motor was at its limit.
     pub(super) saturated: bool,
 }
 
-/// The controller of the options' kind. Weights without a gain are an error.
+/// Makes the controller of the options' kind. Returns an error for weights without a gain.
 pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
     Ok(match options.controller.kind {
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {

@@ -1,15 +1,16 @@
-//! The firmware's default controller: a cascade of PID loops on held position setpoints.
+//! The firmware's default controller, which is a cascade of PID loops on held position setpoints.
 //!
-//! Position → velocity (world axes turned by the yaw) → roll, pitch and thrust, 100 times a second.
-//! Attitude → body rate → commands for the mixer, 500 times a second. Inside the cascade angles are
-//! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants
-//! are unchanged. The pitch has our sign.
+//! Position and velocity loops (in world axes rotated by the yaw) set roll, pitch and thrust 100
+//! times per second. Attitude and rate loops set the commands for the mixer 500 times per second.
+//! Inside the cascade, angles are in degrees and commands in 1/65535 of a motor's range, as in the
+//! firmware, so that its constants are unchanged. Only the pitch has the sign of this program
+//! instead of the firmware's.
 //!
-//! Source: bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
-//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`. A test
-//! compares with its compiled C. Derivatives are unfiltered, as on a Crazyflie 2.x by default: of
-//! the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, of position and velocity because
-//! their gain is 0.
+//! The source is bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
+//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c` and `pid.c`. A test
+//! compares the commands with those of its compiled C code. Derivatives are unfiltered, as on a
+//! Crazyflie 2.x by default, because `ATTITUDE_RATE_LPF_ENABLE` is false for the body rate, and the
+//! gains for position and velocity are 0.
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -20,17 +21,18 @@ use crate::options::SimOptions;
 use crate::vehicle::{Mixer, State, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::Feature;
 
-/// Full command of a motor in the firmware.
+/// Maximum command of a motor in the firmware.
 const FULL: f64 = 65_535.0;
-/// Command of the vertical velocity loop's unit (`thrustScale`).
+/// Command per unit of the vertical velocity loop's output (`thrustScale`).
 const THRUST_SCALE: f64 = 1000.0;
-/// Smallest command in the air (`PID_VEL_THRUST_MIN`).
+/// Minimum command in the air (`PID_VEL_THRUST_MIN`).
 const THRUST_MIN: f64 = 20_000.0;
-/// Largest roll and pitch, degrees (`PID_VEL_ROLL_MAX`, `PID_VEL_PITCH_MAX`).
+/// Maximum roll and pitch in degrees (`PID_VEL_ROLL_MAX`, `PID_VEL_PITCH_MAX`).
 const TILT_MAX: f64 = 20.0;
-/// Largest wanted speed per axis, m/s (`PID_POS_VEL_X_MAX` …).
+/// Maximum desired speed for each axis in m/s (`PID_POS_VEL_X_MAX` …).
 const SPEED_MAX: f64 = 1.0;
-/// Largest output of a loop relative to these two (`velMaxOverhead`, `rpLimitOverhead`).
+/// Maximum output of a loop relative to `TILT_MAX`, `SPEED_MAX` (`velMaxOverhead`,
+/// `rpLimitOverhead`).
 const OVERHEAD: f64 = 1.1;
 /// Default bound of an integral (`DEFAULT_PID_INTEGRATION_LIMIT`).
 const INTEGRAL_MAX: f64 = 5000.0;
@@ -41,33 +43,35 @@ const RATE_INTEGRAL_MAX: [f64; 3] = [33.3, 33.3, 166.7];
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;
 
-/// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
-/// firmware leaves it out on a Crazyflie 2.x, whose motors lag. A drone with immediate motors needs
-/// it: the derivative (1.6 times the change of the rate, every 2 ms) would turn it over.
+/// Cutoff frequency in Hz of the filter for a rate's derivative
+/// (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The firmware leaves the filter out on a Crazyflie 2.x,
+/// whose motors lag. A drone with immediate motors needs it, because the derivative (1.6 times the
+/// change of the rate, every 2 ms) would turn it over.
 const RATE_CUTOFF_HZ: f64 = 30.0;
 
-/// Butterworth low-pass filter of order 2 by the bilinear transform.
+/// Butterworth low-pass filter of order 2, by the bilinear transform.
 #[derive(Clone, Debug)]
 struct LowPass {
-    /// Gain of the newest input. The one before has twice this gain, and the one before that, once.
+    /// Gain of the newest input, which is half that of the input before it, and equal to that of
+    /// the oldest.
     b: f64,
-    /// Of the last two outputs, subtracted.
+    /// Gains of the last two outputs, which are subtracted.
     a: [f64; 2],
     inputs: [f64; 2],
     outputs: [f64; 2],
 }
 
 impl LowPass {
-    /// A filter with zero inputs and outputs so far.
+    /// Makes a filter whose previous inputs and outputs are zero.
     fn new(cutoff_hz: f64, rate_hz: u32) -> Self {
-        // The tangent has its pole at half of the sampling rate.
+        // The tangent has a pole at half the sampling rate.
         let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(0.45));
         let scale = 1.0 + SQRT_2 * w + w * w;
         let a = [2.0 * (w * w - 1.0) / scale, (1.0 - SQRT_2 * w + w * w) / scale];
         Self { b: w * w / scale, a, inputs: [0.0; 2], outputs: [0.0; 2] }
     }
 
-    /// Filters an input and returns the output.
+    /// Filters an input, and returns the output.
     fn update(&mut self, input: f64) -> f64 {
         let ([x1, x2], [y1, y2]) = (self.inputs, self.outputs);
         let output = self.b * (input + 2.0 * x1 + x2) - self.a[0] * y1 - self.a[1] * y2;
@@ -78,7 +82,7 @@ impl LowPass {
 
 #[derive(Clone, Debug)]
 struct Pid {
-    /// Proportional, integral and derivative.
+    /// Proportional, integral and derivative gains.
     gains: [f64; 3],
     integral_max: f64,
     output_max: f64,
@@ -95,9 +99,9 @@ impl Pid {
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
-    /// The output for an error of the setpoint, and the measurement from which it was taken.
+    /// Returns the output for an error from the setpoint and the measurement that it is based on.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
-        // The derivative is taken of the measurement, so that a step of the setpoint gives no kick.
+        // The derivative is that of the measurement, so that a step of the setpoint causes no kick.
         let [kp, ki, kd] = self.gains;
         let rate = (measured - self.measured) / self.dt_s;
         let rate = self.filter.as_mut().map_or(rate, |filter| filter.update(rate));
@@ -108,7 +112,7 @@ impl Pid {
         output.clamp(-self.output_max, self.output_max)
     }
 
-    /// Integral, last measurement and filter, if the gains use them.
+    /// Returns the integral, the last measurement and the filter, if the gains use them.
     fn memory(&mut self) -> impl Iterator<Item = &mut f64> {
         let [_, ki, kd] = self.gains;
         let integral = (ki != 0.0).then_some(&mut self.integral);
@@ -118,7 +122,7 @@ impl Pid {
         integral.into_iter().chain(measured).chain(filter.into_iter().flatten())
     }
 
-    /// Resets integral and filter. The next derivative starts from `measured`.
+    /// Resets the integral and the filter. The next derivative starts at `measured`.
     fn reset(&mut self, measured: f64) {
         (self.integral, self.measured) = (0.0, measured);
         if let Some(filter) = &mut self.filter {
@@ -127,24 +131,24 @@ impl Pid {
     }
 }
 
-/// The cascade with the state of its twelve loops, each three in the order x y z or roll pitch yaw.
+/// Cascade with the state of its twelve loops, three each in the order x y z or roll pitch yaw.
 #[derive(Clone, Debug)]
 pub(super) struct PidCascade {
     position: [Pid; 3],
     velocity: [Pid; 3],
     attitude: [Pid; 3],
     rate: [Pid; 3],
-    /// Largest command, if the battery's compensation does not cap the motors.
+    /// Maximum command, if the battery's compensation does not limit the motors.
     most: f64,
-    /// Motor command per unit of the firmware's.
+    /// Motor command per unit of the firmware's command.
     scale: f64,
     ticks_per_position: u32,
     ticks: u32,
-    /// Wanted roll and pitch, degrees.
+    /// Desired roll and pitch in degrees.
     wanted: [f64; 2],
     thrust: f64,
     thrust_base: f64,
-    /// True if all loops reset with another kind of setpoint.
+    /// True if the firmware resets all loops for another kind of setpoint.
     resets: bool,
 }
 
@@ -153,11 +157,11 @@ impl PidCascade {
         let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
         let vehicle = &options.vehicle;
         let [position, velocity, attitude, rate] = options.controller.pid.gains();
-        // Bounds of the integrals and of the outputs, about x y z or roll pitch yaw.
+        // The integrals and outputs are bounded about x y z or roll pitch yaw.
         let (speed_max, tilt_max) = (SPEED_MAX * OVERHEAD, TILT_MAX * OVERHEAD);
         let velocity_max = [tilt_max, tilt_max, FULL / 2.0 / THRUST_SCALE];
         let mut rate = loops(rate, RATE_INTEGRAL_MAX, [COMMAND_MAX; 3], fast_hz);
-        // Immediate motors need a filter of the tilt rates' derivatives.
+        // Immediate motors require a filter for the derivatives of the tilt rates.
         if vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0 {
             let filter = LowPass::new(RATE_CUTOFF_HZ, fast_hz);
             rate[..2].iter_mut().for_each(|tilt| tilt.filter = Some(filter.clone()));
@@ -190,9 +194,9 @@ impl PidCascade {
         self.wanted = [angles[0], angles[1]];
     }
 
-    /// Runs the position and velocity loops, which set the wanted roll, pitch and thrust.
+    /// Runs the position and velocity loops, which set the desired roll, pitch and thrust.
     fn run_position_loops(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
-        // Setpoint, position and velocity along the axes of the nose, the left side, and up.
+        // Setpoint, position and velocity are rotated to axes along the nose, to the left, and up.
         let attitude = attitude(estimate);
         let (sin, cos) = libm::sincos(attitude.yaw_rad);
         let velocity_m_s = attitude.world_from_body() * velocity(estimate);
@@ -203,19 +207,20 @@ impl PidCascade {
             let wanted = self.position[i].update(setpoint_m[i] - position_m[i], position_m[i]);
             out[i] = self.velocity[i].update(wanted - velocity_m_s[i], velocity_m_s[i]);
         }
-        // Forward is a positive pitch, nose down, and left is a negative roll.
+        // Forward corresponds to positive pitch, nose down, and left to negative roll.
         let [ahead, left, up] = out;
         self.wanted = [-left, ahead].map(|angle| angle.clamp(-TILT_MAX, TILT_MAX));
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
     }
 
-    /// Runs the attitude and rate loops with a yaw of 0. Returns commands of roll, pitch and yaw.
+    /// Runs the attitude and rate loops with a desired yaw of 0. Returns the commands for roll,
+    /// pitch and yaw.
     fn run_attitude_loops(&mut self, estimate: &State) -> [f64; 3] {
         let angles = angles(estimate);
         let rates = rate(estimate).map(f64::to_degrees);
         let wanted = [self.wanted[0], self.wanted[1], 0.0];
         std::array::from_fn(|i| {
-            // The shorter turn, which only matters for the yaw.
+            // The shorter rotation is taken, which only matters for the yaw.
             let error = wanted[i] - angles[i];
             let error = error - 360.0 * (error / 360.0).round();
             let wanted_rate = self.attitude[i].update(error, angles[i]);
@@ -225,7 +230,7 @@ impl PidCascade {
 }
 
 impl Controller for PidCascade {
-    /// Runs the position loops when they are due, then the attitude loops, and mixes the motors.
+    /// Runs the position loops when they are due, followed by the attitude loops and the mixer.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         if self.ticks.is_multiple_of(self.ticks_per_position) {
             self.run_position_loops(estimate, reference.held_m);
@@ -243,7 +248,7 @@ impl Controller for PidCascade {
         self.ticks = 0;
     }
 
-    /// Resets all loops, with a firmware that does so.
+    /// Resets all loops if the firmware does so.
     fn change_mode(&mut self, estimate: &State) {
         if self.resets {
             self.reset(estimate);
@@ -256,7 +261,7 @@ impl Controller for PidCascade {
     }
 }
 
-/// Three loops with their gains and the bounds of their integrals and outputs.
+/// Makes three loops with their gains and the bounds of their integrals and outputs.
 fn loops(
     gains: [[f64; 3]; 3],
     integral_max: [f64; 3],
@@ -266,7 +271,7 @@ fn loops(
     std::array::from_fn(|i| Pid::new(gains[i], integral_max[i], output_max[i], rate_hz))
 }
 
-/// Roll, pitch and yaw in degrees.
+/// Returns roll, pitch and yaw in degrees.
 fn angles(state: &State) -> [f64; 3] {
     let attitude = attitude(state);
     [attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad].map(f64::to_degrees)
@@ -296,7 +301,7 @@ mod tests {
 
     #[test]
     fn a_setpoint_ahead_tips_the_nose_down_and_one_to_the_left_rolls_left() {
-        // 0.1 m × 2 /s × (25 + 1 × 10 ms) °/(m/s).
+        // The desired pitch is 0.1 m × 2 /s × (25 + 1 × 10 ms) °/(m/s).
         let (cascade, motors) = asked(&State::zeros(), Vector3::new(0.1, 0.0, 0.0));
         assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "pitch {}", cascade.wanted[1]);
         assert!(motors[1] > motors[0] && motors[2] > motors[3], "the rear lifts: {motors}");

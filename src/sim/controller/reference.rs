@@ -1,4 +1,4 @@
-//! The reference at one instant.
+//! Reference of a controller at one instant.
 
 use nalgebra::Vector3;
 
@@ -7,22 +7,23 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::{Attitude, turned};
 use noctograph_core::plan::Setpoint;
 
-/// A setpoint at an instant: its position as sent, and the motion that it has described since.
+/// Setpoint at an instant, with its position as sent, and the motion that it has described since.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reference {
-    /// Position as sent, held until the next setpoint.
+    /// Position as sent in m, held until the next setpoint.
     pub(super) held_m: Vector3<f64>,
-    /// Reference position now, with the offset of the sent position from the setpoint.
+    /// Present reference position in m, with the offset of the sent position from the setpoint.
     pub(crate) position_m: Vector3<f64>,
     pub(crate) velocity_m_s: Vector3<f64>,
-    /// Reference acceleration.
+    /// Reference acceleration in m/s².
     pub(crate) acceleration_m_s2: Vector3<f64>,
-    /// Jerk of a trajectory on board. Setpoints that are sent carry none.
+    /// Jerk of an onboard trajectory in m/s³. Streamed setpoints have no jerk.
     pub(crate) jerk_m_s3: Vector3<f64>,
 }
 
 impl Reference {
-    /// The reference at a time after a setpoint. `sent_m` is the position that is sent for it.
+    /// Returns the reference at a time after a setpoint. `sent_m` is the position that is sent for
+    /// the setpoint.
     pub(crate) fn from_setpoint(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
         let since_s = time_s - setpoint.time_s;
         Self {
@@ -34,13 +35,13 @@ impl Reference {
         }
     }
 
-    /// A reference at rest at a position.
+    /// Returns a reference at rest at a position.
     pub(crate) fn holding(position_m: Vector3<f64>) -> Self {
         let setpoint = Setpoint { position_m, ..Setpoint::default() };
         Self::from_setpoint(&setpoint, position_m, 0.0)
     }
 
-    /// Turns all vectors about the vertical axis.
+    /// Rotates all vectors about the vertical axis.
     pub(crate) fn turned(self, angle_rad: f64) -> Self {
         let Self { held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3 } = self;
         let [held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3] =
@@ -49,12 +50,12 @@ impl Reference {
         Self { held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3 }
     }
 
-    /// State and thrust per mass (m/s²) with which a drone that looks along x would follow the
-    /// reference without any error: a quadrotor is differentially flat (Mellinger, Kumar, ICRA
-    /// 2011).
+    /// Returns the state and the thrust per mass (m/s²) with which a drone whose nose points along
+    /// x would follow the reference without any error, since a quadrotor is differentially flat
+    /// (Mellinger, Kumar, ICRA 2011).
     pub(super) fn trim(&self) -> (State, f64) {
-        // The attitude points the thrust along gravity and acceleration. The body does not turn:
-        // between two setpoints the acceleration is constant.
+        // The attitude aligns the thrust with gravity and acceleration. The body does not rotate,
+        // because the acceleration is constant between two setpoints.
         let force = self.acceleration_m_s2 + Vector3::z() * GRAVITY_M_S2;
         let thrust_m_s2 = force.norm();
         let pitch_rad = libm::atan2(force.x, force.z);

@@ -1,4 +1,4 @@
-//! Every controller in flight: lag, standing error, saturation.
+//! Tests of every controller in flight, for lag, constant error and saturation.
 
 use std::f64::consts::TAU;
 
@@ -19,14 +19,14 @@ fn word(text: &str, extent: Extent) -> Plan {
     written(text, &PlanOptions { extent, ..Default::default() })
 }
 
-/// The team's drone with a controller, and with the center of mass of the reference flight.
+/// Returns the team's drone with a controller, and with the center of mass of the reference flight.
 fn with(kind: ControllerKind) -> SimOptions {
     let mut options = SimOptions::default();
     options.controller.kind = kind;
     options
 }
 
-/// Ideal sensors, the center of mass in the middle of the motors.
+/// Returns a drone with ideal sensors and the center of mass in the middle of the motors.
 fn undisturbed(kind: ControllerKind) -> SimOptions {
     let mut options = with(kind);
     options.vehicle.center_of_mass_m = [0.0, 0.0];
@@ -34,8 +34,8 @@ fn undisturbed(kind: ControllerKind) -> SimOptions {
     options
 }
 
-/// A lying eight of 1 m by 0.5 m in the plane of the word, once round in 8 s (0.79 m/s at most),
-/// with setpoints that carry velocity and acceleration.
+/// Returns a plan with a horizontal figure eight of 1 m by 0.5 m in the plane of the word, flown in
+/// 8 s (0.79 m/s at most), whose setpoints have velocity and acceleration.
 fn figure_eight(interval_s: f64) -> Plan {
     let times_s = (0..).map(|i| f64::from(i) * interval_s).take_while(|time_s| *time_s < 24.001);
     let setpoints = times_s.map(|time_s| {
@@ -47,14 +47,14 @@ fn figure_eight(interval_s: f64) -> Plan {
             position_m: Vector3::new(0.5 * sin, 0.0, 1.0 + 0.25 * sin2),
             velocity_m_s: Vector3::new(0.5 * w * cos, 0.0, 0.5 * w * cos2),
             acceleration_m_s2: Vector3::new(-0.5 * w * w * sin, 0.0, -w * w * sin2),
-            // The first lap begins at rest and does not count.
+            // The first lap begins at rest and is ignored.
             letter: (time_s >= 8.0).then_some(0),
         }
     });
     Plan::made(PlanData { setpoints: setpoints.collect(), ..Default::default() })
 }
 
-/// Samples that write a letter, in the plane of the word: (design, position).
+/// Returns design and position of samples that write a letter, in the plane of the word.
 fn in_plane(flight: &Flight) -> Vec<(Vector2<f64>, Vector2<f64>)> {
     let plane = |v: &Vector3<f64>| Vector2::new(v.x, v.z);
     let writing = flight.samples.iter().filter(|s: &&FlightSample| s.letter.is_some());
@@ -66,13 +66,14 @@ fn root_mean_square(errors: impl Iterator<Item = f64>) -> f64 {
     f64::sqrt(sum / n)
 }
 
-/// RMSE in the plane if the flight were `lag` samples earlier.
+/// Returns the RMSE in the plane if the flight were `lag` samples earlier.
 fn rmse_after(samples: &[(Vector2<f64>, Vector2<f64>)], lag: usize) -> f64 {
     let pairs = samples.iter().zip(&samples[lag..]);
     root_mean_square(pairs.map(|((design, _), (_, position))| (position - design).norm()))
 }
 
-/// Lag (s) that leaves the smallest RMSE in the plane, the RMSE before and after.
+/// Returns the lag in s that leaves the smallest RMSE in the plane, and the RMSE without and with
+/// it.
 fn lag(flight: &Flight) -> (f64, f64, f64) {
     let samples = in_plane(flight);
     let after = |lag: &usize| rmse_after(&samples, *lag);
@@ -80,7 +81,7 @@ fn lag(flight: &Flight) -> (f64, f64, f64) {
     (best as f64 / 250.0, after(&0), after(&best))
 }
 
-/// Root mean square of the distance in the plane from the path that was designed.
+/// Returns the root-mean-square distance in the plane from the designed path.
 fn contour_error_m(flight: &Flight) -> f64 {
     let samples = in_plane(flight);
     let path: Vec<Vector2<f64>> = samples.iter().map(|(design, _)| *design).collect();
@@ -90,7 +91,7 @@ fn contour_error_m(flight: &Flight) -> f64 {
     }))
 }
 
-/// Mean error over the second half of 20 s of hover, with the team's center of mass.
+/// Returns the mean error over the second half of 20 s of hover, with the team's center of mass.
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
     let mut flight = flown(&hover(PLACE_M, 20.0), &options, 0).unwrap();
@@ -104,8 +105,8 @@ fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
 
 #[test]
 fn the_firmwares_cascade_trails_as_thirteen_real_letters_did() {
-    // Real letters A to M at 0.2 m/s with the firmware's controller and estimator (thirteen logs):
-    // lag 0.50–0.58 s, in-plane RMSE 5–12 cm, 3–5 cm after the lag.
+    // Real letters A to M, flown at 0.2 m/s with the firmware's controller and estimator (thirteen
+    // logs), have a lag of 0.50–0.58 s, and an in-plane RMSE of 5–12 cm, or 3–5 cm after the lag.
     let mut options = SimOptions::cf21();
     options.controller.kind = ControllerKind::Pid;
     options.air.gusts = Gusts::room();
@@ -125,8 +126,8 @@ fn the_firmwares_cascade_trails_as_thirteen_real_letters_did() {
 
 #[test]
 fn a_regulator_that_knows_of_the_rotors_lag_trails_by_little_more() {
-    // cf21's rotors take 0.12 s: the team's weights, with the gain designed for that. Its drag,
-    // which nothing feeds forward, adds to it.
+    // The gain is designed for the rotors of cf21, which take 0.12 s, with the team's weights. The
+    // drag, which nothing feeds forward, adds to the lag.
     let noor = word("NOOR", Extent::Letters);
     for kind in [ControllerKind::Lqr, ControllerKind::LqrFeedforward, ControllerKind::LqrIntegral] {
         let mut options = undisturbed(kind);
@@ -151,7 +152,7 @@ fn a_design_fed_forward_is_followed_to_a_centimeter_and_a_half() {
         let contour_m = contour_error_m(&flight);
         assert!(contour_m <= 0.0155, "{kind:?}: contour error {contour_m} m");
         let (trails_s, held_s) = (lag(&flight).0, lag(&held).0);
-        // Full states, which the geometric law holds, are sent every 0.1 s.
+        // Full states, which the geometric controller holds, are sent every 0.1 s.
         assert!(trails_s < 0.11 && held_s > 0.5, "{kind:?}: {trails_s} s against {held_s} s");
     }
 }
@@ -164,7 +165,8 @@ fn integral_action_removes_the_seven_centimeters_of_the_center_of_mass() {
         let left = standing_error_m(kind);
         assert!(left.norm() < 0.002, "{kind:?}: {left}");
     }
-    // The cascade's horizontal loops integrate as well. Its height takes longer than this.
+    // The cascade's horizontal loops also have integral action. Its height takes longer than this
+    // flight to settle.
     let left = standing_error_m(ControllerKind::Pid);
     assert!(left.xy().norm() < 0.002 && left.z.abs() < 0.005, "cascade: {left}");
 }
@@ -186,7 +188,7 @@ fn the_geometric_law_holds_a_full_state_until_the_next_and_turns_with_the_jerk_o
         [0.02, 0.1].map(|interval_s| flown(&figure_eight(interval_s), &options, 0).unwrap());
     let later_s = lag(&seldom).0 - lag(&often).0;
     assert!((later_s - 0.04).abs() < 0.009, "half an interval: {later_s} s");
-    // A setpoint that lasts for long is sent again as it moves on, every 0.1 s.
+    // A setpoint that lasts long is sent again every 0.1 s as it moves.
     let still = lag(&flown(&figure_eight(0.2), &options, 0).unwrap()).0;
     assert!((still - lag(&seldom).0).abs() < 0.02, "{still} s");
     let mut on_board = figure_eight(0.01);

@@ -1,8 +1,9 @@
-//! Altitude and vertical velocity by the altitude filter, and all else by a Kalman filter.
+//! Estimator with altitude and vertical velocity from the altitude filter, and everything else from
+//! a Kalman filter.
 //!
-//! The altitude filter predicts at every tick by the vertical part of the throttle, and turns
-//! ranges upright by the estimated tilt. The Kalman filter gets neither ranger nor barometer, whose
-//! biases it does not estimate.
+//! The altitude filter predicts at every tick from the vertical part of the throttle, and converts
+//! ranges to heights by the estimated tilt. The Kalman filter receives neither ranger nor
+//! barometer, whose biases it does not estimate.
 
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
@@ -17,14 +18,14 @@ const ALTITUDE: usize = 2;
 pub(super) struct Altitude {
     pub(super) horizontal: Ekf,
     pub(super) vertical: AltitudeFilter,
-    /// True if positions are fixes of satellites.
+    /// True if positions are satellite fixes.
     pub(super) has_satellites: bool,
 }
 
 impl Estimator for Altitude {
     /// Updates both filters.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        // The Kalman filter comes first, because its tilt corrects throttle and ranges.
+        // The Kalman filter is updated first, because its tilt corrects throttle and ranges.
         self.horizontal.update(&Readings { heights: &[], ..*readings }, tick_s);
         let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
         let filter = &mut self.vertical;
@@ -42,7 +43,7 @@ impl Estimator for Altitude {
         }
     }
 
-    /// The Kalman filter's state with the altitude filter's altitude and vertical velocity.
+    /// Returns the Kalman filter's state with the altitude filter's altitude and vertical velocity.
     fn state(&self) -> State {
         let mut velocity_m_s = self.horizontal.motion.velocity_m_s;
         velocity_m_s.z = self.vertical.estimate(AltitudeState::Velocity);

@@ -1,8 +1,8 @@
-//! The Kalman filter of altitude, velocity, thrust map, biases and gusts.
+//! Kalman filter of altitude, velocity, thrust map, biases and gusts.
 //!
-//! Gusts push for seconds. They are a state, so that the innovations stay white: the controller
-//! would answer correlated innovations, and the filter would read a wrong thrust map from the
-//! throttle's correlation with them.
+//! Gusts push for seconds. The gusts are a state of the filter, so that the innovations are white.
+//! Otherwise, the controller would respond to correlated innovations, and the filter would infer a
+//! wrong thrust map from the throttle's correlation with them.
 
 use crate::controller::ThrustMap;
 use crate::kalman::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
@@ -10,82 +10,82 @@ use crate::options::AltitudeOptions;
 use crate::sensors::HeightSensor;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Standard deviation of a satellite altitude, and of a range to the floor.
+/// Standard deviations in m of a satellite altitude, and of a range to the floor.
 const GNSS_SIGMA_M: f64 = 0.05;
 const TIME_OF_FLIGHT_SIGMA_M: f64 = 0.06;
-/// Vertical acceleration by gusts, σ, and its correlation time: a first-order Gauss-Markov process
-/// (Singer 1970), held from one prediction to the next.
+/// Standard deviation in m/s² and correlation time in s of the vertical acceleration due to gusts,
+/// which is a first-order Gauss-Markov process (Singer 1970), constant between predictions.
 const GUST_SIGMA_M_S2: f64 = 0.15;
 const GUST_TIME_S: f64 = 2.0;
-/// Random walk of α⁰: mass and lift at no throttle hardly change.
+/// Random walk of α⁰, because mass and lift at zero throttle hardly change.
 const OFFSET_WALK_M_S2_SQRT_S: f64 = 0.005;
-/// Random walk of the floor, which is flat between steps.
+/// Random walk of the floor, which is level between steps.
 const RANGER_WALK_M_SQRT_S: f64 = 0.003;
-/// Random walk of the barometer's bias: a draft or a weather front, 2 cm/s at most.
+/// Random walk of the barometer's bias from a draft or a weather front, which is 2 cm/s at most.
 const BAROMETER_WALK_M_SQRT_S: f64 = 0.05;
-/// Standard deviation that a step adds to the ranger's bias.
+/// Standard deviation in m that a step adds to the ranger's bias.
 const STEP_SIGMA_M: f64 = 0.5;
-/// Standard deviation of the barometer's bias before the flight.
+/// Standard deviation of the barometer's bias before the flight in m.
 const BAROMETER_BIAS_SIGMA_M: f64 = 0.5;
 
-/// Index of the vertical acceleration by gusts, which no table reports.
+/// Index of the vertical acceleration due to gusts, which no table reports.
 const GUST: usize = 6;
 
 /// Index of each state that is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AltitudeState {
-    /// Altitude z, m.
+    /// Altitude z in m.
     Altitude,
-    /// Vertical velocity v, m/s.
+    /// Vertical velocity v in m/s.
     Velocity,
-    /// α⁰: vertical acceleration at no throttle, m/s².
+    /// Vertical acceleration α⁰ in m/s² at zero throttle.
     Offset,
-    /// α¹: vertical acceleration per throttle, m/s².
+    /// Vertical acceleration α¹ in m/s² per throttle.
     Gain,
-    /// Bias of the ranger, m: the negative height of the floor below the drone.
+    /// Bias of the ranger in m, which is the negative height of the floor below the drone.
     Ranger,
-    /// Bias of the barometer, m.
+    /// Bias of the barometer in m.
     Barometer,
 }
 
-/// Kinds of altitude sensors, by the biases that the filter estimates.
+/// Kinds of altitude sensors, distinguished by the biases that the filter estimates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AltitudeSensor {
-    /// Satellites: z.
+    /// Satellite navigation, which measures z.
     Gnss,
-    /// A distance to the floor, turned upright: altitude and bias of the ranger.
+    /// Vertical distance to the floor, which is the altitude plus the bias of the ranger.
     TimeOfFlight,
-    /// A height over the starting place: altitude and bias of the barometer.
+    /// Height above the start, which is the altitude plus the bias of the barometer.
     Barometer,
 }
 
 impl AltitudeSensor {
-    /// All of them.
+    /// All kinds of sensors.
     pub const ALL: [Self; 3] = [Self::Gnss, Self::TimeOfFlight, Self::Barometer];
 
-    /// The kind of a height sensor.
+    /// Returns the kind of a height sensor.
     pub fn from_height(sensor: HeightSensor) -> Self {
         if sensor.looks_down() { Self::TimeOfFlight } else { Self::Barometer }
     }
 }
 
-/// Standard deviation of altitude and velocity, and of the floor, on the ground: m, m/s and m.
+/// Standard deviations of altitude, velocity and floor on the ground in m, m/s and m, respectively.
 const START_SIGMA: [f64; 3] = [0.05, 0.05, 0.02];
 
-/// A reading against its prediction.
+/// Reading with its prediction error.
 #[derive(Clone, Copy, Debug)]
 pub struct HeightReading {
-    /// Sensor.
+    /// Sensor of the reading.
     pub sensor: AltitudeSensor,
-    /// Reading.
+    /// Measured value in m.
     pub measured_m: f64,
-    /// Its innovation.
+    /// Innovation of the reading.
     pub innovation: Innovation,
-    /// True if the filter used it.
+    /// True if the filter used the reading.
     pub taken: bool,
 }
 
-/// Estimates altitude, velocity, thrust map and biases.
+/// Filter that estimates altitude, velocity, thrust map and biases.
 #[derive(Clone, Debug)]
 pub struct AltitudeFilter {
     options: AltitudeOptions,
@@ -97,9 +97,9 @@ pub struct AltitudeFilter {
 }
 
 impl AltitudeFilter {
-    /// The filter of a drone at rest at a known altitude.
+    /// Makes the filter of a drone at rest at a known altitude.
     ///
-    /// α⁰ begins at −g, and α¹ at the value with which the throttle `hover` makes the drone hover.
+    /// α⁰ begins at −g, and α¹ at the value at which the throttle `hover` makes the drone hover.
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
         let [altitude, velocity, floor] = START_SIGMA;
         let mut normal = Normal::independent(&[
@@ -111,17 +111,17 @@ impl AltitudeFilter {
             BAROMETER_BIAS_SIGMA_M,
             GUST_SIGMA_M_S2,
         ]);
-        // Means of altitude, velocity, α⁰ and α¹. Those of biases and gust are zero.
+        // The means of altitude, velocity, α⁰ and α¹ are set. Those of biases and gust are zero.
         let means = [altitude_m, 0.0, -GRAVITY_M_S2, GRAVITY_M_S2 / hover];
         normal.mean.rows_mut(0, means.len()).copy_from_slice(&means);
         let test = StepTest::new(options.step_gate_sigmas, 0.0, STEP_SIGMA_M);
         Self { options: options.clone(), normal, readings: Vec::new(), test, steps: 0 }
     }
 
-    /// Propagates the estimate over a span in which a throttle, 0 to 1, was held.
+    /// Propagates the estimate over a span in which the throttle, 0 to 1, was constant.
     pub fn predict(&mut self, throttle: f64, span_s: f64) {
-        // Entries (row, column, value) of Φ − 1: z̈ = α⁰ + α¹ τ + gust, constant over the span. The
-        // gust decays towards zero.
+        // The entries (row, column, value) of Φ − 1 follow from z̈ = α⁰ + α¹ τ + gust, constant
+        // over the span. The gust decays toward zero.
         let t = span_s;
         let kept = libm::exp(-t / GUST_TIME_S);
         let half = 0.5 * t * t;
@@ -135,8 +135,8 @@ impl AltitudeFilter {
             (1, GUST, t),
             (GUST, GUST, kept - 1.0),
         ];
-        // Entries of the noise: white acceleration, random walks of map and biases, and the noise
-        // that keeps the variance of the gust stationary.
+        // The entries of the noise are white acceleration, random walks of map and biases, and the
+        // noise that keeps the variance of the gust stationary.
         let density = variance_rate(self.options.acceleration_noise_m_s2_sqrt_hz);
         let walks = [
             OFFSET_WALK_M_S2_SQRT_S,
@@ -161,7 +161,7 @@ impl AltitudeFilter {
 
     /// Propagates the estimate over a span on the floor with the motors off.
     pub fn rest(&mut self, span_s: f64) {
-        // Velocity and gust are reset, uncorrelated. Altitude and thrust map are kept.
+        // Velocity and gust are reset without correlations. Altitude and thrust map are kept.
         let Normal { mean, covariance, .. } = &mut self.normal;
         let [_, velocity_sigma, _] = START_SIGMA;
         for (state, sigma) in
@@ -181,14 +181,14 @@ impl AltitudeFilter {
         self.readings.clear();
     }
 
-    /// Corrects the estimate by a reading. A range beyond the gate is not used. The second rejected
-    /// range in a row moves the ranger's bias by the mean of their innovations, and widens its
-    /// variance.
+    /// Corrects the estimate with a reading. A range beyond the gate is rejected. The second
+    /// rejected range in a row changes the ranger's bias by the mean of their innovations, and
+    /// increases its variance.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
         let [altitude, ranger, barometer] =
             [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]
                 .map(|state| Part::One(state as usize, 1.0));
-        // The bias of the ranger is last, as the step test wants it.
+        // The bias of the ranger is last, as the step test requires.
         let (jacobian, sigma_m): (&[Part], f64) = match sensor {
             AltitudeSensor::Gnss => (&[altitude], GNSS_SIGMA_M),
             AltitudeSensor::TimeOfFlight => (&[altitude, ranger], TIME_OF_FLIGHT_SIGMA_M),
@@ -207,29 +207,29 @@ impl AltitudeFilter {
         self.readings.push(HeightReading { sensor, measured_m, innovation, taken });
     }
 
-    /// Estimate of a state.
+    /// Returns the estimate of a state.
     pub fn estimate(&self, state: AltitudeState) -> f64 {
         self.normal.mean[state as usize]
     }
 
-    /// Standard deviation of a state.
+    /// Returns the standard deviation of a state.
     pub fn sigma(&self, state: AltitudeState) -> f64 {
         self.normal.sigma(state as usize)
     }
 
-    /// The estimated thrust map. Its offset includes the estimated gust.
+    /// Returns the estimated thrust map. The offset of the map includes the estimated gust.
     pub fn thrust_map(&self) -> ThrustMap {
         let [offset_m_s2, gain_m_s2] =
             [AltitudeState::Offset, AltitudeState::Gain].map(|s| self.estimate(s));
         ThrustMap { offset_m_s2: offset_m_s2 + self.normal.mean[GUST], gain_m_s2 }
     }
 
-    /// Readings since the last prediction, in the order in which they came.
+    /// Returns the readings since the last prediction, in the order of arrival.
     pub fn readings(&self) -> &[HeightReading] {
         &self.readings
     }
 
-    /// Number of steps of the floor so far.
+    /// Returns the number of steps of the floor so far.
     pub fn steps(&self) -> u32 {
         self.steps
     }

@@ -1,5 +1,5 @@
-//! Tests of the firmware's filter against its own C, compiled and run (tests/firmware/filter.c) on
-//! the motion and the noise below.
+//! Tests of the firmware's filter against its own C code, compiled and run
+//! (tests/firmware/filter.c) with the motion and the noise below.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,7 +17,7 @@ use noctograph_core::random::Noise;
 
 const TICK_S: f64 = 0.002;
 
-/// `a sin³ wt` with its first two derivatives.
+/// Returns `a sin³ wt` and its first two derivatives.
 fn bow(a: f64, w: f64, t: f64) -> [f64; 3] {
     let ((s, c), (s3, c3)) = (libm::sincos(w * t), libm::sincos(3.0 * w * t));
     [
@@ -27,8 +27,8 @@ fn bow(a: f64, w: f64, t: f64) -> [f64; 3] {
     ]
 }
 
-/// Position, force per mass in the world, and attitude of a drone with drag that thrusts along its
-/// z, `hurry` times as fast.
+/// Returns position, force per mass in the world frame, and attitude of a drone with drag that
+/// thrusts along its z axis, `hurry` times as fast.
 fn motion(t: f64, hurry: f64) -> (Vector3<f64>, Vector3<f64>, Matrix3<f64>) {
     let axes = [bow(0.5, hurry * 0.7, t), bow(0.3, hurry * 0.9, t), bow(0.3, hurry * 0.5, t)];
     let [place_m, velocity_m_s, acceleration_m_s2] =
@@ -41,17 +41,17 @@ fn motion(t: f64, hurry: f64) -> (Vector3<f64>, Vector3<f64>, Matrix3<f64>) {
     (place_m, force_m_s2, Matrix3::from_columns(&[left.cross(&up), left, up]))
 }
 
-/// How a filter differs from what the harness recorded.
+/// Differences between a filter and the harness's recording.
 struct Apart {
-    /// Root mean squares of position, m, velocity, m/s, and angles, degrees.
+    /// Root-mean-square differences of position in m, velocity in m/s, and angles in degrees.
     states: [f64; 3],
-    /// The largest ratio of standard deviations, less 1.
+    /// Largest ratio of standard deviations, minus 1.
     worst_sigma: f64,
-    /// The mean ratio of those of positions, less 1. Each one differs more, by chance.
+    /// Mean ratio of the position's standard deviations, minus 1. A single ratio may differ more.
     mean_sigma: f64,
 }
 
-/// Runs the filter as the harness does and compares it with what that recorded.
+/// Runs the filter as the harness does, and compares it with the harness's recording.
 fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: &str) -> Apart {
     let sensors = SensorOptions { positioning, ..SensorOptions::default() };
     let firmware = FirmwareOptions { rotations_hz: 0.0, ..FirmwareOptions::default() };
@@ -103,7 +103,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
                     heard[station] = Some((turn, angles_rad));
                     continue;
                 }
-                // Every second pair. Both of its sweeps are handed over at once.
+                // Every second pair is used. Both of its sweeps are passed on together.
                 let Some((_, first)) = heard[station].filter(|(then, _)| *then == turn) else {
                     continue;
                 };

@@ -1,11 +1,13 @@
 //! Cramér–Rao bound for the positions of drones that fly their plans on ultra-wideband ranges.
 //!
-//! In: plans and a drone. Out: [`Bound`], the standard deviation of each drone's position over time
-//! that no unbiased estimator beats. Method: the covariance of the filter with its Jacobians taken
-//! at the truth (the posterior bound: Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing
-//! 46, 1998). The noise of the inertial sensors drives it, and each range and height corrects it
-//! when it is due. Drones with the estimator `cooperative` take turns and hear each other without
-//! loss. Noise is white here: biases of links, which decide in many rooms, and outliers add to it.
+//! Input: plans and a drone. Output: [`Bound`], the standard deviation of each drone's position
+//! over time that no unbiased estimator can undercut. The bound is the covariance of the filter
+//! with its Jacobians taken at the true state (the posterior bound: Tichavsky, Muravchik, Nehorai,
+//! IEEE Trans. Signal Processing 46, 1998). The noise of the inertial sensors increases this
+//! covariance, and each range and height that is due decreases it. Drones with the estimator
+//! `cooperative` take turns, and receive each other's messages without loss. Only white noise is
+//! included, so that outliers and the biases of links, which dominate in many rooms, come in
+//! addition.
 
 use nalgebra::Vector3;
 
@@ -18,33 +20,34 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::plan::Plan;
 
-/// Steps a second, unless ranges come faster.
+/// Number of steps per second, unless ranges come faster.
 const RATE_HZ: f64 = 100.0;
-/// Least noise of a range or a height.
+/// Minimum noise of a range or a height in m.
 const LEAST_SIGMA_M: f64 = 1e-4;
-/// Margin of the box in which a further anchor is tried, around anchors and word.
+/// Margin in m around anchors and word of the box in which a further anchor is tried.
 const MARGIN_M: f64 = 0.2;
-/// Least height of that anchor above the floor.
+/// Minimum height of that anchor above the floor in m.
 const LEAST_ANCHOR_HEIGHT_M: f64 = 0.1;
-/// Candidate positions of a further anchor along x, y and z.
+/// Numbers of candidate positions of a further anchor along x, y and z.
 const CANDIDATES: [u32; 3] = [5, 5, 3];
 
-/// The bound along the flight of one drone.
+/// Bound along the flight of one drone.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Bound {
-    /// Times, rising.
+    /// Times in s in ascending order.
     pub time_s: Vec<f64>,
-    /// Standard deviation of the position over all three axes, at each time.
+    /// Standard deviation in m of the position over all three axes at each time.
     pub sigma_m: Vec<f64>,
-    /// The letter that is being written with light, at each time.
+    /// Letter that is being written with light at each time.
     pub letter: Vec<Option<usize>>,
 }
 
-/// The bound of each drone that flies its plan.
+/// Returns the bound of each drone that flies its plan.
 ///
 /// # Errors
 ///
-/// As [`SimOptions::check`], and [`Error::Input`] for a positioning without ultra-wideband ranges.
+/// Returns the errors of [`SimOptions::check`], and [`Error::Input`] for a positioning without
+/// ultra-wideband ranges.
 pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
     options.check()?;
     if !options.sensors.positioning.is_by_ranges() {
@@ -59,7 +62,7 @@ pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
     Ok(separate.collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// The bounds of drones that cooperate. The first has the index `first`.
+/// Returns the bounds of drones that cooperate. The index of the first drone is `first`.
 fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>> {
     let (sensors, uwb) = (&options.sensors, &options.sensors.uwb);
     let indices: Vec<u64> = (first..).take(plans.len()).collect();
@@ -77,7 +80,7 @@ fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec
     let steps = (end_s / step_s) as u32;
     for step in 0..=steps {
         let time_s = f64::from(step) * step_s;
-        // The covariance grows by the inertial noise, and shrinks by each measurement that is due.
+        // The inertial noise increases the covariance, and each due measurement decreases it.
         fleet.carry(plans, time_s, step_s);
         while let Some(k) = ranges.due(time_s) {
             fleet.correct_by_range(turns[k % turns.len()]);
@@ -87,7 +90,7 @@ fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec
                 fleet.correct_by_heights(*sensor);
             }
         }
-        // A drone that has landed still ranges, but its bound ends.
+        // A drone that has landed continues ranging, but its bound ends.
         let flying = plans.iter().enumerate().filter(|(_, plan)| time_s <= plan.duration_s());
         for (drone, plan) in flying {
             let row = plan.row_at(time_s);
@@ -107,7 +110,7 @@ impl Bound {
     }
 }
 
-/// Drones on their planned paths, and their joint covariance.
+/// Drones on their planned paths, with their joint covariance.
 struct Fleet<'a> {
     sensors: &'a SensorOptions,
     anchors_m: Vec<Vector3<f64>>,
@@ -133,13 +136,13 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Standard deviation of a drone's position over all three axes.
+    /// Returns the standard deviation of a drone's position over all three axes in m.
     fn sigma_m(&self, drone: usize) -> f64 {
         let covariance_m2 = self.normal.block(ERRORS * drone, ERRORS * drone);
         covariance_m2.trace().max(0.0).sqrt()
     }
 
-    /// Moves all drones along their plans, and their covariance by the inertial noise.
+    /// Moves all drones along their plans, and propagates their covariance with the inertial noise.
     fn carry(&mut self, plans: &[&Plan], time_s: f64, step_s: f64) {
         let imu = &self.sensors.imu;
         let density = Density {
@@ -147,7 +150,7 @@ impl<'a> Fleet<'a> {
             rate: variance_rate(imu.gyro_noise_rad_s_sqrt_hz),
         };
         for (drone, plan) in plans.iter().enumerate() {
-            // A level drone with the planned acceleration: R [f]× of its specific force.
+            // The lever is R [f]× of the specific force of a level drone during the planned motion.
             let planned =
                 plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
             let lever = -(planned + Vector3::z() * GRAVITY_M_S2).cross_matrix();
@@ -157,7 +160,7 @@ impl<'a> Fleet<'a> {
         self.positions_m = plans.iter().map(|plan| plan.design_m(time_s)).collect();
     }
 
-    /// Corrects the covariance by one range, or difference of ranges to two anchors.
+    /// Corrects the covariance for one range, or difference of ranges to two anchors.
     fn correct_by_range(&mut self, turn: Turn) {
         let variance = square(self.sensors.uwb.noise_m.max(LEAST_SIGMA_M));
         match turn {
@@ -175,7 +178,7 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Corrects the covariance by the height of every drone.
+    /// Corrects the covariance for the height of every drone.
     fn correct_by_heights(&mut self, sensor: HeightSensor) {
         for drone in 0..self.positions_m.len() {
             let sigma_m = self.sensors.height_sigma_m(sensor, self.positions_m[drone].z);
@@ -184,7 +187,7 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Corrects the covariance. At the truth every innovation is zero.
+    /// Corrects the covariance. At the true state, every innovation is zero.
     fn correct(&mut self, jacobian: &[Part], variance: f64) {
         self.normal.correct(&Measurement { jacobian, value: 0.0, variance }, |_| true);
     }
@@ -194,7 +197,7 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Root mean square of bounds over the lit strokes, of all letters or of one, if any are lit.
+/// Returns the RMS of bounds over the lit strokes of all letters or of one, if any are lit.
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0_u32);
     for (sigma_m, written) in bounds.iter().flat_map(|b| b.sigma_m.iter().zip(&b.letter)) {
@@ -205,14 +208,14 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
-/// The position of one more anchor, heard by all drones, that gives the lowest bound of the
-/// strokes, and that bound. The candidates are a grid in the box around anchors and word.
+/// Returns the position of one more anchor for all drones that gives the lowest bound over the
+/// strokes, and that bound. The candidates form a grid in the box around anchors and word.
 ///
 /// # Errors
 ///
-/// As [`bounds`].
+/// Returns the errors of [`bounds`].
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
-    // The box around all setpoints and anchors: componentwise least and greatest coordinates.
+    // The box around setpoints and anchors has the smallest and largest coordinates.
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let points_m: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
     let infinity = Vector3::repeat(f64::INFINITY);
@@ -260,14 +263,14 @@ mod tests {
 
     #[test]
     fn a_drone_that_is_known_to_rest_averages_its_ranges() {
-        // Without motion noise and with a start known to 10 m and no tilt, the bound along the axis
-        // of one anchor is 1/√(1/σ0² + n/σ²).
+        // Without motion noise and with a start known to 10 m and without tilt, the bound along the
+        // axis of one anchor is 1/√(1/σ0² + n/σ²).
         let mut options = options(&[[3.0, 0.0, 1.0], [0.0, 3.0, 1.0], [0.0, 0.0, 4.0]]);
         options.observer.cooperative.start_sigma_m = 10.0;
         options.observer.cooperative.start_tilt_rad = 1e-5;
         let plan = hover([0.0, 0.0, 1.0], 1.0);
         let bound = bounds(&[&plan], &options).unwrap().remove(0);
-        // Velocity is known to 1 cm/s: in 0.1 s it moves by less than the ranges resolve.
+        // The velocity is known to 1 cm/s, and 1 mm in 0.1 s is less than the ranges resolve.
         let row = bound.time_s.iter().position(|t| *t >= 0.1).unwrap();
         let n = ((bound.time_s[row] * 180.0).floor() + 1.0) / 3.0;
         let want_m = (3.0 * 0.06 * 0.06 / n).sqrt();

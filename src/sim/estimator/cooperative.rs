@@ -1,22 +1,23 @@
-//! Extended Kalman filter of one drone over all drones of its fleet.
+//! Extended Kalman filter of one drone that estimates all drones of its fleet.
 //!
-//! The nine errors of this drone are defined by [`Ekf`](super::ekf::Ekf). Of every other drone the
-//! filter keeps position, velocity and the tilt of its dead reckoning, at the time of its last
-//! message. A message moves them on by the motion in it, so that a lost one only costs time, and
-//! its ranges and heights correct them. A range between two drones waits until the messages have
-//! caught up with it. It is compared with the positions at its own time, which follow from the
-//! present estimates by the motion received. Every measurement is thus used once in each drone's
-//! filter, and the common errors of the drones are in the filter's covariance.
+//! The nine errors of this drone are those of [`Ekf`](super::ekf::Ekf). For every other drone, the
+//! filter keeps the position, the velocity and the tilt of its dead reckoning at the time of its
+//! last message. Each message advances these states by the motion that it contains, so that a lost
+//! message only delays them, and its ranges and heights correct them. A range between two drones is
+//! stored until the messages include its time. The range is compared with the positions at its own
+//! time, which follow from the present estimates and the received motion. Each drone's filter
+//! therefore uses every measurement once, and its covariance includes the common errors of the
+//! drones.
 //!
-//! A link that the gate refuses five times in a row is accepted again, see
-//! [`Gate`](crate::kalman::Gate).
+//! A link whose measurements the gate has rejected five times in a row is accepted again
+//! ([`Gate`](crate::kalman::Gate)).
 //!
 //! Sources: S. I. Roumeliotis, G. A. Bekey, "Distributed multirobot localization", IEEE Trans.
 //! Robotics and Automation 18(5), 2002 (one filter over all robots). A. Howard, M. J. Mataric, G.
 //! S. Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
 //!
-//! Not estimated: biases of ranges, of the inertial sensors and of air pressure. The noise of the
-//! motion between a range and the present is neglected: below 1 mm for a quarter of a second.
+//! Biases of ranges, of the inertial sensors and of air pressure are not estimated. The noise of
+//! the motion between a range and the present is neglected, which is below 1 mm in 0.25 s.
 
 use std::collections::VecDeque;
 
@@ -34,22 +35,23 @@ use crate::vehicle::State;
 
 /// Index of the variance of two-way ranging.
 const TWO_WAY: usize = 1;
-/// Ranges that have waited longer for messages are forgotten.
+/// Time in s after which ranges that wait for messages are dropped.
 const LONGEST_WAIT_S: f64 = 2.0;
-/// Specific force along the body's z axis above which a drone with its motors off is on the floor.
+/// Specific force along body z in m/s² above which a drone with its motors off is on the floor.
 const ON_FLOOR_M_S2: f64 = 0.8 * GRAVITY_M_S2;
-/// Messages of each drone that are kept.
+/// Number of messages of each drone that are kept.
 const MESSAGES_KEPT: usize = 64;
-/// Keys of ranges between two other drones that are kept, so that none is used twice.
+/// Number of keys kept for ranges between two other drones, so that no range is used twice.
 const RANGES_KEPT: usize = 256;
 
 #[derive(Debug)]
 pub(crate) struct Cooperative {
-    /// Over all drones: first this drone, then the others in the order of `peers`.
+    /// Filter over all drones, of which this drone is the first, followed by the others in the
+    /// order of `peers`.
     joint: Ekf,
-    /// Attitude, velocity and position only by inertial sensors, which the others receive.
+    /// Attitude, velocity and position by the inertial sensors only, which other drones receive.
     inertial: Inertial,
-    /// Velocity and position by inertial sensors with the estimated attitude.
+    /// Velocity and position from the inertial sensors with the estimated attitude.
     dead_reckoning: Reckoning,
     peers: Vec<Peer>,
     place: usize,
@@ -57,14 +59,14 @@ pub(crate) struct Cooperative {
     force_m_s2: Vector3<f64>,
     ticks: u32,
     gate: Gate<(usize, Target)>,
-    /// Measurements of the next message.
+    /// Measurements for the next message.
     ranges: Vec<Shared>,
     heights: Vec<Shared>,
-    /// Ranges to other drones that wait for their messages, with the motion at their time.
+    /// Ranges to other drones that wait for their messages, with this drone's motion at that time.
     waiting: Vec<(usize, f64, Reckoning)>,
-    /// Ranges between two others that wait.
+    /// Ranges between two other drones that wait for messages.
     between: Vec<(usize, Shared)>,
-    /// Ranges between two others that were used: time and places.
+    /// Time and places of used ranges between two other drones.
     used: VecDeque<(f64, usize, usize)>,
 }
 
@@ -74,18 +76,19 @@ struct Peer {
     place: usize,
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
-    /// Rotation vector, in the world, from its dead reckoning to the truth.
+    /// Rotation vector in the world frame in rad from its dead reckoning to the true attitude.
     tilt_rad: Vector3<f64>,
     motions: VecDeque<Reckoning>,
 }
 
-/// Standard deviations of position (m), velocity (m/s) and tilt (rad) of each drone at the start.
+/// Returns the standard deviations of position (m), velocity (m/s) and tilt (rad) of a drone at the
+/// start.
 pub(super) fn start_sigmas(options: &CooperativeOptions) -> [f64; 3] {
     [options.start_sigma_m, START[1], options.start_tilt_rad]
 }
 
 impl Cooperative {
-    /// The filter of one drone of a fleet at the start, with all drones level and at rest.
+    /// Makes the filter of one drone of a fleet at the start, with all drones level and at rest.
     pub(super) fn new(
         options: &ObserverOptions,
         sensors: &SensorOptions,
@@ -95,7 +98,7 @@ impl Cooperative {
         let start_m = fleet.members[fleet.place].start_m;
         let sigmas = start_sigmas(&options.cooperative);
         let normal = Normal::of_drones(fleet.members.len(), sigmas, &[]);
-        // Each of the others begins with a message at time zero, to which its next one is compared.
+        // Each other drone begins with a message at time zero, to which the next one is compared.
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
         let peers = others.map(|(place, member)| Peer {
             place,
@@ -122,7 +125,7 @@ impl Cooperative {
         }
     }
 
-    /// Moves the mean errors of the other drones into their states.
+    /// Adds the mean errors of the other drones to their states.
     fn settle_peers(&mut self) {
         for (k, peer) in self.peers.iter_mut().enumerate() {
             let [position_m, velocity_m_s, turn_rad] = self.joint.normal.take_errors(k + 1);
@@ -147,7 +150,8 @@ impl Cooperative {
             self.waiting.push((*drone, *distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
-        // The others do not know this drone's tilt: ranges to the floor are turned upright here.
+        // The other drones do not know this drone's tilt, so that its ranges to the floor are
+        // converted to heights here.
         for &(sensor, measured_m) in readings.heights {
             let height_per_m =
                 if sensor.looks_down() { self.inertial.attitude.matrix()[(2, 2)] } else { 1.0 };
@@ -157,14 +161,14 @@ impl Cooperative {
         }
     }
 
-    /// Moves the state of peer `k`, and its covariance, to the time of its message.
+    /// Advances the state of peer `k`, and its covariance, to the time of its message.
     fn carry_peer(&mut self, k: usize, now: Reckoning) {
         let peer = &mut self.peers[k];
         let before = *peer.motions.back().expect("never empty");
-        let Segment { span_s, gained_m_s, moved_m, force_m_s } = now.since(&before);
-        // The estimated tilt turns the force that the sender has integrated.
+        let Segment { span_s, gained_m_s, accelerated_m, force_m_s } = now.since(&before);
+        // The estimated tilt rotates the force that the sender has integrated.
         let turned_m_s = peer.tilt_rad.cross(&force_m_s);
-        peer.position_m += peer.velocity_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+        peer.position_m += peer.velocity_m_s * span_s + accelerated_m + turned_m_s * (0.5 * span_s);
         peer.velocity_m_s += gained_m_s + turned_m_s;
         peer.motions.push_back(now);
         if peer.motions.len() > MESSAGES_KEPT {
@@ -175,13 +179,13 @@ impl Cooperative {
         self.joint.normal.carry(k + 1, &span, &self.joint.model.density);
     }
 
-    /// Corrects by a scalar measurement on a link, unless the gate rejects it.
+    /// Corrects the estimate with a scalar measurement on a link, unless the gate rejects it.
     fn correct(&mut self, link: (usize, Target), jacobian: &[Part], value: f64, variance: f64) {
         let measurement = Measurement { jacobian, value, variance };
         self.gate.correct(&mut self.joint.normal, link, &measurement);
     }
 
-    /// Position of peer `k` at a time up to its last message, or `None` if its motion is not known.
+    /// Returns the state of peer `k` at a time up to its last message, or `None` if it is unknown.
     fn delayed_state_of_peer(&self, k: usize, time_s: f64) -> Option<DelayedState> {
         let peer = &self.peers[k];
         let now = peer.motions.back()?;
@@ -189,7 +193,7 @@ impl Cooperative {
         Some(delayed(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
     }
 
-    /// Corrects by the ranges of peer `k` to anchors, and its heights.
+    /// Corrects the estimate with the heights of peer `k` and its ranges to anchors.
     fn correct_peer(&mut self, k: usize, message: &Message) {
         for shared in message.ranges.iter().chain(&message.heights) {
             let Some(then) = self.delayed_state_of_peer(k, shared.time_s) else { continue };
@@ -207,11 +211,11 @@ impl Cooperative {
         }
     }
 
-    /// Corrects by the waiting ranges of this drone to peer `k`, up to its last message.
+    /// Corrects the estimate with waiting ranges to peer `k`, up to the peer's last message.
     fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
-            // Ranges that the other's motion does not reach wait for its next message.
+            // Ranges later than the peer's motion wait for its next message.
             if place != message.from || then.time_s > message.motion.time_s {
                 self.waiting.push((place, distance_m, then));
                 continue;
@@ -222,7 +226,8 @@ impl Cooperative {
             let link = (self.place, Target::Drone(place));
             let variance = self.joint.model.range[TWO_WAY];
             if self.share == Share::Estimates {
-                // The other drone is at its own estimate, whose variance adds to the range's.
+                // The peer is assumed to be at its own estimate, whose variance the range's
+                // includes.
                 let (position_m, velocity_m_s, covariance) = message.estimate;
                 let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
@@ -240,7 +245,8 @@ impl Cooperative {
         }
     }
 
-    /// Corrects by ranges between two others that the messages of both have reached.
+    /// Corrects the estimate with ranges between two other drones, once the messages of both
+    /// include their time.
     fn correct_between(&mut self, message: &Message) {
         let others = message
             .ranges
@@ -252,8 +258,7 @@ impl Cooperative {
             let [Some(i), Some(j)] = [from, other].map(|place| self.index_of(place)) else {
                 continue;
             };
-            // Both drones report the range, but it is used once. A message that is too old is
-            // dropped.
+            // Both drones report the range, which is used once, or dropped if it is too old.
             let (first, second) = (from.min(other), from.max(other));
             let key = (range.time_s, first, second);
             if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
@@ -267,7 +272,7 @@ impl Cooperative {
             if self.used.len() > RANGES_KEPT {
                 self.used.pop_front();
             }
-            // Both positions at the time of the range, as functions of the present errors.
+            // Both positions at the time of the range are functions of the present errors.
             let [one, two] = [i, j].map(|k| self.delayed_state_of_peer(k, range.time_s));
             let (Some(one), Some(two)) = (one, two) else { continue };
             let (direction, expected_m) = toward(&(one.position_m - two.position_m));
@@ -279,29 +284,30 @@ impl Cooperative {
         }
     }
 
-    /// Index among the peers of the drone at a place in the fleet, or `None` for this drone.
+    /// Returns the index among the peers of a drone of the fleet, or `None` for this drone.
     fn index_of(&self, place: usize) -> Option<usize> {
         self.peers.iter().position(|peer| peer.place == place)
     }
 
-    /// Time of the last message of a peer.
+    /// Returns the time of the last message of a peer in s.
     fn last_s(&self, k: usize) -> f64 {
         self.peers[k].motions.back().map_or(0.0, |last| last.time_s)
     }
 
-    /// Stops the estimate of a drone that is on the floor, where its accelerometer feels the
-    /// weight. Call it only while the motors are off. The accelerometer misses the shock of the
-    /// landing, so otherwise the fleet's estimates would fall with the landed drone.
+    /// Sets the velocity of a drone to zero if it is on the floor, where its accelerometer measures
+    /// its weight. The function must only be called while the motors are off. The accelerometer
+    /// does not measure the impact of the landing, so that otherwise the fleet's estimates would
+    /// continue to fall with the landed drone.
     pub(crate) fn rest(&mut self) {
         if !self.peers.is_empty() && self.force_m_s2.z > ON_FLOOR_M_S2 {
-            // The other two estimates keep their differences from the joint one.
+            // The other two velocities keep their differences from the joint estimate.
             let stopped_m_s = std::mem::take(&mut self.joint.motion.velocity_m_s);
             self.inertial.velocity_m_s -= stopped_m_s;
             self.dead_reckoning.velocity_m_s -= stopped_m_s;
         }
     }
 
-    /// The drone's next message to the fleet, or `None` if drones exchange nothing.
+    /// Returns the drone's next message to the fleet, or `None` if drones exchange nothing.
     pub(crate) fn message(&mut self) -> Option<Message> {
         if self.share == Share::Nothing {
             return None;
@@ -323,15 +329,15 @@ impl Cooperative {
         })
     }
 
-    /// Moves the sender of a message to the message's time, and corrects by its measurements. A
-    /// message that is not newer than the last one is ignored.
+    /// Advances the sender of a message to the message's time, and corrects the estimate with its
+    /// measurements. A message that is not newer than the last one is ignored.
     pub(crate) fn receive(&mut self, message: &Message) {
         let Some(k) = self.index_of(message.from) else { return };
         if message.motion.time_s <= self.last_s(k) {
             return;
         }
-        // First this drone's covariance comes to the present, then the sender to its message. Only
-        // then ranges between them can be compared.
+        // This drone's covariance is advanced to the present first, followed by the sender's state
+        // to its message. Only then can ranges between them be compared.
         self.joint.carry(&self.force_m_s2);
         if self.share == Share::Measurements {
             self.carry_peer(k, message.motion);
@@ -356,15 +362,16 @@ impl Estimator for Cooperative {
                 Source::To(target) => {
                     gate.correct(normal, (*place, target), measurement);
                 }
-                // Neither a link to an anchor nor to a drone, so it has no gate.
+                // These measurements belong to no link with an anchor or a drone, and therefore
+                // have no gate.
                 Source::Sweep { .. } | Source::Position => {
                     normal.correct(measurement, |_| true);
                 }
             }
         });
         self.settle_peers();
-        // Two dead reckonings: only by inertial sensors, for the messages, and with the estimated
-        // attitude, for past positions of this drone.
+        // The dead reckoning from inertial sensors only is for messages, and the one with the
+        // estimated attitude for past positions of this drone.
         self.inertial.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
         let dead_reckoning = &mut self.dead_reckoning;
         dead_reckoning.time_s = f64::from(self.ticks) * tick_s;

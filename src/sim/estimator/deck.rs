@@ -1,52 +1,54 @@
-//! The driver of the Lighthouse deck: the sweeps that reach the Kalman filter.
+//! Driver of the Lighthouse deck, which determines the sweeps that reach the Kalman filter.
 //!
-//! Both sweeps of a rotation are passed on at the second one. A rotation that lacks a sweep is
-//! dropped. Some 50 rotations a second are kept, by chance, over all second-generation stations.
+//! Both sweeps of a rotation are passed on when the second one arrives. A rotation that lacks a
+//! sweep is dropped. About 50 rotations per second are kept, at random, over all second-generation
+//! stations.
 //!
-//! Source: firmware 2026.08, `pulse_processor_v2.c` (pairing of sweeps), `lighthouse_core.c` (use
-//! of the second sweep), `lighthouse_throttle.c`.
+//! The sources are `pulse_processor_v2.c` (pairing of sweeps), `lighthouse_core.c` (use of the
+//! second sweep) and `lighthouse_throttle.c` of firmware 2026.08.
 //!
-//! Not modeled: a sweep and its reflection mistaken for the two sweeps of one rotation.
+//! That the driver may take a sweep and its reflection for one rotation is not modeled.
 
 use crate::options::FirmwareOptions;
 use crate::sensors::{Generation, SensorOptions, Sweep};
 use noctograph_core::random::Noise;
 
-/// Longest time between the two sweeps of a rotation: 6.7 ms and 8.3 ms, in ticks of up to 2 ms.
+/// Longest time in s between the two sweeps of a rotation, which are 6.7 ms and 8.3 ms apart, in
+/// ticks of up to 2 ms.
 const LONGEST_PAIR_S: f64 = 0.0115;
-/// Time after which the dropped fraction is computed again.
+/// Time in s after which the dropped fraction is recomputed.
 const EVALUATION_S: f64 = 0.1;
 
-/// Sweeps that are used together: all sweeps of a rotation, or one of them.
+/// Sweeps that are used together, which are all sweeps of a rotation or one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Rotation {
     pub(super) station: usize,
-    /// The angles of both planes, if both are known.
+    /// Angles of both planes in rad, if both are known.
     pub(super) both_rad: Option<[[f64; 4]; 2]>,
-    /// The planes to be used, with their angles.
+    /// Planes that are used, with their angles in rad.
     pub(super) planes: Vec<(usize, [f64; 4])>,
 }
 
 #[derive(Debug)]
 pub(super) struct Deck {
     pairs: bool,
-    /// Second-generation stations are throttled.
+    /// True for second-generation stations, which are throttled.
     throttled: Vec<bool>,
     rotations_hz: f64,
     noise: Noise,
-    /// Sweeps of the first plane that wait for the second, by station.
+    /// Sweeps of the first plane that wait for the second, for each station.
     first: Vec<Option<(f64, [f64; 4])>>,
-    /// Rotations since the dropped fraction was computed, and when that was.
+    /// Number of rotations since the dropped fraction was computed, and the time of that in s.
     counted: f64,
     evaluated_s: f64,
     dropped_frac: f64,
 }
 
 impl Deck {
-    /// A deck that has received no sweep. `noise` decides which rotations are dropped.
+    /// Makes a deck that has received no sweep. `noise` determines which rotations are dropped.
     pub(super) fn new(options: &FirmwareOptions, sensors: &SensorOptions, noise: Noise) -> Self {
         let stations = &sensors.lighthouse.stations;
-        // Unpaired, each of the two sweeps of a rotation counts as one.
+        // Without pairing, each of the two sweeps of a rotation counts as one.
         let counts_per_rotation = if options.paired_sweeps { 1.0 } else { 2.0 };
         Self {
             pairs: options.paired_sweeps,
@@ -78,9 +80,9 @@ impl Deck {
         rotations
     }
 
-    /// Both planes' angles at the second sweep of a rotation, or `None` at the first one and if the
-    /// first was missed. If there are two first sweeps, a sweep and its reflection, the smaller
-    /// angle counts.
+    /// Returns both planes' angles at the second sweep of a rotation, or `None` at the first one or
+    /// if the first was missed. If a reflection makes two first sweeps, the one with the smaller
+    /// angle is used.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
         let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);
@@ -92,12 +94,12 @@ impl Deck {
         None
     }
 
-    /// True if a rotation is kept. It counts for the rate, of which a fraction is dropped.
+    /// True if a rotation is kept, which also counts it for the rate of rotations.
     fn keeps(&mut self, time_s: f64) -> bool {
         if self.rotations_hz == 0.0 {
             return true;
         }
-        // The fraction beyond the limit in the last interval is dropped, by chance.
+        // The fraction beyond the limit in the last interval is dropped at random.
         self.counted += 1.0;
         let span_s = time_s - self.evaluated_s;
         if span_s > EVALUATION_S {

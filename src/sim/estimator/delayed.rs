@@ -1,7 +1,7 @@
-//! Delayed states: positions of drones in the past, as functions of their present errors. A message
-//! that arrives late measures one. Method: the motion since then is integrated from the inertial
-//! messages received. Stochastic cloning (Roumeliotis and Burdick, ICRA 2002) keeps a copy of the
-//! state instead.
+//! Delayed states, which are positions of drones in the past as functions of their present errors.
+//! A message that arrives late contains a measurement of such a past position. The motion between
+//! the measurement and the present is integrated from the inertial messages received. Stochastic
+//! cloning (Roumeliotis and Burdick, ICRA 2002) keeps a copy of the state instead.
 
 use std::collections::VecDeque;
 
@@ -10,30 +10,32 @@ use nalgebra::{Matrix3, Vector3};
 use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
 use crate::sensors::{Reckoning, Segment};
 
-/// The motion is not interpolated between two messages further apart: letters have curves.
+/// Maximum time in s between messages over which motion is interpolated, because letters curve.
 const LONGEST_GAP_S: f64 = 0.3;
-/// Time from a message within which its motion is used in any case.
+/// Time in s from a message within which the motion is interpolated in any case.
 const NEAR_S: f64 = 0.05;
 
-/// A position in the past as a function of a drone's present errors.
+/// Position in the past as a function of a drone's present errors.
 pub(super) struct DelayedState {
     pub(super) position_m: Vector3<f64>,
-    /// Time since.
+    /// Time in s since that position.
     span_s: f64,
-    /// Integral of the specific force since, world frame.
+    /// Integral of the specific force since that position in the world frame in m/s.
     force_m_s: Vector3<f64>,
 }
 
 impl DelayedState {
-    /// The Jacobian of a measurement along a direction at this position. The tilt of this drone is
-    /// in its body's frame (`world_from_body`), and those of others are in the world's.
+    /// Returns the Jacobian of a measurement along a direction at this position. The tilt of this
+    /// drone is in its body frame (`world_from_body`), and those of other drones are in the world
+    /// frame.
     pub(super) fn jacobian(
         &self,
         drone: usize,
         direction: Vector3<f64>,
         world_from_body: Option<&Matrix3<f64>>,
     ) -> [Part; 3] {
-        // p(then) = p − v τ + …: a tilt error θ turns the force, which moves it by ½ τ (θ × ∫f).
+        // Because p(then) = p − v τ + …, a tilt error θ, which rotates the force, moves the
+        // position by ½ τ (θ × ∫f).
         let turn = self.force_m_s.cross(&direction) * (0.5 * self.span_s);
         let turn = world_from_body.map_or(turn, |r| r.tr_mul(&turn));
         let first = ERRORS * drone;
@@ -45,7 +47,7 @@ impl DelayedState {
     }
 }
 
-/// The past position, at `then`, of a drone with this position, velocity and tilt at `now`.
+/// Returns the past position, at `then`, of a drone with this position, velocity and tilt at `now`.
 pub(super) fn delayed(
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
@@ -53,16 +55,17 @@ pub(super) fn delayed(
     now: &Reckoning,
     then: &Reckoning,
 ) -> DelayedState {
-    let Segment { span_s, gained_m_s, moved_m, force_m_s } = now.since(then);
-    // The tilt of the dead reckoning turns the force that it has integrated.
+    let Segment { span_s, gained_m_s, accelerated_m, force_m_s } = now.since(then);
+    // The tilt of the dead reckoning rotates the force that it has integrated.
     let turned_m_s = tilt_rad.cross(&force_m_s);
     let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
-    let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+    let since_m = velocity_then_m_s * span_s + accelerated_m + turned_m_s * (0.5 * span_s);
     DelayedState { position_m: position_m - since_m, span_s, force_m_s }
 }
 
-/// The motion between two messages, by cubic Hermite interpolation. `None` outside the messages,
-/// and in a gap that is too long.
+/// Returns the motion between two messages, by cubic Hermite interpolation. Returns `None` up to
+/// the first message, after the last one, and in a gap longer than [`LONGEST_GAP_S`] unless a
+/// message is within [`NEAR_S`].
 pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
     let after = motions.partition_point(|motion| motion.time_s < time_s);
     let (a, b) = (motions.get(after.checked_sub(1)?)?, motions.get(after)?);
@@ -71,7 +74,7 @@ pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option
     if gap_s > LONGEST_GAP_S && to_nearest_s > NEAR_S {
         return None;
     }
-    // x(s) = a + v_a s + c₂ s² + c₃ s³ for s from 0 to 1, with velocities per unit of s.
+    // The polynomial is a + v_a s + c₂ s² + c₃ s³ for s from 0 to 1, with velocities per unit of s.
     let s = (time_s - a.time_s) / gap_s;
     let step_m = b.position_m - a.position_m;
     let (va, vb) = (a.velocity_m_s * gap_s, b.velocity_m_s * gap_s);

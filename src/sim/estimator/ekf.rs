@@ -1,16 +1,16 @@
-//! Error-state extended Kalman filter on sweep angles, positions, ranges and heights: an improved
-//! estimator. The drone's estimator is [`Firmware`](super::firmware::Firmware).
+//! Improved estimator: an error-state extended Kalman filter on sweep angles, positions, ranges and
+//! heights. [`Firmware`](super::firmware::Firmware) is the drone's own estimator.
 //!
-//! Gyroscope and accelerometer, all three axes, drive the motion at every tick ([`Inertial`]). Its
-//! errors' covariance is propagated when something is measured, and at 100 times a second
-//! otherwise. All measurements of a tick are compared with the state predicted for it, one scalar
-//! after the other, with their Jacobians over position and turn. Sweeps pass the firmware's
-//! [`SweepFilter`], and all else a χ² gate.
+//! Gyroscope and accelerometer drive the motion on all three axes at every tick ([`Inertial`]). The
+//! covariance of the motion's errors is propagated when something is measured, and otherwise 100
+//! times per second. All measurements of a tick are compared with the state predicted for it, one
+//! scalar after the other, with their Jacobians over position and rotation. Sweeps pass the
+//! firmware's [`SweepFilter`], and all other measurements a χ² gate.
 //!
 //! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
-//! Not estimated: biases of the inertial sensors, of ranges and of air pressure, and errors of the
-//! stations' geometry.
+//! Not estimated are biases of the inertial sensors, of ranges and of air pressure, and errors of
+//! the stations' geometry.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -25,18 +25,19 @@ use crate::sensors::{
 };
 use crate::vehicle::State;
 
-/// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone put on its mark.
+/// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone placed on its mark.
 pub(super) const START: [f64; 3] = [0.02, 0.01, 0.02];
-/// Cosine of the tilt beyond which a distance to the floor is not used.
+/// Cosine of the tilt below which a distance to the floor is not used.
 const LEAST_COS_TILT: f64 = 0.3;
 
-/// Index of the floor's height below the drone, after the nine errors: with this state and the step
-/// test, the edge of a table moves the floor and not the drone.
+/// Index of the floor's height below the drone, after the nine errors. With this state and the step
+/// test, the edge of a table moves the floor instead of the drone.
 const FLOOR: usize = 9;
-/// Standard deviation of the floor's height on the ground, m, and its random walk, m/√s.
+/// Standard deviation of the floor's height on the ground in m, and its random walk in m/√s.
 const FLOOR_START_M: f64 = 0.005;
 const FLOOR_WALK_M_SQRT_S: f64 = 0.003;
-/// Gate of the step test, smallest step, and the standard deviation that a step adds.
+/// Gate of the step test in standard deviations, smallest step in m, and standard deviation that a
+/// step adds in m.
 const STEP_GATE_SIGMAS: f64 = 4.0;
 const LEAST_STEP_M: f64 = 0.05;
 const STEP_M: f64 = 0.5;
@@ -53,38 +54,38 @@ pub(super) struct Ekf {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    /// A sweep of a plane of light, at a distance from its rotor's axis.
+    /// Sweep of a plane of light that meets a sensor at a distance from the rotor's axis.
     Sweep {
         radius_m: f64,
     },
     Position,
-    /// A range or a height, to its target.
+    /// Range or height with its target.
     To(Target),
 }
 
-/// Geometry and noise of the sensors, as the filter assumes them.
+/// Geometry and noise of the sensors as the filter assumes them.
 #[derive(Debug)]
 pub(super) struct Model {
     pub(super) stations: Vec<StationPose>,
     pub(super) anchors_m: Vec<Vector3<f64>>,
-    /// Height of the floor below the drone.
+    /// Height of the floor below the drone in m.
     floor_m: f64,
-    /// True if the angle is a state.
+    /// True if the floor's height is a state.
     floor_steps: bool,
     pub(super) density: Density,
-    /// Variance of an angle of a station, for the first and the second generation.
+    /// Variance of a station's angle in rad², for the first and the second generation.
     sweep: [f64; 2],
-    /// Variance of a coordinate.
+    /// Variance of a measured coordinate in m².
     pub(super) position: f64,
-    /// Variance of a difference of ranges, and of two-way ranging.
+    /// Variances of a difference of ranges, and of two-way ranging, in m².
     pub(super) range: [f64; 2],
     pub(super) gate_sigmas: f64,
-    /// The sensors, with the height sensors' noise as the filter assumes it.
+    /// Options of the sensors, with the height sensors' noise as the filter assumes it.
     pub(super) sensors: SensorOptions,
 }
 
 impl Ekf {
-    /// A filter that begins with a level drone at rest.
+    /// Makes a filter that begins with a level drone at rest.
     pub(super) fn new(
         options: &EkfOptions,
         sensors: &SensorOptions,
@@ -103,7 +104,8 @@ impl Ekf {
         }
     }
 
-    /// A filter over the errors of a fleet, this drone's first, over a level floor.
+    /// Makes a filter over the errors of a fleet over a level floor, of which this drone is the
+    /// first.
     pub(super) fn of_fleet(
         options: &EkfOptions,
         sensors: &SensorOptions,
@@ -115,8 +117,8 @@ impl Ekf {
         Self { normal, ..Self::new(&options, sensors, position_m, yaw_rad) }
     }
 
-    /// Moves the state over a tick, and calls `correct` with each measurement. Returns the
-    /// acceleration in the world.
+    /// Advances the state by a tick, and calls `correct` with each measurement. Returns the
+    /// acceleration in the world frame.
     #[inline(always)]
     pub(super) fn advance(
         &mut self,
@@ -130,7 +132,7 @@ impl Ekf {
         if self.motion.is_due(measured) {
             self.carry(force_m_s2);
         }
-        // The mean errors collect all corrections of a tick, and then move into the state.
+        // The mean errors accumulate all corrections of a tick before they are added to the state.
         if measured {
             let Self { motion, normal, model, .. } = self;
             model.measurements(motion, readings, |source, jacobian, value, variance| {
@@ -144,7 +146,7 @@ impl Ekf {
         acceleration
     }
 
-    /// Propagates the covariance from the last time that it was propagated to the present.
+    /// Propagates the covariance from the last propagation to the present.
     pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
         let span = self.motion.span(force_m_s2);
         self.normal.carry(0, &span, &self.model.density);
@@ -156,8 +158,8 @@ impl Ekf {
 }
 
 impl Estimator for Ekf {
-    /// Moves the state over a tick. Sweeps pass the sweep filter, heights above the floor the step
-    /// test, and all else the χ² gate.
+    /// Advances the state by a tick. Sweeps pass the sweep filter, ranges to the floor the step
+    /// test, and all other measurements the χ² gate.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
@@ -192,7 +194,7 @@ impl Model {
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
         let mut believed = sensors.clone();
-        // The filter assumes a larger noise than the sensor's, which drifts.
+        // The filter assumes more noise than the sensor's, because the sensor drifts.
         believed.barometer.noise_m = options.barometer_sigma_m;
         Self {
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
@@ -211,13 +213,13 @@ impl Model {
         }
     }
 
-    /// Variance of a sweep angle of a station.
+    /// Returns the variance of a sweep angle of a station.
     pub(super) fn sweep_variance(&self, station: usize) -> f64 {
         self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
     }
 
-    /// The angle at which a sweep meets a sensor of the deck: its Jacobian over position and turn,
-    /// its error, and the distance of the sensor from the rotor's axis.
+    /// Returns the Jacobian over position and rotation of the angle at which a sweep meets a sensor
+    /// of the deck, its error, and the distance of the sensor from the rotor's axis.
     #[inline(always)]
     pub(super) fn angle(
         &self,
@@ -228,14 +230,15 @@ impl Model {
     ) -> ([Part; 2], f64, f64) {
         let crossing =
             self.stations[station].crossing(plane, &(position_m + world_from_body * lever));
-        // A turn θ of the body moves the sensor by R (θ × lever): the gradient is lever × Rᵀ g.
+        // A rotation θ of the body moves the sensor by R (θ × lever), and the gradient is lever ×
+        // Rᵀ g.
         let position = crossing.gradient_rad_m;
         let turn = lever.cross(&world_from_body.tr_mul(&position));
         let jacobian = [Part::Three(0, position), Part::Three(TURN, turn)];
         (jacobian, angle_rad - crossing.angle_rad, crossing.radius_m)
     }
 
-    /// A range, or a difference of ranges, at a position: its Jacobian, error and variance.
+    /// Returns the Jacobian, error and variance of a range or difference of ranges at a position.
     pub(super) fn range(&self, range: &Range, position_m: &Vector3<f64>) -> (Part, f64, f64) {
         let from_anchor = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from_anchor(range.anchor);
@@ -279,7 +282,7 @@ impl Model {
         self.height_measurements(motion, readings, each);
     }
 
-    /// Calls `each` with every height of a tick, see [`Self::measurements`].
+    /// Calls `each` with every height of a tick, as [`Self::measurements`] does.
     #[inline(always)]
     fn height_measurements(
         &self,
@@ -295,8 +298,8 @@ impl Model {
             if !sensor.looks_down() {
                 each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
             } else if cos_tilt >= LEAST_COS_TILT {
-                // d = (z − floor) / cos tilt. A turn changes the cosine by the other two entries of
-                // its row. The step test wants the floor last.
+                // The expected distance is d = (z − floor) / cos tilt. Rotation changes the cosine
+                // by the other two entries of its row. The step test requires the floor to be last.
                 let expected_m = (position_m.z - self.floor_m) / cos_tilt;
                 let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
                 let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);

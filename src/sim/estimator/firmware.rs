@@ -1,21 +1,22 @@
-//! The Kalman filter of the Crazyflie's firmware, in double precision.
+//! Kalman filter of the Crazyflie's firmware, in double precision.
 //!
-//! States: position in the world, velocity in the body, an attitude and its small error. 100 times
-//! a second they are predicted by the mean of the inertial readings since. In flight, force is
-//! assumed only along the body's z axis. A measurement corrects at once, one scalar after the
-//! other, each linearized at the corrected state. The turns of a tick are applied at its end.
-//! [`FirmwareOptions`] switch these differences from a textbook's filter.
+//! The states are the position in the world, the velocity in the body frame, and an attitude with
+//! its small error. These states are predicted 100 times per second from the mean of the inertial
+//! readings since the last prediction. In flight, the filter assumes force only along the body's z
+//! axis. A measurement corrects the state immediately, one scalar after the other, each of which is
+//! linearized at the corrected state. Corrections of the attitude are applied at the end of the
+//! tick. [`FirmwareOptions`] enables or disables these differences from a textbook filter.
 //!
 //! Sources: M. W. Mueller, M. Hamer, R. D'Andrea, "Fusing ultra-wideband range measurements with
 //! accelerometers and rate gyroscopes for quadrocopter state estimation", ICRA 2015. M. W. Mueller,
 //! M. Hehn, R. D'Andrea, "Covariance correction step for Kalman filtering with an attitude",
 //! Journal of Guidance, Control, and Dynamics 40(9), 2017. bitcraze/crazyflie-firmware 2026.08:
-//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Tests compare with
-//! its compiled C (tests/firmware).
+//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Tests compare the
+//! filter with its compiled C code (tests/firmware).
 //!
-//! Not modeled: single precision, the attitude's pull to level on the floor without a Lighthouse
-//! deck, the reset of a state beyond 100 m or 10 m/s, and the start with σ = 100 m, which is over
-//! when a drone is put down and waits.
+//! Not modeled are single precision, the pull of the attitude toward level on the floor without a
+//! Lighthouse deck, the reset of a state beyond 100 m or 10 m/s, and the start with σ = 100 m,
+//! which is over when a drone has been put down and waits.
 
 use std::array::from_fn;
 
@@ -33,21 +34,23 @@ use crate::vehicle::{State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::random::Noise;
 
-/// Times are compared to within this.
+/// Tolerance of comparisons of times in s.
 const TIME_TOLERANCE_S: f64 = 1e-9;
-/// Time after the motors were last driven for which the drone counts as flying (`supervisor.c`).
+/// Time in s after the motors were last driven during which the drone counts as flying
+/// (`supervisor.c`).
 const FLYING_S: f64 = 2.0;
-/// Largest variance of a state (`MAX_COVARIANCE`, `kalman_core.c`).
+/// Maximum variance of a state (`MAX_COVARIANCE`, `kalman_core.c`).
 const LARGEST_VARIANCE: f64 = 100.0;
-/// An error of the attitude below this on all axes is dropped at the end of a tick, not applied.
+/// Attitude error in rad, on every axis, that is dropped at the end of a tick instead of applied.
 const LEAST_TURN_RAD: f64 = 0.1e-3;
-/// Standard deviation of a yaw error (`lighthouse_position_est.c`).
+/// Standard deviation of a yaw error in rad (`lighthouse_position_est.c`).
 const YAW_SIGMA_RAD: f64 = 0.01;
-/// Least apparent length of a diagonal of the deck from which the yaw is computed.
+/// Minimum apparent length in m of a diagonal of the deck from which the yaw is computed.
 const LEAST_DIAGONAL_M: f64 = 1e-4;
-/// Least cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
+/// Minimum cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
 const LEAST_COS_TILT: f64 = 0.1;
-/// Full angle of the cone in which the ranger takes the nearest point of the floor (`mm_tof.c`).
+/// Full angle in rad of the cone in which the ranger measures the nearest point of the floor
+/// (`mm_tof.c`).
 const RANGER_CONE_RAD: f64 = 0.261_799_387_8;
 
 #[derive(Debug)]
@@ -55,17 +58,18 @@ pub(super) struct Firmware {
     options: FirmwareOptions,
     model: Model,
     position_m: Vector3<f64>,
-    /// In the body.
+    /// Velocity in the body frame in m/s.
     velocity_m_s: Vector3<f64>,
     attitude: Turned,
-    /// The attitude at the end of the last tick, which the whole present tick uses.
+    /// Attitude at the end of the last tick, which is used throughout the present tick.
     world_from_body: Matrix3<f64>,
-    /// Error of the attitude since.
+    /// Attitude error in rad since the end of the last tick.
     turn_rad: Vector3<f64>,
-    /// Errors of position, velocity and attitude. Their mean is moved into the state at once.
+    /// Errors of position, velocity and attitude. The mean of these errors is added to the state
+    /// immediately.
     pub(super) normal: Normal,
     rate_rad_s: Vector3<f64>,
-    /// Sums of the rates and forces since the last prediction, their number, and the last means.
+    /// Sums of the rates and forces since the last prediction, their number, and their last means.
     sums: [Vector3<f64>; 2],
     n_summed: f64,
     means: [Vector3<f64>; 2],
@@ -74,14 +78,14 @@ pub(super) struct Firmware {
     tdoa_filter: TdoaFilter,
     time_s: f64,
     predicted_s: f64,
-    /// When the motors were driven last.
+    /// Time in s at which the motors were last driven.
     driven_s: f64,
     begun: bool,
 }
 
 impl Firmware {
-    /// A filter that begins with a level drone at rest. `noise` decides which rotations are
-    /// dropped.
+    /// Makes a filter that begins with a level drone at rest. `noise` determines which rotations
+    /// are dropped.
     pub(super) fn new(
         observer: &ObserverOptions,
         sensors: &SensorOptions,
@@ -113,7 +117,7 @@ impl Firmware {
         }
     }
 
-    /// Moves the state and its covariance over a span by the mean of its inertial readings.
+    /// Advances the state and its covariance over a span, with the mean of its inertial readings.
     fn predict(&mut self, span_s: f64) {
         let (sums, n) = (std::mem::take(&mut self.sums), std::mem::take(&mut self.n_summed));
         if n > 0.0 {
@@ -127,8 +131,9 @@ impl Firmware {
         let (r, v) = (self.world_from_body, self.velocity_m_s);
         let up = r.row(2).transpose();
 
-        // The covariance first, at the old state. ṗ = R v, v̇ = f − ω × v − g Rᵀ e_z, and a turn θ
-        // of the attitude changes R v by −R [v]× θ and the acceleration by −g [up]× θ.
+        // The covariance is advanced first, with the old state. With ṗ = R v and v̇ = f − ω × v − g
+        // Rᵀ e_z, a rotation θ of the attitude changes R v by −R [v]× θ and the acceleration by −g
+        // [up]× θ.
         let drift = Drift {
             position: [r * span_s, -r * v.cross_matrix() * span_s],
             velocity: [
@@ -138,7 +143,7 @@ impl Firmware {
         };
         self.transform(Some(&drift), &turned_back(&(rate * span_s)));
 
-        // Then the state, with constant force and rate over the span.
+        // The state follows, with constant force and rate over the span.
         let fall_m = Vector3::z() * (0.5 * GRAVITY_M_S2 * span_s * span_s);
         self.position_m += r * (v * span_s + force * (0.5 * span_s * span_s)) - fall_m;
         self.velocity_m_s += (force - rate.cross(&v) - up * GRAVITY_M_S2) * span_s;
@@ -157,9 +162,9 @@ impl Firmware {
         self.bound();
     }
 
-    /// Corrects by the angles of a rotation at each of the deck's sensors.
+    /// Corrects the state with the angles of a rotation at each of the deck's sensors.
     fn correct_by_sweeps(&mut self, rotation: &Rotation) {
-        // Without the attitude the second part of the Jacobian, over the turn, is left out.
+        // If the attitude is not corrected, the part of the Jacobian over the rotation is left out.
         let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
         let variance = self.model.sweep_variance(rotation.station);
         for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
@@ -177,13 +182,13 @@ impl Firmware {
         }
     }
 
-    /// The filter's yaw less the deck's yaw as one station sees it, or `None` if sweeps correct the
-    /// attitude, or the station does not see all sensors.
+    /// Returns the filter's yaw minus the deck's yaw as seen by one station, or `None` if sweeps
+    /// correct the attitude, or if the station does not see all sensors.
     fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
         if self.options.sweep_attitude == SweepAttitude::Slope {
             return None;
         }
-        // The station's rays to the four sensors meet the estimated plane of the deck.
+        // The station's rays to the four sensors intersect the estimated plane of the deck.
         let station = &self.model.stations[rotation.station];
         let normal = self.world_from_body.column(2).into_owned();
         let above_m = normal.dot(&(station.position_m - self.position_m));
@@ -193,7 +198,8 @@ impl Firmware {
             let toward = -normal.dot(&ray);
             (toward != 0.0).then(|| station.position_m + ray * (above_m / toward))
         });
-        // The mean turn of both diagonals of the sensors relative to the estimated diagonals.
+        // The error is the mean rotation of both diagonals between the sensors relative to the
+        // estimated diagonals.
         let diagonals_rad = [(0, 3), (1, 2)].map(|(from, to)| {
             let [a, b] = [from, to].map(|k| Vector3::from(DECK_SENSORS_M[k]));
             let estimated = self.world_from_body * (b - a);
@@ -207,17 +213,17 @@ impl Firmware {
         Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }
 
-    /// Corrects by a yaw error at the beginning of the tick, less the turn since.
+    /// Corrects the state with a yaw error at the beginning of the tick, minus the rotation since.
     fn correct_yaw(&mut self, yaw_error_rad: f64) {
         let error_rad = self.turn_rad.z - yaw_error_rad;
         self.correct(&[Part::One(TURN + 2, 1.0)], error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
     }
 
-    /// Corrects by a range, or by a difference of ranges that is possible and no outlier.
+    /// Corrects the state with a range, or with a difference that is possible and no outlier.
     fn correct_by_range(&mut self, range: &Range) {
         let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus {
-            // A difference is at most the distance between the anchors.
+            // A difference cannot exceed the distance between the anchors.
             let anchors_m = &self.model.anchors_m;
             let apart_m = (anchors_m[range.anchor] - anchors_m[other]).norm();
             let is_possible = range.distance_m.abs() < apart_m;
@@ -228,7 +234,7 @@ impl Firmware {
         self.correct(&[jacobian], error_m, variance);
     }
 
-    /// Corrects by the measured position and heights, if there are any.
+    /// Corrects the state with the measured position and heights, if there are any.
     fn correct_by_position(&mut self, readings: &Readings<'_>) {
         if let Some(position_m) = readings.position_m {
             for axis in 0..3 {
@@ -238,7 +244,7 @@ impl Firmware {
         }
         let cos_tilt = self.world_from_body[(2, 2)];
         for &(sensor, measured_m) in readings.heights {
-            // Distance per height: 1 / cos of the tilt beyond half of the ranger's cone.
+            // The distance per height is 1 / cos of the tilt beyond half of the ranger's cone.
             let mut per_m = 1.0;
             if sensor.looks_down() {
                 if cos_tilt <= LEAST_COS_TILT {
@@ -253,7 +259,7 @@ impl Firmware {
         }
     }
 
-    /// Corrects by a scalar measurement with the error `value`, and updates the state.
+    /// Corrects the state with a scalar measurement whose error is `value`.
     fn correct(&mut self, jacobian: &[Part], value: f64, variance: f64) {
         self.normal.correct(&Measurement { jacobian, value, variance }, |_| true);
         let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
@@ -263,7 +269,7 @@ impl Firmware {
         self.bound();
     }
 
-    /// Ends a tick that changed the state: turns the attitude by its error, if it is large enough.
+    /// Ends a tick that changed the state, and rotates the attitude if its error is large enough.
     fn settle(&mut self) {
         let turn_rad = std::mem::take(&mut self.turn_rad);
         if turn_rad.amax() > LEAST_TURN_RAD {
@@ -274,12 +280,13 @@ impl Firmware {
         self.bound();
     }
 
-    /// `P ← Φ P Φᵀ`, symmetric. Without a drift, Φ only turns the errors of the attitude.
+    /// Computes `P ← Φ P Φᵀ`, and makes P symmetric. Without a drift, Φ only rotates the errors of
+    /// the attitude.
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let columns = self.normal.covariance.as_mut_slice().as_chunks_mut().0;
         let p: &mut [[f64; 9]; 9] = columns.first_chunk_mut().expect("nine states");
         noctograph_core::dispatch!(|| {
-            // The columns of a symmetric matrix are its rows: Φ (Φ P)ᵀ = Φ P Φᵀ.
+            // The columns of a symmetric matrix are its rows, so that Φ (Φ P)ᵀ = Φ P Φᵀ.
             let next = multiplied(&multiplied(p, drift, turn), drift, turn);
             *p = from_fn(|i| from_fn(|j| (next[i][j] + next[j][i]) * 0.5));
         });
@@ -295,7 +302,7 @@ impl Firmware {
 }
 
 impl Estimator for Firmware {
-    /// Runs the filter over a tick, in the order of the firmware.
+    /// Runs the filter for a tick, in the order of the firmware.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         // The first tick is at time zero.
         let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };
@@ -310,8 +317,8 @@ impl Estimator for Firmware {
         let yaw_errors_rad: Vec<Option<f64>> =
             rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
 
-        // Prediction at its own rate, process noise at every tick, and then the measurements:
-        // sweeps, ranges, positions and heights.
+        // The prediction has a rate of its own and process noise is added at every tick, followed
+        // by the measurements of sweeps, ranges, positions and heights.
         let span_s = self.time_s - self.predicted_s;
         let predicts = span_s + TIME_TOLERANCE_S >= 1.0 / self.options.prediction_hz;
         if predicts {
@@ -324,7 +331,7 @@ impl Estimator for Firmware {
         }
         readings.ranges.iter().for_each(|range| self.correct_by_range(range));
         self.correct_by_position(readings);
-        // Inertial readings of this tick count for the next prediction.
+        // The inertial readings of this tick are used in the next prediction.
         self.sums[0] += readings.rate_rad_s;
         self.sums[1] += readings.specific_force_m_s2;
         self.n_summed += 1.0;
@@ -344,17 +351,16 @@ impl Estimator for Firmware {
     }
 }
 
-/// Blocks of `Φ − 1` by which errors of velocity and turn change the errors of position and
-/// velocity.
+/// Blocks of `Φ − 1` by which errors of velocity and attitude change position and velocity.
 struct Drift {
     position: [Matrix3<f64>; 2],
     velocity: [Matrix3<f64>; 2],
 }
 
-/// The columns of `Φ P` from the rows of P, without the products of Φ's zeros and ones.
+/// Returns the columns of `Φ P` from the rows of P, without products with the zeros and ones of Φ.
 #[inline(always)]
 fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
-    // Rows that Φ leaves start as they are, and those that it replaces start from zero.
+    // Rows that Φ keeps start unchanged, and those that it replaces start at zero.
     let mut product = *p;
     product[TURN..].fill([0.0; 9]);
     if drift.is_some() {
@@ -377,8 +383,8 @@ fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> 
     from_fn(|j| from_fn(|i| product[i][j]))
 }
 
-/// Matrix that turns an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
-/// turn `d` (Mueller, Hehn, D'Andrea 2017).
+/// Returns the matrix that rotates the error of an attitude together with its frame, `1 − [d]× +
+/// [d]×²/2` with half the rotation `d` (Mueller, Hehn, D'Andrea 2017).
 fn turned_back(turn_rad: &Vector3<f64>) -> Matrix3<f64> {
     let cross = (turn_rad * 0.5).cross_matrix();
     Matrix3::identity() - cross + cross * cross * 0.5

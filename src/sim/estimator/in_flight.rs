@@ -1,5 +1,5 @@
-//! The filter against sensors in flight: is its covariance consistent with its errors, and are
-//! these errors those of a real Lighthouse?
+//! Tests of the filter with sensors in flight, which check that its covariance is consistent with
+//! its errors, and that these errors are those of a real Lighthouse.
 
 use nalgebra::{Cholesky, SVector, Vector3};
 
@@ -21,7 +21,8 @@ use noctograph_plan::{Extent, PlanOptions};
 const RATE_HZ: u32 = 500;
 const TICK_S: f64 = 1.0 / RATE_HZ as f64;
 
-/// A motion in closed form: a figure in space with all axes turning, from rest at the start.
+/// Returns the pose on a motion in closed form, which is a figure in space with rotation about all
+/// axes, from rest at the start.
 fn motion(time_s: f64) -> (Vector3<f64>, Attitude) {
     let ease = 1.0 - libm::exp(-time_s * time_s);
     let wave = |amplitude: f64, rate: f64| amplitude * ease * libm::sin(rate * time_s);
@@ -30,7 +31,7 @@ fn motion(time_s: f64) -> (Vector3<f64>, Attitude) {
     (position_m, Attitude { yaw_rad, pitch_rad, roll_rad })
 }
 
-/// State at a time, and the specific force halfway through the tick before.
+/// Returns the state at a time, and the specific force in the middle of the previous tick.
 fn truth(time_s: f64) -> (State, Vector3<f64>) {
     let h = 1e-4;
     let (p, a) = motion(time_s);
@@ -48,7 +49,7 @@ fn truth(time_s: f64) -> (State, Vector3<f64>) {
     (state, force)
 }
 
-/// Runs a filter along the motion and passes it to `show` after every tick.
+/// Runs a filter along the motion, and passes it to `show` after every tick.
 fn follow(
     observer: &EkfOptions,
     sensors: &SensorOptions,
@@ -67,7 +68,7 @@ fn follow(
     }
 }
 
-/// A filter with the true errors of its sensors.
+/// Returns the options of a filter that knows the true errors of its sensors.
 fn honest(sensors: &SensorOptions) -> EkfOptions {
     EkfOptions {
         acceleration_noise_m_s2_sqrt_hz: sensors.imu.accelerometer_noise_m_s2_sqrt_hz,
@@ -84,7 +85,7 @@ fn honest(sensors: &SensorOptions) -> EkfOptions {
     }
 }
 
-/// Default white noise, without the biases that the filter does not model.
+/// Returns sensors with default white noise, without the biases that the filter does not model.
 fn white(positioning: Positioning) -> SensorOptions {
     SensorOptions {
         positioning,
@@ -107,9 +108,9 @@ const FILTERED: [Positioning; 4] =
 
 #[test]
 fn the_filters_covariance_is_consistent_with_its_errors() {
-    // Normalized squared error of nine states: χ² with nine degrees of freedom. Forty flights with
-    // ten samples each. If all samples of a flight were equal, the mean would spread by √(18/40) =
-    // 0.67.
+    // The normalized squared error of nine states is χ² distributed with nine degrees of freedom.
+    // The test has forty flights with ten samples each. If all samples of a flight were equal, the
+    // mean would spread by √(18/40) = 0.67.
     for positioning in FILTERED {
         let heights = vec![HeightSensor::TimeOfFlight, HeightSensor::Barometer];
         let sensors = SensorOptions { heights, ..white(positioning) };
@@ -129,7 +130,7 @@ fn the_filters_covariance_is_consistent_with_its_errors() {
     }
 }
 
-/// Squared error over the filter's own covariance.
+/// Returns the squared error normalized by the filter's covariance.
 fn nees(truth: &State, ekf: &Ekf) -> f64 {
     let a = Attitude { yaw_rad: truth[3], pitch_rad: truth[4], roll_rad: truth[5] };
     let r = a.world_from_body();
@@ -161,7 +162,7 @@ fn without_noise_the_filter_follows_the_truth() {
         follow(&options, &sensors, 1, 20, |_, truth, ekf| {
             worst = worst.max((ekf.state() - truth).norm());
         });
-        // The rest is integration error: the motion bends within a tick.
+        // The remaining error is that of integration, because the motion bends within a tick.
         assert!(worst < 2e-4, "{positioning:?}: {worst:e} of state");
     }
 }
@@ -182,7 +183,7 @@ fn outliers_are_rejected() {
     assert!(gated < 0.5 * open, "{gated} m with a gate, {open} m without");
 }
 
-/// One of two stations is behind a person, and both show in a mirror. A pane instead of the mirror
+/// A person hides one of two stations, and a mirror reflects both. A pane in place of the mirror
 /// reflects too little for the deck.
 #[test]
 fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
@@ -190,9 +191,10 @@ fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
         let mut sensors = white(Positioning::Sweeps);
         let planes = vec![[[0.0, 1.2, 0.0], [0.0, -1.0, 0.0]]];
         sensors.lighthouse.people_m = vec![[-1.2, -1.0, 0.25]];
-        match glass {
-            true => sensors.lighthouse.panes_m = planes,
-            false => sensors.lighthouse.mirrors_m = planes,
+        if glass {
+            sensors.lighthouse.panes_m = planes
+        } else {
+            sensors.lighthouse.mirrors_m = planes
         }
         let mut worst_m = 0.0_f64;
         follow(&EkfOptions::default(), &sensors, seed, 20, |_, truth, ekf| {
@@ -207,7 +209,7 @@ fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
     }
 }
 
-/// Errors of the estimated position over a flight of NOOR's letters, after 2 s.
+/// Returns the errors of the estimated position over a flight of NOOR's letters, after 2 s.
 fn errors_m(positioning: Positioning, kind: EstimatorKind, seed: u64) -> Vec<Vector3<f64>> {
     let plan = written("NOOR", &PlanOptions { extent: Extent::Letters, ..Default::default() });
     let mut options = SimOptions::default();
@@ -224,8 +226,8 @@ fn rms(values: &[Vector3<f64>]) -> f64 {
 
 #[test]
 fn lighthouse_errors_in_flight_are_those_measured() {
-    // positioning_dataset: mean 12.9 to 13.6 mm. The mean over 1 s has 13.4 to 14.5 rms, and the
-    // rest 5 to 6.4.
+    // In positioning_dataset, the mean error is 12.9 to 13.6 mm. Its mean over 1 s is 13.4 to 14.5
+    // mm rms, and the rest 5 to 6.4 mm.
     for (positioning, kind) in [
         (Positioning::Sweeps, EstimatorKind::Ekf),
         (Positioning::CrossingBeams, EstimatorKind::Ekf),
@@ -258,10 +260,10 @@ fn lighthouse_errors_in_flight_are_those_measured() {
 
 #[test]
 fn lighthouse_jitter_at_rest_is_that_measured() {
-    // positioning_dataset, root mean square step from value to value: 0.36 mm by crossing beams,
-    // 0.59 mm by the filter in one log, and a spread of 0.7, 0.7 and 2.1 mm in others. Two stations
-    // that disagree pull the filter to and fro, by chance more in one room than in another: the
-    // median over nine rooms counts.
+    // In positioning_dataset, the root-mean-square step between values is 0.36 mm for crossing
+    // beams and 0.59 mm for the filter in one log, and the spread is 0.7, 0.7 and 2.1 mm in others.
+    // Two stations that disagree pull the filter back and forth, by chance more in one room than in
+    // another, so that the median over nine rooms is tested.
     let force = Vector3::z() * GRAVITY_M_S2;
     let start_m = Vector3::new(0.0, 0.0, 0.6);
     let mut state = State::zeros();
@@ -302,8 +304,8 @@ fn rms_step(places: &[Vector3<f64>]) -> f64 {
 
 #[test]
 fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
-    // Without the test, the gate refuses every range to the table, and the height rests only on the
-    // anchors.
+    // Without the step test, the gate rejects every range to the table, and the height depends only
+    // on the anchors.
     let mut options = SimOptions::cf21();
     options.sensors =
         SensorOptions { heights: vec![HeightSensor::TimeOfFlight], ..white(Positioning::UwbTwr) };

@@ -1,5 +1,5 @@
-//! Luenberger observer of the reference flight: position measured, turning and specific force as
-//! inputs, yaw integrated.
+//! Luenberger observer of the reference flight, which has the measured position as output, body
+//! rate and specific force as inputs, and an integrated yaw.
 
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3, Vector4};
 
@@ -12,28 +12,28 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{Attitude, turned};
 
-/// Row of the yaw in [`Motion`]. It is not observable, and the observer runs without it.
+/// Row of the yaw in [`Motion`]. The yaw is not observable, so that the observer runs without it.
 const YAW: usize = 3;
 
-/// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`,
-/// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position.
+/// Observer `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`, `u = [w_x
+/// w_y w_z a_z − g]` and the last measured position `y`.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
-    /// `A − L C`.
+    /// Matrix `A − L C`.
     a: SMatrix<f64, 8, 8>,
     b: SMatrix<f64, 8, 4>,
     l: SMatrix<f64, 8, 3>,
     measured_m: Vector3<f64>,
-    /// In a frame turned by the heading at the start.
+    /// Estimate in a frame rotated by the heading at the start.
     estimate: SVector<f64, 8>,
-    /// Turn from that heading toward the left.
+    /// Yaw from that heading toward the left in rad.
     yaw_rad: f64,
     heading_rad: f64,
     rate_rad_s: Vector3<f64>,
 }
 
 impl Observer {
-    /// An observer that begins with a level drone at rest.
+    /// Makes an observer that begins with a level drone at rest.
     pub(super) fn new(
         options: &LuenbergerOptions,
         position_m: Vector3<f64>,
@@ -58,13 +58,13 @@ impl Observer {
 }
 
 impl Estimator for Observer {
-    /// Integrates the observer over a tick, and the yaw by the gyroscope.
+    /// Integrates the observer over a tick, and the yaw from the gyroscope.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         if let Some(measured_m) = readings.position_m {
             self.measured_m = turned(&measured_m, -self.heading_rad);
         }
-        // Euler's rule, with the last position held between two fixes.
+        // The integration is Euler's rule, with the last position held between two fixes.
         let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
         self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
         self.yaw_rad += w.z * tick_s;
@@ -81,8 +81,8 @@ impl Estimator for Observer {
     }
 }
 
-/// Gain `L` of the observer for the `A` of [`hover_model`], from the options' weights, which are
-/// inverse variances. Weights without a gain are an error.
+/// Returns the gain `L` of the observer for the `A` of [`hover_model`], from the options' weights,
+/// which are inverse variances. Returns an error for weights without a gain.
 pub(crate) fn observer_gain(
     options: &LuenbergerOptions,
     a: &SMatrix<f64, 9, 9>,
@@ -100,7 +100,7 @@ pub(crate) fn observer_gain(
     Ok(SMatrix::from_column_slice(gain.as_slice()))
 }
 
-/// The matrix `A` without the row and the column of the yaw.
+/// Returns the matrix `A` without the row and the column of the yaw.
 pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
     a.remove_row(YAW).remove_column(YAW)
 }
@@ -108,8 +108,8 @@ pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
 type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
 type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
 
-/// `A` and `B` of all nine rows of [`Motion`] at hover, by a method of linearization. The inputs
-/// are body rate and specific force along z.
+/// Returns `A` and `B` of all nine rows of [`Motion`] at hover, by a method of linearization. The
+/// inputs are the body rate and the specific force along z.
 pub(crate) fn hover_model(
     linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
 ) -> Linear {

@@ -1,6 +1,7 @@
-//! Estimators: the drone's motion from its measurements. One file each.
+//! Estimators, which determine the drone's motion from measurements. Each estimator has a file of
+//! its own.
 //!
-//! In: the [`Readings`] of a tick. Out: all twelve states, the controller's input.
+//! Input: the [`Readings`] of a tick. Output: all twelve states, which are the controller's input.
 
 mod altitude;
 mod altitude_filter;
@@ -35,11 +36,11 @@ use crate::vehicle::{RigidBody, State, state};
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
 
-/// An estimator outside the program: states, in the order of
-/// [`STATES`](crate::gain_design::STATES), from the readings of a tick and its duration in s.
+/// Function of an estimator outside the program, which returns the states in the order of
+/// [`STATES`](crate::gain_design::STATES) from the readings of a tick and its duration in s.
 pub type Update = Box<dyn FnMut(&Readings<'_>, f64) -> [f64; 12] + Send>;
 
-/// An estimator outside the program, and its last estimate.
+/// Estimator outside the program, and its last estimate.
 pub(super) struct Outside {
     pub(super) update: Update,
     pub(super) state: State,
@@ -61,31 +62,31 @@ impl Estimator for Outside {
     }
 }
 
-/// An estimator of the drone's motion.
+/// Estimator of the drone's motion.
 pub(super) trait Estimator: std::fmt::Debug + Send {
-    /// Updates the estimate by the readings at the end of a tick of `tick_s`.
+    /// Updates the estimate with the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
-    /// The estimated state.
+    /// Returns the estimated state.
     fn state(&self) -> State;
 
-    /// Covariance of the estimated position, world frame, if it has one.
+    /// Returns the covariance of the estimated position in the world frame, if there is one.
     fn covariance_m2(&self) -> Option<Matrix3<f64>> {
         None
     }
 
-    /// The altitude filter, if the estimator has one.
+    /// Returns the altitude filter, if the estimator has one.
     fn altitude(&self) -> Option<&AltitudeFilter> {
         None
     }
 
-    /// The estimator as a filter over a fleet, if it is one.
+    /// Returns the estimator as a filter over a fleet, if it is one.
     fn fleet_filter(&mut self) -> Option<&mut Cooperative> {
         None
     }
 }
 
-/// The true motion, which separates the controller's error from the estimator's.
+/// Returns the true motion as the estimate, so that all errors are those of the controller.
 impl Estimator for RigidBody {
     fn update(&mut self, readings: &Readings<'_>, _: f64) {
         *self = *readings.truth;
@@ -96,15 +97,15 @@ impl Estimator for RigidBody {
     }
 }
 
-/// All twelve states of a motion, with another velocity in the world.
+/// Returns all twelve states of a motion, with another velocity in the world frame.
 fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     let world_from_body = motion.attitude.matrix();
     let velocity_m_s = world_from_body.tr_mul(velocity_m_s);
     state(&motion.position_m, angles(&world_from_body), &velocity_m_s, &motion.rate_rad_s)
 }
 
-/// The estimator of the options' kind, which begins with a level drone at rest, turned from world x
-/// toward y. The seed decides which sweeps it drops by chance.
+/// Makes the estimator of the options' kind, which begins with a level drone at rest, turned from
+/// world x toward y. The seed determines which sweeps are dropped at random.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,

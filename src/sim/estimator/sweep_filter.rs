@@ -1,29 +1,30 @@
-//! The firmware's outlier filter of Lighthouse sweeps.
+//! Firmware's outlier filter for Lighthouse sweeps.
 //!
-//! In: the error of a sweep at the deck in m, which is the error of its angle times the distance
-//! from the rotor's axis. Out: true if the Kalman filter uses it. Each sweep closes the filter for
-//! a time that grows by 4 ms with every good one, up to 40 ms, and shrinks by 8 ms with every bad
-//! one. While it is closed, only good sweeps are used. A wrong estimate thus follows the sweeps
-//! again after about five bad sweeps, and also follows a reflection.
+//! Input: the error of a sweep at the deck in m, which is the error of its angle times the distance
+//! from the rotor's axis. Output: true if the Kalman filter uses the sweep. Each sweep closes the
+//! filter for a time that increases by 4 ms with every good one, up to 40 ms, and decreases by 8 ms
+//! with every bad one. While the filter is closed, only good sweeps are used. A wrong estimate
+//! therefore follows the sweeps again after about five bad sweeps, but may also follow a
+//! reflection.
 //!
-//! Source: `outlierFilterLighthouse.c`, the same in every release of the firmware from 2023.11 to
-//! 2026.08, called by `mm_sweep_angles.c`.
+//! The source is `outlierFilterLighthouse.c`, the same in every release of the firmware from
+//! 2023.11 to 2026.08, called by `mm_sweep_angles.c`.
 
-/// Least error of a bad sweep (`lhMaxError`).
+/// Minimum error of a bad sweep in m (`lhMaxError`).
 const BAD_M: f64 = 0.05;
-/// Bounds of the time for which a sweep closes the filter, ms: below 0 it stays open.
+/// Bounds in ms of the time for which a sweep closes the filter, which stays open below 0.
 const WINDOW_MS: [f64; 2] = [-16.0, 40.0];
-/// Change of that time by a good and by a bad sweep, ms.
+/// Changes of that time in ms by a good and by a bad sweep.
 const GOOD_MS: f64 = 4.0;
 const BAD_MS: f64 = -8.0;
-/// Times are compared to within this, ms.
+/// Tolerance of comparisons of times in ms.
 const TOLERANCE_MS: f64 = 1e-6;
 
-/// The filter, open at first.
+/// Filter, which is open at first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SweepFilter {
     window_ms: f64,
-    /// Time until it opens.
+    /// Time in ms until the filter opens.
     closed_ms: f64,
 }
 
@@ -39,7 +40,8 @@ impl SweepFilter {
         self.closed_ms -= 1e3 * time_s;
     }
 
-    /// True if a sweep with this error is used. It sets the time for which the filter is closed.
+    /// True if a sweep with this error is used, which also sets the time for which the filter is
+    /// closed.
     pub(super) fn accepts(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;
         let change_ms = if is_good { GOOD_MS } else { BAD_MS };

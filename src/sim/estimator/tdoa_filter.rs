@@ -1,27 +1,28 @@
-//! The firmware's outlier filter of differences of ultra-wideband ranges.
+//! Firmware's outlier filter for differences of ultra-wideband ranges.
 //!
-//! In: the error of a difference, and its standard deviation. Out: true if the Kalman filter uses
-//! it. Good differences (within 2 σ) fill an integrator by the elapsed time, and others drain it.
-//! When nearly full it closes, and refuses those beyond 2.5 σ, until it is nearly empty.
+//! Input: the error of a difference, and its standard deviation. Output: true if the Kalman filter
+//! uses the difference. Good differences (within 2 σ) fill an integrator by the elapsed time, and
+//! others drain it. When the integrator is nearly full, the filter closes and rejects differences
+//! beyond 2.5 σ, until the integrator is nearly empty.
 //!
-//! Source: `outlierFilterTdoa.c`, firmware 2026.08.
+//! The source is `outlierFilterTdoa.c`, firmware 2026.08.
 
-/// Size of the integrator, and the levels at which it opens and closes, ms.
+/// Size of the integrator, and the levels at which the filter opens and closes, in ms.
 const SIZE_MS: f64 = 300.0;
 const OPENS_MS: f64 = 0.1 * SIZE_MS;
 const CLOSES_MS: f64 = 0.9 * SIZE_MS;
-/// Largest increase by one difference, ms.
+/// Maximum increase by one difference in ms.
 const LONGEST_MS: f64 = 0.1 * SIZE_MS;
 /// Bounds of a good difference, and of one that a closed filter accepts, in standard deviations.
 const GOOD_SIGMAS: f64 = 2.0;
 const ACCEPTED_SIGMAS: f64 = 2.5;
 
-/// The filter, open at first.
+/// Filter, which is open at first.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TdoaFilter {
     integrator_ms: f64,
     closed: bool,
-    /// Time since the last difference.
+    /// Time since the last difference in ms.
     since_ms: f64,
 }
 
@@ -31,17 +32,18 @@ impl TdoaFilter {
         self.since_ms += 1e3 * time_s;
     }
 
-    /// True if a difference with this error is used. It fills or drains the integrator.
+    /// True if a difference with this error is used. The call also fills or drains the integrator.
     pub(super) fn accepts(&mut self, error_m: f64, sigma_m: f64) -> bool {
         let passed_ms = std::mem::take(&mut self.since_ms).min(LONGEST_MS);
         let is_good = error_m.abs() < GOOD_SIGMAS * sigma_m;
         let added_ms = if is_good { passed_ms } else { -passed_ms };
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
         let is_accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
-        // Hysteresis: the filter opens at a lower level than it closes.
-        self.closed = match self.closed {
-            true => self.integrator_ms >= OPENS_MS,
-            false => self.integrator_ms > CLOSES_MS,
+        // The filter has hysteresis, because it opens at a lower level than it closes.
+        self.closed = if self.closed {
+            self.integrator_ms >= OPENS_MS
+        } else {
+            self.integrator_ms > CLOSES_MS
         };
         is_accepted
     }

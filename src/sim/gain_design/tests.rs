@@ -1,4 +1,4 @@
-//! Gains and margins against references.
+//! Tests of gains and margins against references.
 
 use super::*;
 
@@ -6,7 +6,7 @@ fn default_design(motor_lag_s: f64) -> Design {
     design(&SimOptions::default(), motor_lag_s).unwrap()
 }
 
-/// References with sixty digits: see `control::lqr`, and for L the same script on (Aᵀ, Cᵀ).
+/// The references have sixty digits, as in `control::lqr`, and that for L used (Aᵀ, Cᵀ).
 #[test]
 fn both_gains_are_those_of_sixty_digits() {
     let mut design = default_design(MOTOR_LAG_S);
@@ -60,8 +60,8 @@ fn a_regulator_has_a_phase_margin_of_sixty_degrees_and_half_the_gain() {
 
 #[test]
 fn the_teams_gain_tolerates_a_lag_of_a_tenth_of_a_second() {
-    // NumPy 2.4.6, `eigvals` of the 16 states: largest real part −2.2276 at 0.072 s, −0.320 at
-    // 0.100 s, +0.488 at 0.120 s.
+    // According to NumPy 2.4.6, `eigvals` of the 16 states, the largest real part is −2.2276 at
+    // 0.072 s, −0.320 at 0.100 s, and +0.488 at 0.120 s.
     let design = default_design(0.1);
     let slowest = design.lagging_poles.unwrap()[0].re;
     assert!((slowest + 0.319_981).abs() < 1e-5, "{slowest}");
@@ -71,7 +71,7 @@ fn the_teams_gain_tolerates_a_lag_of_a_tenth_of_a_second() {
     let design = default_design(0.12);
     assert!(design.lagging_margins.is_none());
     assert_eq!(design.warnings[0].code, "lag-unstable");
-    assert!(design.warnings[0].message.contains("stable only without motor lag"));
+    assert!(design.warnings[0].message.contains("stable without motor lag, but not with"));
 }
 
 #[test]
@@ -88,9 +88,9 @@ fn brysons_rule_is_the_motors_range() {
 
 #[test]
 fn a_gain_designed_for_its_rotors_tolerates_twice_their_lag() {
-    // Without drag and with the rotors' own lag, by NumPy 2.4.6: 42.1° at the pitch, 46.8° at the
-    // yaw, any rise of the gain, a fall to 0.32 at the pitch, slowest pole −2.397, stable up to 2.6
-    // times the lag.
+    // Without drag and with the rotors' own lag, NumPy 2.4.6 gives 42.1° for the pitch, 46.8° for
+    // the yaw, any increase of the gain, a decrease to 0.32 for the pitch, a slowest pole of
+    // −2.397, and stability up to 2.6 times the lag.
     let mut options = SimOptions::cf21();
     options.vehicle.body_drag_n_s_m = [0.0; 3];
     options.vehicle.rotor_drag_n_s2_m = 0.0;
@@ -127,7 +127,8 @@ fn the_model_slows_down_as_the_simulator_does() {
     options.air.gusts = crate::vehicle::Gusts::None;
     let plain = design(&SimOptions::default(), 0.072).unwrap();
     let dragged = design(&options, 0.072).unwrap();
-    // Hover in a wind is motion through still air: the change of the state in 2 ms, per wind.
+    // Hover in a wind is equivalent to motion through still air, and is tested by the change of the
+    // state in 2 ms per wind speed.
     let (dt_s, wind_m_s) = (0.002, 0.1);
     let after = |wind: [f64; 3]| {
         let mut options = options.clone();

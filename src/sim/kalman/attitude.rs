@@ -1,29 +1,30 @@
-//! An attitude that turns by small steps, as a unit quaternion. nalgebra's exponential calls the
-//! platform's sine, whose last bits differ from machine to machine.
+//! Attitude that rotates in small steps, as a unit quaternion. The exponential of `nalgebra` calls
+//! the platform's sine, whose last bits differ between machines.
 
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
 use noctograph_core::geometry::Attitude;
 
-/// An attitude, as the rotation from the body to the world.
+/// Attitude, as the rotation from the body to the world frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Turned(Quaternion<f64>);
 
 impl Turned {
-    /// A level attitude, turned from world x toward y.
+    /// Makes a level attitude, turned from world x toward y.
     pub fn facing(yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         Self(Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw)))
     }
 
-    /// The attitude after a turn by a small rotation vector in the body frame. The error grows with
-    /// its fifth power, below 1e-9 rad for a tenth of a radian.
+    /// Returns the attitude after a rotation by a small rotation vector in the body frame. The
+    /// error grows with the vector's fifth power, and is below 1e-9 rad for a tenth of a radian.
     #[inline(always)]
     pub fn by(&self, turn_rad: &Vector3<f64>) -> Self {
         Self(unit(self.0 * small(turn_rad)))
     }
 
-    /// [`Self::by`] in two equal steps: the attitude midway, and the one after the turn.
+    /// Does the same as [`Self::by`] in two equal steps, and returns the attitude in the middle and
+    /// the one after the rotation.
     #[inline(always)]
     pub fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
         let half = small(&(turn_rad * 0.5));
@@ -31,14 +32,14 @@ impl Turned {
         [Self(midway), Self(unit(midway * half))]
     }
 
-    /// The rotation matrix.
+    /// Returns the rotation matrix.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<f64> {
         rotation([self.0.w, self.0.i, self.0.j, self.0.k])
     }
 }
 
-/// The matrix of a unit quaternion.
+/// Returns the matrix of a unit quaternion.
 #[inline(always)]
 pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     Matrix3::new(
@@ -54,25 +55,25 @@ pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     )
 }
 
-/// The quaternion of a small rotation vector, by the first terms of sine and cosine.
+/// Returns the quaternion of a small rotation vector, by the first terms of sine and cosine.
 #[inline(always)]
 fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
-    // sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
+    // The terms are sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
     let square = turn_rad.norm_squared();
     let vector = turn_rad * (0.5 - square / 48.0);
     Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
 }
 
-/// The quaternion scaled to length 1.
+/// Returns the quaternion scaled to length 1.
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
-    // Near length one a step of Newton's method squares the error, without a root.
+    // Near length one, a step of Newton's method squares the error without a square root.
     let is_near_one = (square - 1.0).abs() < 1e-8;
     q * if is_near_one { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
 }
 
-/// Yaw, pitch and roll of a rotation matrix.
+/// Returns yaw, pitch and roll of a rotation matrix.
 pub fn angles(world_from_body: &Matrix3<f64>) -> Attitude {
     let r = world_from_body;
     Attitude {

@@ -1,36 +1,38 @@
-//! Gates: which measurements a filter refuses.
+//! Gates, which determine the measurements that a filter rejects.
 //!
-//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong would
-//! refuse right measurements for ever: after [`MOST_REFUSALS`] refusals in a row the next
-//! measurement of the same source is accepted with a variance as large as its innovation. A filter
-//! would also take a step of the floor for motion of the drone. The second range beyond a
-//! [`StepTest`] in a row counts as a step, and the floor moves by the mean of both innovations.
+//! A measurement far beyond its expected spread (χ²) is rejected. A filter that is wrong would
+//! reject correct measurements forever, so that after [`MOST_REFUSALS`] consecutive rejections the
+//! next measurement of the same source is accepted with a variance as large as its squared
+//! innovation. A filter would also mistake a step of the floor for a motion of the drone. The
+//! second consecutive range beyond the gate of a [`StepTest`] therefore counts as a step, and the
+//! floor moves by the mean of both innovations.
 
 use std::collections::BTreeMap;
 
 use super::normal::{Innovation, Measurement, Normal, Part};
 
-/// Refusals in a row after which a source is accepted again.
+/// Number of consecutive rejections after which a source is accepted again.
 const MOST_REFUSALS: u32 = 5;
-/// Consecutive ranges beyond the gate that are a step.
+/// Number of consecutive ranges beyond the gate that count as a step.
 const STEP_READINGS: usize = 2;
 
-/// A gate for sources of measurements that reopens after refusals in a row.
+/// Gate for sources of measurements that reopens after consecutive rejections.
 #[derive(Clone, Debug)]
 pub struct Gate<K> {
-    /// Threshold, squared standard deviations.
+    /// Threshold in squared standard deviations.
     gate_sq: f64,
-    /// Refusals in a row.
+    /// Number of consecutive rejections of each source.
     refused: BTreeMap<K, u32>,
 }
 
 impl<K: Ord> Gate<K> {
-    /// A gate with this threshold, in standard deviations of the innovation.
+    /// Makes a gate with this threshold, in standard deviations of the innovation.
     pub fn new(sigmas: f64) -> Self {
         Self { gate_sq: sigmas * sigmas, refused: BTreeMap::new() }
     }
 
-    /// Corrects by a measurement of a source. Returns its innovation, or `None` if it was refused.
+    /// Corrects the states with a measurement of a source. Returns the innovation, or `None` if the
+    /// measurement was rejected.
     pub fn correct(
         &mut self,
         normal: &mut Normal,
@@ -38,8 +40,8 @@ impl<K: Ord> Gate<K> {
         measurement: &Measurement<'_>,
     ) -> Option<Innovation> {
         let n_refused = self.refused.entry(source).or_default();
-        // After refusals in a row the innovation itself is the standard deviation of the noise, and
-        // passes any gate.
+        // After consecutive rejections, the innovation itself is used as the standard deviation of
+        // the noise, which passes any gate.
         let mut measurement = *measurement;
         if *n_refused >= MOST_REFUSALS {
             let error = normal.innovation(&measurement).value;
@@ -55,40 +57,41 @@ impl<K: Ord> Gate<K> {
     }
 }
 
-/// The test for steps of the floor below a ranger, whose height is one of the states.
+/// Test for steps of the floor below a ranger, whose height is one of the states.
 #[derive(Clone, Debug)]
 pub struct StepTest {
     gate_sigmas: f64,
     least_m: f64,
     sigma_m: f64,
-    /// Innovations beyond the gate, since the last one within.
+    /// Innovations beyond the gate in m, since the last one within it.
     beyond_m: Vec<f64>,
 }
 
-/// Result of testing a floor range against the step hypothesis.
+/// Result of testing a range to the floor for a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Floor {
-    /// No step: the range is used.
+    /// No step, so that the range is used.
     Still,
-    /// Not decided yet: the range is left out.
+    /// Not decided yet, so that the range is left out.
     Open,
-    /// The distance to the floor stepped by this length, m: the range is left out.
+    /// Step of the distance to the floor by this length in m, so that the range is left out.
     Stepped(f64),
 }
 
 impl StepTest {
-    /// A test with a gate in standard deviations. Innovations below `least_m` are not a step. A
-    /// step widens the floor's height by `sigma_m`.
+    /// Makes a test with a gate in standard deviations. Innovations below `least_m` are not a step.
+    /// A step adds `sigma_m` to the uncertainty of the floor's height.
     pub fn new(gate_sigmas: f64, least_m: f64, sigma_m: f64) -> Self {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }
 
-    /// Corrects by a range to a floor, whose state is the last part of the Jacobian. If the floor
-    /// steps, its state is moved and widened instead. A range beyond `gate_sq` is not used.
+    /// Corrects the states with a range to a floor, whose state the Jacobian's last part is about.
+    /// If the floor steps, its state and variance are changed instead. A range beyond `gate_sq` is
+    /// ignored.
     ///
     /// # Panics
     ///
-    /// If the last part of the Jacobian does not belong to one state.
+    /// Panics if the last part of the Jacobian does not belong to one state.
     pub fn correct(
         &mut self,
         normal: &mut Normal,
@@ -100,7 +103,7 @@ impl StepTest {
             floor = self.classify(innovation);
             floor == Floor::Still && !innovation.is_beyond(gate_sq)
         });
-        // A step of the range is one of the floor's height over the Jacobian.
+        // A step of the range divided by the Jacobian is a step of the floor's height.
         if let Floor::Stepped(step_m) = floor {
             let Some(Part::One(state, per_m)) = measurement.jacobian.last() else {
                 panic!("the floor is last")
@@ -111,8 +114,8 @@ impl StepTest {
         floor
     }
 
-    /// Classifies a range: innovations beyond the gate, as many in a row as make a step, are a step
-    /// by their mean.
+    /// Classifies a range, of which [`STEP_READINGS`] consecutive ones beyond the gate are a step
+    /// by the mean of their innovations.
     fn classify(&mut self, innovation: &Innovation) -> Floor {
         let is_within = innovation.sigmas() <= self.gate_sigmas;
         if is_within || innovation.value.abs() < self.least_m {

@@ -1,12 +1,12 @@
-//! A drone that flies on its gyroscope and accelerometer: its motion, and nine small errors of it.
+//! Motion of a drone from its gyroscope and accelerometer, with nine small errors.
 //!
-//! The errors are position and velocity in the world and a turn in the body's frame. A [`Normal`]
-//! holds them for each drone in turn, and other states after those of all drones. Its covariance is
-//! propagated by blocks of three, which saves the products with zeros.
+//! The errors are those of position and velocity in the world frame, and a rotation in the body
+//! frame. A [`Normal`] contains them for one drone after the other, followed by other states. The
+//! covariance is propagated in 3×3 blocks, which saves the products with zeros.
 //!
 //! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
-//! Not estimated: biases of the inertial sensors.
+//! Biases of the inertial sensors are not estimated.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -15,63 +15,63 @@ use super::normal::Normal;
 
 pub use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Errors of a drone: three of the position first,
+/// Number of errors of a drone, which begin with three of the position.
 pub const ERRORS: usize = 9;
-/// then three of the velocity,
+/// Index of the three errors of the velocity.
 pub const VELOCITY: usize = 3;
-/// and three of the turn.
+/// Index of the three errors of the rotation.
 pub const TURN: usize = 6;
 
-/// The covariance is propagated at least this often.
+/// Maximum time in s between two propagations of the covariance.
 const LONGEST_SPAN_S: f64 = 0.01;
 
-/// Position, velocity and attitude by inertial sensors.
+/// Position, velocity and attitude from inertial sensors.
 #[derive(Clone, Debug)]
 pub struct Inertial {
-    /// In the world.
+    /// Position in the world frame in m.
     pub position_m: Vector3<f64>,
-    /// In the world.
+    /// Velocity in the world frame in m/s.
     pub velocity_m_s: Vector3<f64>,
-    /// The attitude.
+    /// Attitude of the body.
     pub attitude: Turned,
-    /// The attitude as a matrix, when the covariance was last propagated.
+    /// Attitude as a matrix, at the last propagation of the covariance.
     pub world_from_body: Matrix3<f64>,
-    /// Body rate at the end of the last tick.
+    /// Body rate at the end of the last tick in rad/s.
     pub rate_rad_s: Vector3<f64>,
-    /// Time and turn since the covariance was last propagated.
+    /// Time in s and rotation in rad since the last propagation of the covariance.
     span_s: f64,
     turn_rad: Vector3<f64>,
 }
 
-/// A span over which a covariance is propagated.
+/// Span over which a covariance is propagated.
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
-    /// Its length.
+    /// Duration of the span in s.
     pub span_s: f64,
-    /// `−R [f]×` of the specific force f.
+    /// Matrix `−R [f]×` of the specific force f.
     pub lever: Matrix3<f64>,
-    /// Turn of the body.
+    /// Rotation of the body in rad.
     pub turn_rad: Vector3<f64>,
 }
 
-/// Variance that the integral of white noise gains in a second: the noise's two-sided spectral
-/// density. `per_sqrt_hz` is its one-sided noise density, as in data sheets and in every key of a
-/// scene.
+/// Returns the variance that the integral of white noise gains per second, which is the noise's
+/// two-sided spectral density. `per_sqrt_hz` is its one-sided noise density, as in data sheets and
+/// in every key of a scene.
 pub fn variance_rate(per_sqrt_hz: f64) -> f64 {
     0.5 * (per_sqrt_hz * per_sqrt_hz)
 }
 
-/// [`variance_rate`]s of the inertial sensors' noise.
+/// Variance rates ([`variance_rate`]) of the inertial sensors' noise.
 #[derive(Clone, Copy, Debug)]
 pub struct Density {
-    /// Of the acceleration along world x, y and z, (m/s²)²/Hz.
+    /// Variance rates of the acceleration along world x, y and z in (m/s²)²/Hz.
     pub acceleration: [f64; 3],
-    /// Of the body rate, (rad/s)²/Hz.
+    /// Variance rate of the body rate in (rad/s)²/Hz.
     pub rate: f64,
 }
 
 impl Inertial {
-    /// A level drone at rest, turned from world x toward y.
+    /// Makes a level drone at rest, turned from world x toward y.
     pub fn level_at(position_m: Vector3<f64>, yaw_rad: f64) -> Self {
         let attitude = Turned::facing(yaw_rad);
         Self {
@@ -85,16 +85,16 @@ impl Inertial {
         }
     }
 
-    /// Moves the state over a tick with the mean of the body rates at its ends and the specific
-    /// force during it. Returns the acceleration in the world.
+    /// Advances the state by a tick with the mean of the body rates at its ends and the specific
+    /// force during it. Returns the acceleration in the world frame.
     pub fn predict(
         &mut self,
         rate_rad_s: &Vector3<f64>,
         force_m_s2: &Vector3<f64>,
         tick_s: f64,
     ) -> Vector3<f64> {
-        // The force is turned into the world by the attitude midway, and the acceleration is
-        // constant over the tick.
+        // The force is rotated to the world frame by the attitude in the middle of the tick, and
+        // the acceleration is constant over the tick.
         let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
         let [midway, after] = self.attitude.halfway_and_by(&turn_rad);
         let acceleration = midway.matrix() * force_m_s2 - Vector3::z() * GRAVITY_M_S2;
@@ -107,12 +107,13 @@ impl Inertial {
         acceleration
     }
 
-    /// True if the covariance is to be propagated now: for a measurement, or after 10 ms without.
+    /// True if the covariance is to be propagated now, for a measurement or 10 ms after the last.
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }
 
-    /// The span since the covariance was last propagated. The next interval begins now.
+    /// Returns the span since the last propagation of the covariance. The next span begins at this
+    /// tick.
     pub fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
         self.world_from_body = self.attitude.matrix();
         Span {
@@ -122,7 +123,7 @@ impl Inertial {
         }
     }
 
-    /// Applies the mean errors of a drone to its motion, and zeroes them.
+    /// Adds the mean errors of a drone to its motion, and sets them to zero.
     pub fn settle(&mut self, normal: &mut Normal, drone: usize) {
         let [position_m, velocity_m_s, turn_rad] = normal.take_errors(drone);
         self.position_m += position_m;
@@ -132,15 +133,15 @@ impl Inertial {
 }
 
 impl Normal {
-    /// Independent errors of drones with standard deviations of position (m), velocity (m/s) and
-    /// turn (rad), and further states with theirs.
+    /// Makes independent errors of drones from the standard deviations of position (m), velocity
+    /// (m/s) and rotation (rad), and further states with their own.
     pub fn of_drones(n_drones: usize, [p, v, t]: [f64; 3], further: &[f64]) -> Self {
         let mut sigmas = [p, p, p, v, v, v, t, t, t].repeat(n_drones);
         sigmas.extend(further);
         Self::independent(&sigmas)
     }
 
-    /// Returns the mean errors of a drone, position, velocity and turn, and zeroes them.
+    /// Returns the mean errors of a drone (position, velocity and rotation), and sets them to zero.
     pub fn take_errors(&mut self, drone: usize) -> [Vector3<f64>; 3] {
         let first = ERRORS * drone;
         let errors = [0, VELOCITY, TURN].map(|row| self.three(first + row));
@@ -148,11 +149,11 @@ impl Normal {
         errors
     }
 
-    /// Propagates the errors of a drone over a span: `P ← Φ P Φᵀ + Q` with
-    /// `ṗ = v`, `v̇ = −R [f]× θ`, `θ̇ = −[ω]× θ`. The other states rest.
+    /// Propagates the errors of a drone over a span by `P ← Φ P Φᵀ + Q` with `ṗ = v`, `v̇ = −R [f]×
+    /// θ`, `θ̇ = −[ω]× θ`. The other states are constant.
     #[inline(always)]
     pub fn carry(&mut self, drone: usize, span: &Span, density: &Density) {
-        // `Φ = [1 τ c; 0 1 b; 0 0 T]` over position, velocity and turn.
+        // Over position, velocity and rotation, `Φ = [1 τ c; 0 1 b; 0 0 T]`.
         let first = ERRORS * drone;
         let Span { span_s, lever, turn_rad } = *span;
         let b = lever * span_s;
@@ -160,7 +161,7 @@ impl Normal {
         let cross = turn_rad.cross_matrix();
         let t_transposed = Matrix3::identity() + cross + cross * cross * 0.5;
 
-        // Rows: the blocks of Φ P, of which those below the diagonal are not needed.
+        // The rows of Φ P are computed in blocks, without those below the diagonal.
         let rows = [first, first + VELOCITY, first + TURN];
         let [pp, pv, pt] = rows.map(|column| self.block(rows[0], column));
         let [vv, vt] = [rows[1], rows[2]].map(|column| self.block(rows[1], column));
@@ -171,7 +172,7 @@ impl Normal {
         let row_pv = pv + vv * span_s + c * vt.transpose();
         let row_pp = pp + pv.transpose() * span_s + c * pt.transpose();
 
-        // Columns: (Φ P) Φᵀ.
+        // The columns of (Φ P) Φᵀ follow.
         let mut pp = row_pp + row_pv * span_s + row_pt * c.transpose();
         let mut pv = row_pv + row_pt * b.transpose();
         let mut vv = vv + (b * vt.transpose() + row_vt * b.transpose());
@@ -179,8 +180,8 @@ impl Normal {
         let vt = row_vt * t_transposed;
         let mut tt = t_transposed.transpose() * tt * t_transposed;
 
-        // Q of white noise q of the acceleration: q τ³/3, q τ²/2 and q τ. That of the rate adds to
-        // the turn only.
+        // White noise q of the acceleration gives q τ³/3, q τ²/2 and q τ in Q. White noise of the
+        // rate affects only the rotation.
         for (i, density_m_s2) in density.acceleration.into_iter().enumerate() {
             let velocity = density_m_s2 * span_s;
             pp[(i, i)] += velocity * span_s * span_s / 3.0;
@@ -188,7 +189,7 @@ impl Normal {
             vv[(i, i)] += velocity;
             tt[(i, i)] += density.rate * span_s;
         }
-        // Back into P, exactly symmetric.
+        // The blocks are written back to P, exactly symmetric.
         for (k, block) in [pp, vv, tt].iter().enumerate() {
             self.set(rows[k], rows[k], &((block + block.transpose()) * 0.5));
         }
@@ -200,8 +201,8 @@ impl Normal {
         self.carry_others(first, span_s, &[b, c, t_transposed.transpose()]);
     }
 
-    /// Propagates the covariances of a drone's errors with the other states, which rest: their
-    /// columns are multiplied by Φ.
+    /// Propagates the covariances between a drone's errors and the other states, which are
+    /// constant, by multiplying their columns by Φ.
     #[inline(always)]
     fn carry_others(&mut self, first: usize, span_s: f64, [b, c, t]: &[Matrix3<f64>; 3]) {
         let (n, states) = (self.mean.len(), self.covariance.as_mut_slice());
@@ -233,7 +234,7 @@ mod tests {
 
     #[test]
     fn blocks_are_propagated_as_the_whole_matrix_is() {
-        // Two drones and the floor.
+        // The states are those of two drones and the floor.
         let mut normal = Normal::of_drones(2, [0.3, 0.2, 0.1], &[0.4]);
         let density = Density { acceleration: [0.3, 0.2, 0.1], rate: 0.04 };
         let mut p = normal.covariance.clone();
@@ -263,7 +264,7 @@ mod tests {
             }
             let apart = (&normal.covariance - &p).norm() / p.norm();
             assert!(apart < 1e-13, "{apart}");
-            // A measurement that correlates the drones and the floor.
+            // The measurement correlates the drones and the floor.
             let jacobian =
                 [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
             let measurement = Measurement { jacobian: &jacobian, value: 0.0, variance: 0.01 };

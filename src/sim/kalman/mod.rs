@@ -1,10 +1,11 @@
-//! Estimation: measurements → states. It knows no plant and no file.
+//! Estimation of states from measurements. The estimation depends on no plant and no file.
 //!
-//! One filter: a [`Normal`] distribution over the small errors of any number of drones and over
-//! further states (the floor's height, biases). Inertial sensors ([`Inertial`]) or a linear motion
-//! propagate it. One scalar measurement after the other corrects it, each through a gate ([`Gate`],
-//! [`StepTest`]). The simulated drones run it, the Cramér–Rao bound is the same filter at the
-//! truth, and the crate `locate` runs it over a log of ranges, with a smoother over its steps.
+//! The only filter is a [`Normal`] distribution over the small errors of any number of drones and
+//! over further states (the floor's height, biases). Inertial sensors ([`Inertial`]) or a linear
+//! motion propagate the distribution. Scalar measurements correct the distribution one after the
+//! other, each through a gate ([`Gate`], [`StepTest`]). The simulated drones run this filter, the
+//! Cramér–Rao bound is the same filter at the true state, and the crate `locate` runs it over a log
+//! of ranges, with a smoother over its steps.
 
 mod attitude;
 mod gate;

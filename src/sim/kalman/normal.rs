@@ -1,14 +1,15 @@
-//! A normal distribution of states, and the one correction by a measurement.
+//! Normal distribution of states, and its correction by a measurement.
 //!
 //! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` of
-//! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`. With the gain
-//! `k = P h / √s` it corrects `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction subtracts
-//! one square from a matrix that stays exactly symmetric. At the ratios of variance that occur here
-//! (1e-6 and more) that is as safe as Joseph's form and half the work. Independent measurements are
-//! used one after the other, which is the same as at once.
+//! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`. With the gain `k =
+//! P h / √s`, the correction is `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction
+//! subtracts a square from the matrix, which remains exactly symmetric. At the ratios of variance
+//! that occur here (1e-6 or more), this correction is as safe as Joseph's form and takes half the
+//! work. Independent measurements are used one after the other, which is equivalent to using them
+//! together.
 //!
-//! Jacobians are sparse: a measurement depends on a position, a turn and at most a few biases. All
-//! loops are over plain columns, so that no product picks another kernel on another CPU.
+//! Jacobians are sparse, because a measurement depends on few of the states. All loops run over
+//! plain columns, so that no product selects another kernel on another CPU.
 //!
 //! Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation*, Wiley 2001, sections 5.2 and 5.4 (normalized innovation squared).
@@ -18,100 +19,102 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 /// Mean and covariance of states, or of small errors of states.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Normal {
-    /// The mean.
+    /// Mean of the states.
     pub mean: DVector<f64>,
-    /// The covariance, both triangles.
+    /// Covariance of the states, with both triangles.
     pub covariance: DMatrix<f64>,
-    /// Room for the gain of one measurement.
+    /// Buffer for the gain of one measurement.
     gain: Vec<f64>,
 }
 
-/// Part of a measurement's Jacobian: its derivative with respect to one or three of the states.
+/// Part of a measurement's Jacobian, the derivative with respect to one or three of the states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
-    /// The state of an index.
+    /// Derivative with respect to the state of an index.
     One(usize, f64),
-    /// Three states from an index on.
+    /// Derivatives with respect to three states from an index on.
     Three(usize, Vector3<f64>),
 }
 
-/// A scalar measurement `y = hᵀ x + noise`, linearized if it has to be.
+/// Scalar measurement `y = hᵀ x + noise`, linearized if necessary.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement<'a> {
-    /// h, each state in one part at most.
+    /// Jacobian h, in which each state occurs in at most one part.
     pub jacobian: &'a [Part],
-    /// y: measured less the value expected if all states are zero.
+    /// Value y, which is measured minus expected with all states at zero.
     pub value: f64,
-    /// Variance of its noise.
+    /// Variance of the noise.
     pub variance: f64,
 }
 
-/// An entry of a sparse matrix: row, column and value.
+/// Entry of a sparse matrix, as row, column and value.
 pub type Entry = (usize, usize, f64);
 
-/// A measurement against its prediction.
+/// Difference between a measurement and its prediction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Innovation {
-    /// Measured less predicted.
+    /// Measured minus predicted value.
     pub value: f64,
-    /// Variance that the filter expects of it.
+    /// Variance of the difference according to the filter.
     pub variance: f64,
 }
 
 impl Innovation {
-    /// Distance from the prediction in standard deviations.
+    /// Returns the distance from the prediction in standard deviations.
     pub fn sigmas(&self) -> f64 {
         self.value.abs() / self.variance.sqrt()
     }
 
-    /// Normalized innovation squared (NIS): 1 on average for a consistent filter.
+    /// Returns the normalized innovation squared (NIS), which is 1 on average if the filter is
+    /// consistent.
     pub fn nis(&self) -> f64 {
         self.value * self.value / self.variance
     }
 
-    /// True if its NIS is above `gate_sq` (χ²).
+    /// True if the NIS is above `gate_sq` (χ²).
     pub fn is_beyond(&self, gate_sq: f64) -> bool {
         self.value * self.value > gate_sq * self.variance
     }
 }
 
 impl Normal {
-    /// The distribution with a mean and a covariance.
+    /// Makes a distribution from a mean and a covariance.
     pub fn new(mean: DVector<f64>, covariance: DMatrix<f64>) -> Self {
         let gain = vec![0.0; mean.len()];
         Self { mean, covariance, gain }
     }
 
-    /// Independent states around zero with these standard deviations.
+    /// Makes independent states around zero with these standard deviations.
     pub fn independent(sigmas: &[f64]) -> Self {
         let variances = DVector::from_iterator(sigmas.len(), sigmas.iter().map(|s| s * s));
         Self::new(DVector::zeros(sigmas.len()), DMatrix::from_diagonal(&variances))
     }
 
-    /// Means of three states from index `first` on.
+    /// Returns the means of three states from index `first` on.
     #[inline]
     pub fn three(&self, first: usize) -> Vector3<f64> {
         self.mean.fixed_rows::<3>(first).into_owned()
     }
 
-    /// 3×3 block of the covariance whose first entry is at `row` and `column`.
+    /// Returns the 3×3 block of the covariance whose first entry is at `row` and `column`.
     #[inline(always)]
     pub fn block(&self, row: usize, column: usize) -> Matrix3<f64> {
         self.covariance.fixed_view::<3, 3>(row, column).into_owned()
     }
 
-    /// Standard deviation of a state.
+    /// Returns the standard deviation of a state.
     pub fn sigma(&self, state: usize) -> f64 {
         self.covariance[(state, state)].max(0.0).sqrt()
     }
 
-    /// Propagates by a transition `Φ` and a covariance `Q` of noise. `Φ` is given as the entries of
-    /// `Φ − 1`, applied in order: a state is read before it changes. `Q` is its upper triangle.
+    /// Propagates the states by a transition `Φ` and a noise covariance `Q`. `Φ` is given as the
+    /// entries of `Φ − 1`, which are applied in order and must read a state before they change it.
+    /// `Q` is given as its upper triangle.
     pub fn predict(&mut self, transition: &[Entry], noise: &[Entry]) {
         for &(row, column, value) in transition {
             self.mean[row] += value * self.mean[column];
         }
-        // Φ P, column by column of P, then (Φ P) Φᵀ, entry by entry of Φ.
+        // Φ P is computed column by column of P, followed by (Φ P) Φᵀ, entry by entry of Φ.
         let n = self.mean.len();
         let p = self.covariance.as_mut_slice();
         for states in p.chunks_exact_mut(n) {
@@ -122,7 +125,7 @@ impl Normal {
         for &(row, column, value) in transition {
             (0..n).for_each(|i| p[row * n + i] += value * p[column * n + i]);
         }
-        // Rounding makes the triangles differ, so both become their mean.
+        // Rounding makes the two triangles differ, so that both are replaced with their mean.
         for i in 0..n {
             for j in 0..i {
                 p[i * n + j] = 0.5 * (p[i * n + j] + p[j * n + i]);
@@ -137,11 +140,11 @@ impl Normal {
         }
     }
 
-    /// The innovation of a measurement. Leaves `P h` in the gain.
+    /// Returns the innovation of a measurement. The gain then contains `P h`.
     #[inline(always)]
     pub fn innovation(&mut self, measurement: &Measurement<'_>) -> Innovation {
         let Measurement { jacobian, value, variance } = *measurement;
-        // The same loop with lengths that the compiler knows, for one drone and for two.
+        // The same loop is compiled for known lengths, which are those of one drone and of two.
         let p = self.covariance.as_slice();
         match self.gain.len() {
             9 => multiply(p, jacobian, &mut self.gain, 9),
@@ -150,12 +153,14 @@ impl Normal {
         }
         Innovation {
             value: value - product(jacobian, self.mean.as_slice()),
-            // Rounding may leave less than zero if the states are far better known than measured.
+            // Rounding can make the sum negative if the states are far better known than the
+            // measurement.
             variance: product(jacobian, &self.gain).max(0.0) + variance,
         }
     }
 
-    /// Corrects by a measurement unless the gate refuses its innovation. True if it was used.
+    /// Corrects the states with a measurement, unless the gate rejects its innovation. Returns true
+    /// if the measurement was used.
     #[inline(always)]
     pub fn correct(
         &mut self,
@@ -166,12 +171,12 @@ impl Normal {
         if !gate(&innovation) {
             return false;
         }
-        // `innovation` has left P h in the gain. Scaled by 1/√s it corrects mean and covariance.
+        // `innovation` has stored P h in the gain. Scaled by 1/√s, it corrects mean and covariance.
         let scale = 1.0 / innovation.variance.sqrt();
         self.gain.iter_mut().for_each(|gain| *gain *= scale);
         let states = self.mean.as_mut_slice().iter_mut();
         states.zip(&self.gain).for_each(|(x, gain)| *x += gain * (innovation.value * scale));
-        // Known lengths again, as in `innovation`.
+        // The lengths are known again, as in `innovation`.
         let p = self.covariance.as_mut_slice();
         match self.gain.len() {
             9 => subtract_square(p, &self.gain, 9),
@@ -211,7 +216,7 @@ fn subtract_square(p: &mut [f64], k: &[f64], n: usize) {
     }
 }
 
-/// Product `hᵀ x` of a Jacobian and states.
+/// Returns the product `hᵀ x` of a Jacobian and states.
 #[inline(always)]
 pub fn product(jacobian: &[Part], states: &[f64]) -> f64 {
     let products = jacobian.iter().map(|part| match *part {
@@ -221,25 +226,25 @@ pub fn product(jacobian: &[Part], states: &[f64]) -> f64 {
     products.sum()
 }
 
-/// One step that a filter recorded.
+/// Step that a filter recorded.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// When.
+    /// Time of the step in s.
     pub time_s: f64,
-    /// Transition from the step before, as [`Normal::predict`] takes it.
+    /// Transition from the previous step, in the form for [`Normal::predict`].
     pub transition: Vec<Entry>,
-    /// Before the measurements of this step.
+    /// Distribution before the measurements of this step.
     pub predicted: Normal,
-    /// After them.
+    /// Distribution after the measurements of this step.
     pub updated: Normal,
 }
 
 impl Step {
-    /// The smoothed states of this step, from the step `after` it and that step's smoothed states
-    /// (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965). `None` if the covariance predicted for the
-    /// step after is not positive definite.
+    /// Returns the smoothed states of this step, given the next step and its smoothed states
+    /// (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965). Returns `None` if the covariance predicted
+    /// for the next step is not positive definite.
     pub fn smoothed(&self, after: &Self, smoothed_after: &Normal) -> Option<Normal> {
-        // G = P Φᵀ P'⁻¹ with the covariance P' predicted for the step after.
+        // The gain is G = P Φᵀ P'⁻¹ with the covariance P' predicted for the next step.
         let (updated, predicted) = (&self.updated, &after.predicted);
         let inverse = predicted.covariance.clone().cholesky()?;
         let mut phi_p = updated.covariance.clone();
@@ -254,7 +259,7 @@ impl Step {
     }
 }
 
-/// Direction and length of a vector. The direction is the gradient of the length.
+/// Returns the direction and the length of a vector. The direction is the gradient of the length.
 #[inline]
 pub fn toward(vector_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
     let length_m = vector_m.norm();
@@ -267,7 +272,7 @@ mod tests {
 
     use super::*;
 
-    /// A Jacobian as a column.
+    /// Returns a Jacobian as a column.
     fn column(jacobian: &[Part], n: usize) -> DVector<f64> {
         let mut h = DVector::zeros(n);
         for part in jacobian {
@@ -279,7 +284,7 @@ mod tests {
         h
     }
 
-    /// Joseph's form, the whole matrix.
+    /// Computes the correction of the whole matrix in Joseph's form.
     fn joseph(before: &Normal, measurement: &Measurement<'_>) -> (DVector<f64>, DMatrix<f64>) {
         let Measurement { jacobian, value, variance } = *measurement;
         let n = before.mean.len();
@@ -347,7 +352,8 @@ mod tests {
 
     #[test]
     fn a_steady_filter_has_the_covariance_of_the_riccati_equation() {
-        // Position and velocity with acceleration noise, position measured.
+        // The states are position and velocity with acceleration noise, and the position is
+        // measured.
         let (t, q, r) = (0.1, 0.04, 0.0025);
         let (transition, h) = ([(0, 1, t)], [Part::One(0, 1.0)]);
         let noise = [(0, 0, q * t * t * t / 3.0), (0, 1, q * t * t / 2.0), (1, 1, q * t)];

@@ -1,9 +1,9 @@
-//! Drones of the presets, for tests: the simulator's tables of the scene files that `studio` ships.
+//! Drones of the presets, for tests, made from the scene files that `pipeline` ships.
 
 use super::{ControllerKind, EstimatorKind, SimOptions};
 use crate::sensors::Positioning;
 
-/// Tables of a scene that the simulator reads, without the air, which is still.
+/// Tables of a scene that the simulator reads, except the air, which is still.
 const TABLES: [&str; 8] =
     ["rates", "vehicle", "battery", "floor", "radio", "controller", "observer", "sensors"];
 
@@ -11,7 +11,7 @@ const CF21: &str = include_str!("../../pipeline/scene/presets/cf21.toml");
 const CF_BRUSHLESS: &str = include_str!("../../pipeline/scene/presets/cf-brushless.toml");
 const BZZZ: &str = include_str!("../../pipeline/scene/presets/bzzz.toml");
 
-/// The drone of a scene file that begins with the keys of another drone.
+/// Returns the drone of a scene file that begins with the keys of another drone.
 fn preset(begin_toml: &str, scene_toml: &str) -> SimOptions {
     let [mut scene, keys] =
         [begin_toml, scene_toml].map(|toml| toml.parse::<toml::Table>().expect("TOML"));
@@ -29,7 +29,7 @@ fn merge(into: &mut toml::Table, from: toml::Table) {
     }
 }
 
-/// A drone in still air, with the reference team's choice of regulator, observer and sensors.
+/// Returns a drone in still air, with the reference team's regulator, observer and sensors.
 fn with_regulator(begin_toml: &str, scene_toml: &str) -> SimOptions {
     let mut sim = preset(begin_toml, scene_toml);
     sim.controller.kind = ControllerKind::default();

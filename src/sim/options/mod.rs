@@ -1,4 +1,4 @@
-//! Settings of a simulated flight. The default is the preset `ae483-2022`: the values of the
+//! Settings of a simulated flight. The default is the preset `ae483-2022`, with the values of the
 //! student team whose flight is the reference.
 
 mod controller;
@@ -24,70 +24,73 @@ use noctograph_core::settings::{Described, settings};
 settings! {
     /// Settings of a simulated flight.
     pub struct SimOptions {
-        /// Rates.
+        /// Rates of the simulation's loops.
         rates: RateOptions = RateOptions::default();
-        /// The drone.
+        /// Drone that is simulated.
         vehicle: VehicleOptions = VehicleOptions::default();
-        /// Its battery.
+        /// Battery of the drone.
         battery: BatteryOptions = BatteryOptions::default();
-        /// The air around it.
+        /// Air around the drone.
         air: AirOptions = AirOptions::default();
-        /// The floor below it.
+        /// Floor below the drone.
         floor: FloorOptions = FloorOptions::default();
-        /// The radio.
+        /// Radio between host and drone.
         radio: RadioOptions = RadioOptions::default();
-        /// The controller: motor commands from the estimate.
+        /// Controller, which computes motor commands from the estimate.
         controller: ControllerOptions = ControllerOptions::default();
-        /// The estimator: the estimate from the measurements.
+        /// Estimator, which computes the estimate from the measurements.
         observer: ObserverOptions = ObserverOptions::default();
-        /// The sensors.
+        /// Sensors of the drone.
         sensors: SensorOptions = SensorOptions::default();
     }
 
     /// Rates of a simulation.
     ///
-    /// Default: the firmware's 500 Hz for the attitude and 100 Hz for the position
-    /// (`stabilizer_types.h`, `ATTITUDE_RATE`, `POSITION_RATE`), the main loop at 500 Hz as the
-    /// team's observer ran, and a log at half of it.
+    /// The defaults are the firmware's 500 Hz for the attitude and 100 Hz for the position
+    /// (`stabilizer_types.h`, `ATTITUDE_RATE`, `POSITION_RATE`), 500 Hz for the main loop as in the
+    /// team's observer, and half of that for the log.
     pub struct RateOptions {
-        /// Ticks per second of the main loop. Sensors and observer run at every tick.
+        /// Number of ticks per second of the main loop. Sensors and observer run at every tick.
         ///
-        /// The firmware's runs at 1000.
+        /// The firmware's main loop runs at 1000 Hz.
         control_hz: u32 = 500, in 50.0..=2000.0;
-        /// Motor commands per second. It divides `control_hz`, which also caps it. Motors hold
-        /// their command in between.
+        /// Number of motor commands per second. This rate divides `control_hz` and is limited by
+        /// it. Motors hold their command between two updates.
         ///
-        /// Regulators, and the attitude and rate loops of the cascade.
+        /// Regulators and the cascade's attitude and rate loops run at this rate.
         attitude_hz: u32 = 500, in 50.0..=2000.0;
-        /// Samples per second of the flight's log. It divides `control_hz`.
+        /// Number of samples per second in the flight's log. This rate divides `control_hz`.
         log_hz: u32 = 250, in 1.0..=2000.0;
         fixed {
-            /// Runs per second of the cascade's position and velocity loops. It divides
-            /// `attitude_hz`, which also caps it.
+            /// Number of runs per second of the cascade's position and velocity loops. The rate
+            /// divides `attitude_hz` and is limited by it.
             position_hz: u32 = 100;
-            /// Runge-Kutta steps per control tick.
+            /// Number of Runge-Kutta steps per control tick.
             ///
-            /// The error of 1 (2 ms) is less than a micrometer.
+            /// The error of a single step (2 ms) is less than a micrometer.
             steps_per_tick: u32 = 1;
         }
     }
 
-    /// The radio that carries setpoints and light commands. By default they arrive at once.
+    /// The radio that transmits setpoints and light commands. By default, packets arrive
+    /// immediately.
     ///
-    /// A Crazyradio serves its drones in turn, each with its newest setpoint: 0.7 ms for a packet
-    /// and its answer, and 2.5 ms to switch to another drone's address (`crazyradio2-firmware`
-    /// issue 9). A packet without an answer is sent again in the next turn.
+    /// A Crazyradio serves its drones in turn, each with its newest setpoint. A packet and its
+    /// answer take 0.7 ms, and a switch to another drone's address takes 2.5 ms
+    /// (`crazyradio2-firmware` issue 9). A packet without an answer is sent again in the next turn.
     ///
-    /// Loss: 1 to 4 % with cflib (`crazyflie_ros` issue 73). Outages: when other senders fill the
-    /// band. The log of the reference flight has gaps of up to 0.73 s in 59 s.
+    /// The loss is 1 to 4 % with cflib (`crazyflie_ros` issue 73). Outages occur when other
+    /// transmitters fill the band. The log of the reference flight has gaps of up to 0.73 s in 59
+    /// s.
     pub struct RadioOptions {
-        /// Drones that one radio serves. 0: every command arrives at once.
+        /// Number of drones that one radio serves. With 0, every command arrives immediately.
         drones: u32 = 0, in 0.0..=64.0;
-        /// Fraction of packets that get no answer.
+        /// Fraction of packets that receive no answer.
         loss_frac: f64 = 0.02, in 0.0..=1.0, for "radio.drones";
-        /// Mean time from one outage to the next, exponential. 0: none.
+        /// Mean of the exponentially distributed time between outages. With 0, there are no
+        /// outages.
         outage_every_s: f64 = 0.0, in 0.0..=1e5, for "radio.drones";
-        /// Mean duration of an outage, exponential.
+        /// Mean of the exponentially distributed duration of an outage.
         outage_s: f64 = 0.1, in 0.0..=1e3, for "radio.outage_every_s";
         /// Source of the setpoints.
         setpoints: Setpoints = Setpoints::Streamed, for "radio.drones";
@@ -95,22 +98,22 @@ settings! {
 
     /// Source of setpoints.
     pub enum Setpoints {
-        /// From the host, one after the other. Without them the firmware levels the drone out after
-        /// 0.5 s and stops its motors after 2 s.
+        /// From the host, one after the other. Without setpoints, the firmware levels the drone
+        /// after 0.5 s and stops its motors after 2 s.
         "streamed" => Streamed,
-        /// From a trajectory on board. Only light commands are late.
+        /// From an onboard trajectory. With an onboard trajectory, only light commands are delayed.
         "on-board" => OnBoard,
     }
 }
 
 impl SimOptions {
-    /// Checks every range, that slower rates divide faster rates, that the motors can lift the
-    /// drone, and that the sensors suit the estimator.
+    /// Checks that all settings are within their ranges, that slower rates divide faster rates,
+    /// that the motors can lift the drone, and that the sensors suit the estimator.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the key as its place, [`Error::Infeasible`] for a drone too heavy for
-    /// its motors.
+    /// Returns [`Error::Input`] with the key as its place, or [`Error::Infeasible`] for a drone too
+    /// heavy for its motors.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "", None)?;
         self.vehicle.check_lift()?;
@@ -123,30 +126,28 @@ impl SimOptions {
         self.rates.check_ratios()
     }
 
-    /// Options of the plant.
+    /// Returns the options of the plant.
     pub fn plant(&self) -> PlantOptions<'_> {
         let Self { vehicle, battery, air, floor, .. } = self;
         PlantOptions { vehicle, battery, air, floor }
     }
 
-    /// Largest command that the firmware gives a motor, or infinity with compensation of the
-    /// battery, which then caps the thrust.
+    /// Returns the maximum command that the firmware gives a motor, or infinity with compensation
+    /// of the battery, which then limits the thrust.
     pub(crate) fn most_command(&self) -> f64 {
-        match self.battery.is_compensated() {
-            true => f64::INFINITY,
-            false => self.vehicle.motor_max,
-        }
+        if self.battery.is_compensated() { f64::INFINITY } else { self.vehicle.motor_max }
     }
 
-    /// Hover throttle, 0 to 1, with which the altitude filter begins.
+    /// Returns the hover throttle, 0 to 1, with which the altitude filter begins.
     pub fn believed_hover_throttle(&self) -> f64 {
         self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
     }
 
-    /// The options of an undisturbed flight: still air, centered mass, ideal sensors and radio.
+    /// Returns the options of an undisturbed flight with still air, centered mass, and ideal
+    /// sensors and radio.
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
-        // The estimator of any other positioning need not take ideal positions.
+        // The estimator of any other positioning may not accept ideal positions.
         if options.sensors.positioning != Positioning::Position {
             options.observer.kind = EstimatorKind::Truth;
         }
@@ -158,8 +159,9 @@ impl SimOptions {
         options
     }
 
-    /// [`Self::rehearsal`] with the firmware's filter on ideal sweeps of its stations, since the
-    /// filter's error by drag is the same in every flight. `None` for other estimators and sensors.
+    /// Returns [`Self::rehearsal`] with the firmware's filter on ideal sweeps of its stations,
+    /// since the filter's error due to drag is the same in every flight. Returns `None` for other
+    /// estimators and sensors.
     pub fn rehearsal_by_filter(&self) -> Option<Self> {
         let positioning = self.sensors.positioning;
         (positioning.is_by_light() && self.observer.kind == EstimatorKind::Ekf).then(|| {
@@ -173,12 +175,13 @@ impl SimOptions {
 }
 
 impl RateOptions {
-    /// Motor commands per second: `attitude_hz`, and no more than one a tick.
+    /// Returns the number of motor commands per second, which is `attitude_hz` or one per tick.
     pub fn attitude_hz(&self) -> u32 {
         self.attitude_hz.min(self.control_hz)
     }
 
-    /// Runs per second of the position loop: `position_hz`, and no more than motor commands.
+    /// Returns the number of runs per second of the position loop, which is `position_hz`, but at
+    /// most that of motor commands.
     pub fn position_hz(&self) -> u32 {
         self.position_hz.min(self.attitude_hz())
     }
@@ -190,7 +193,7 @@ impl RateOptions {
             ("attitude_hz", self.attitude_hz(), "position_hz", self.position_hz),
             ("log_hz", self.log_hz, "control_hz", self.control_hz),
         ] {
-            // A loop that could run a whole number of times a tick runs once.
+            // A loop that could run a whole number of times per tick runs once.
             let is_capped = slow != "log_hz" && slow_hz.is_multiple_of(fast_hz);
             if !is_capped && !fast_hz.is_multiple_of(slow_hz) {
                 let wanted = format!("a divisor or a multiple of {fast} = {fast_hz}");
@@ -202,25 +205,24 @@ impl RateOptions {
     }
 }
 
-/// A simulated drone.
+/// Drone that is simulated.
 #[derive(Clone, Copy, Debug)]
 pub struct Drone<'a> {
-    /// The model that controller and estimator are designed for.
+    /// Model for which controller and estimator are designed.
     pub believed: &'a SimOptions,
-    /// The true body, motors, battery, air and sensors.
+    /// True body, motors, battery, air and sensors.
     pub actual: &'a SimOptions,
-    /// Seed of all noise but the room's.
+    /// Seed of all noise except that of the room.
     pub seed: u64,
-    /// Seed of the lasting errors of the room, in the poses of its stations and anchors. It is the
-    /// same for all drones in one room.
+    /// Seed of the permanent errors of the room, which are in the poses of its stations and
+    /// anchors. The seed is the same for all drones in one room.
     pub room_seed: u64,
-    /// Index among the drones that fly together. Each index has different noise, in sensors and
-    /// air.
+    /// Index among the drones that fly together. Each index has different noise in sensors and air.
     pub index: u64,
 }
 
 impl<'a> Drone<'a> {
-    /// The drone of index 0, with a controller that is designed for it.
+    /// Makes the drone of index 0, with a controller that is designed for it.
     pub fn new(options: &'a SimOptions, seed: u64) -> Self {
         Self { believed: options, actual: options, seed, room_seed: seed, index: 0 }
     }

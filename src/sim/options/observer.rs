@@ -1,11 +1,12 @@
-//! Settings of the estimator: the section `observer` of a scene.
+//! Settings of the estimator, which are the section `observer` of a scene.
 
 use crate::sensors::{Positioning, SensorOptions};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 
 settings! {
-    /// The estimator. The weights of one that does not fly are kept, for the design of gains.
+    /// Estimator of the drone's motion. Weights of an estimator that does not fly are kept, for the
+    /// design of gains.
     pub struct ObserverOptions {
         /// Kind of estimator.
         kind: EstimatorKind = EstimatorKind::Luenberger;
@@ -15,182 +16,187 @@ settings! {
         /// Extended Kalman filter.
         ekf: EkfOptions = EkfOptions::default(),
             for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
-        /// Differences between the firmware's Kalman filter and a textbook's.
+        /// Differences between the firmware's Kalman filter and a textbook filter.
         firmware: FirmwareOptions = FirmwareOptions::default(), for "observer.kind" = "ekf";
         /// Altitude filter.
         altitude: AltitudeOptions = AltitudeOptions::default(), for "observer.kind" = "altitude";
-        /// The filter of a fleet, with the weights of `ekf`.
+        /// Filter of a fleet, with the weights of `ekf`.
         cooperative: CooperativeOptions = CooperativeOptions::default(),
             for "observer.kind" = "cooperative";
     }
 
     /// An estimator of the drone's motion.
     pub enum EstimatorKind {
-        /// The reference flight's Luenberger observer, on positions.
+        /// The reference flight's Luenberger observer, which uses positions.
         "luenberger" => Luenberger,
-        /// Extended Kalman filter of the Crazyflie's firmware, on any measurement.
+        /// Extended Kalman filter of the Crazyflie's firmware, which uses any measurement.
         "ekf" => Ekf,
-        /// Extended Kalman filter that uses all three axes of the accelerometer, every sweep at its
-        /// time and its whole Jacobian: an improved estimator.
+        /// An improved estimator, which is an extended Kalman filter that uses all three axes of
+        /// the accelerometer, every sweep at its time, and the full Jacobian.
         "ekf-improved" => EkfImproved,
-        /// Altitude, thrust map and biases of ranger and barometer by a separate filter, and all
-        /// else by the improved extended Kalman filter.
+        /// A separate filter for altitude, thrust map and biases of ranger and barometer, and the
+        /// improved extended Kalman filter for everything else.
         "altitude" => Altitude,
-        /// Extended Kalman filter on each drone over all drones of the fleet, on ultra-wideband
-        /// ranges and messages.
+        /// Extended Kalman filter on each drone over all drones of the fleet, which uses
+        /// ultra-wideband ranges and messages.
         "cooperative" => Cooperative,
         /// The true state.
         "truth" => Truth,
     }
 
-    /// The filter of a fleet.
+    /// Filter of a fleet.
     pub struct CooperativeOptions {
         /// Data that the drones exchange.
         share: Share = Share::Measurements;
-        /// Standard deviation of a drone's position at the start, per axis.
+        /// Standard deviation of a drone's position at the start for each axis.
         start_sigma_m: f64 = 0.02, in 1e-4..=10.0;
-        /// Standard deviation of the tilt at the start, per axis.
+        /// Standard deviation of the tilt at the start for each axis.
         start_tilt_rad: f64 = 0.02, in 1e-5..=1.0;
     }
 
     /// Content of the messages between the drones of a fleet.
     pub enum Share {
-        /// Their motion, ranges and heights: every drone estimates all drones from them.
+        /// Motion, ranges and heights, from which every drone estimates all drones.
         "measurements" => Measurements,
-        /// Their estimates. Information common to two drones is counted twice: worse, for
-        /// comparison.
+        /// Estimates of the drones. Estimates count common information of two drones twice and are
+        /// less accurate, so that they serve for comparison.
         "estimates" => Estimates,
-        /// Nothing: every drone uses only its anchors.
+        /// Nothing, so that every drone uses only its anchors.
         "nothing" => Nothing,
     }
 
-    /// Luenberger observer, its gain by the dual regulator.
+    /// Luenberger observer, whose gain is that of the dual regulator.
     ///
-    /// Default: 1/σ² of the spread in the team's flight logs.
+    /// The defaults are 1/σ² of the spread in the team's flight logs.
     pub struct LuenbergerOptions {
-        /// Trust in the measured position x y z: 1/σ² (1/m²).
+        /// Confidence in the measured position x y z, as 1/σ² (1/m²).
         ///
-        /// More follows the measurement faster and passes more of its noise.
+        /// Larger values follow the measurement faster and pass more of its noise.
         q: [f64; 3] = [111_111.0, 62_500.0, 250_000.0], in 1e-6..=1e12;
-        /// Trust in the model of position x y z, pitch, roll and body velocity x y z: 1/σ² of each
-        /// derivative. Larger values follow the gyroscope and the accelerometer.
+        /// Confidence in the model of position x y z, pitch, roll and body velocity x y z, as 1/σ²
+        /// of each derivative. Larger values follow the gyroscope and the accelerometer more
+        /// closely.
         r: [f64; 8] = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6], in 1e-6..=1e12;
     }
 
-    /// Extended Kalman filter: assumed errors of its sensors.
+    /// Extended Kalman filter, with the assumed errors of its sensors.
     ///
-    /// Default: the firmware (`kalman_core_params_defaults.h`, `lighthouse_position_est.c`,
-    /// `tdoaEngine.h`, `lpsTwrTag.c`) of release 2026.08: 0.5 m/s² (1.0 along z) and 0.1 rad/s a
-    /// tick of 1 ms, which are densities of 0.02236 (0.04472) and 0.004472. Sweeps 1 mrad (0.4 mrad
-    /// of the first generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air
-    /// pressure 2 m. Sweeps pass the firmware's outlier filter (`outlierFilterLighthouse.c`).
+    /// The defaults are those of the firmware, release 2026.08 (`kalman_core_params_defaults.h`,
+    /// `lighthouse_position_est.c`, `tdoaEngine.h`, `lpsTwrTag.c`). The firmware's 0.5 m/s² (1.0
+    /// along z) and 0.1 rad/s per tick of 1 ms correspond to densities of 0.02236 (0.04472) and
+    /// 0.004472. The firmware assumes 1 mrad for sweeps (0.4 mrad in the first generation), 1 cm
+    /// for positions, 15 cm for differences of ranges, 25 cm for ranges, and 2 m for air pressure.
+    /// Sweeps pass the firmware's outlier filter (`outlierFilterLighthouse.c`).
     pub struct EkfOptions {
-        /// Noise density of the measured acceleration, (m/s²)/√Hz.
+        /// Noise density of the measured acceleration in (m/s²)/√Hz.
         ///
-        /// More follows the positioning faster.
+        /// A larger value follows the positioning faster.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.02236, in 1e-6..=100.0;
-        /// The same density along world z, in which the propellers shake.
+        /// Noise density along world z, along which the propellers cause vibration.
         acceleration_noise_z_m_s2_sqrt_hz: f64 = 0.04472, in 1e-6..=100.0;
-        /// Noise density of the measured body rate, (rad/s)/√Hz.
+        /// Noise density of the measured body rate in (rad/s)/√Hz.
         rate_noise_rad_s_sqrt_hz: f64 = 0.004472, in 1e-7..=10.0;
-        /// Standard deviation of a measured position per axis.
+        /// Standard deviation of a measured position for each axis.
         position_sigma_m: f64 = 0.01, in 1e-5..=100.0,
             for "sensors.positioning" = "position" | "crossing-beams" | "gnss";
         /// Standard deviation of an ultra-wideband range by two-way ranging.
         two_way_sigma_m: f64 = 0.25, in 1e-4..=100.0, for "sensors.positioning" = "uwb-twr";
         /// Standard deviation of a barometric height.
         ///
-        /// That of the time-of-flight ranger follows its distance, as in the firmware.
+        /// The standard deviation of the time-of-flight ranger depends on the distance, as in the
+        /// firmware.
         barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0,
             for "sensors.heights" = "barometer", unless "observer.kind" = "altitude";
-        /// Outlier gate: a position, range or height is rejected if its innovation exceeds this
-        /// number of standard deviations. The firmware has no gate.
+        /// Outlier gate, which rejects a position, range or height if its innovation exceeds this
+        /// number of standard deviations. The firmware has no such gate.
         ///
-        /// χ² with one degree of freedom. If it is too low, measurements that disagree by several
-        /// times the σ above, as those of real rooms do, are ignored.
+        /// The square of the gate is a χ² threshold with one degree of freedom. If the gate is too
+        /// low, it rejects measurements that disagree by several times the σ above, as they do in
+        /// real rooms.
         gate_sigmas: f64 = 10.0, in 1.0..=1e6,
             for "observer.kind" = "ekf-improved" | "altitude" | "cooperative";
-        /// Allow steps of the floor below the ranger, such as the edge of a table.
+        /// True to allow steps of the floor below the ranger, such as the edge of a table.
         ///
-        /// Two ranges in a row beyond 4 standard deviations and 5 cm are then a step of the floor,
-        /// and not motion of the drone.
+        /// Two consecutive ranges beyond 4 standard deviations and 5 cm then count as a step of the
+        /// floor instead of a motion of the drone.
         floor_steps: bool = false,
             for "sensors.heights" = "time-of-flight", for "observer.kind" = "ekf-improved";
         fixed {
-            /// Standard deviation of a sweep angle of a second-generation station.
+            /// Standard deviation in rad of a sweep angle of a second-generation station.
             sweep_sigma_rad: f64 = 0.001;
-            /// Standard deviation of a sweep angle of a first-generation station.
+            /// Standard deviation in rad of a sweep angle of a first-generation station.
             sweep_v1_sigma_rad: f64 = 0.0004;
-            /// Standard deviation of a difference of ultra-wideband ranges.
+            /// Standard deviation in m of a difference of ultra-wideband ranges.
             range_sigma_m: f64 = 0.15;
         }
     }
 
-    /// Covariances of the altitude filter. Random walks are per root of a second.
+    /// Covariances of the altitude filter. Random walks are per square root of a second.
     pub struct AltitudeOptions {
         /// Standard deviation of a barometric altitude.
         barometer_sigma_m: f64 = 0.25, in 0.001..=10.0;
-        /// Noise density of the vertical acceleration beside the gusts, (m/s²)/√Hz: gusts within a
-        /// step, lag of the motors.
+        /// Noise density of the vertical acceleration in (m/s²)/√Hz in addition to the gusts, from
+        /// gusts within a step and the lag of the motors.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.04243, in 0.0001..=100.0;
-        /// Assumed hover throttle at the start, by default the vehicle's.
+        /// Assumed hover throttle at the start, which is the vehicle's by default.
         hover_throttle: Option<f64> = None, in 0.01..=0.99;
         fixed {
-            /// Random walk of α¹.
+            /// Random walk of α¹ in (m/s²)/√s.
             ///
-            /// A battery that loses 25 % of its lift in a minute takes 0.16 m/s² a second from α¹:
-            /// with a walk of 0.1 the drone sinks by 6 cm meanwhile. Too large a walk (0.8) follows
-            /// the noise of the sensors, and with a free α⁰ (1.4 m/s²) both drift apart by more
-            /// than their σ.
+            /// A battery that loses 25 % of its lift in a minute decreases α¹ by 0.16 m/s² per
+            /// second, and with a walk of 0.1 the drone meanwhile sinks by 6 cm. Too large a walk
+            /// (0.8) follows the noise of the sensors, and with a free α⁰ (1.4 m/s²) both drift
+            /// apart by more than their σ.
             gain_walk_m_s2_sqrt_s: f64 = 0.3;
-            /// Innovation of the ranger beyond which a range is not used, in standard deviations.
-            /// Two in a row are a step of the floor.
+            /// Innovation of the ranger, in standard deviations, beyond which a range is rejected.
+            /// Two consecutive rejected ranges count as a step of the floor.
             step_gate_sigmas: f64 = 4.0;
-            /// Standard deviation of α⁰ before the flight, from the lift at zero throttle and a
-            /// steady draft.
+            /// Standard deviation of α⁰ in m/s² before the flight, from the lift at zero throttle
+            /// and a steady draft.
             offset_sigma_m_s2: f64 = 0.1;
-            /// Standard deviation of α¹ before the flight: 5 % of α¹ in `bzzz`.
+            /// Standard deviation of α¹ in m/s² before the flight, which is 5 % of α¹ in `bzzz`.
             gain_sigma_m_s2: f64 = 1.9;
         }
     }
 
-    /// Differences between the firmware's Kalman filter and a textbook's: each can be changed, to
-    /// see its cost.
+    /// Differences between the firmware's Kalman filter and a textbook filter, each of which can be
+    /// changed to see its effect.
     ///
-    /// Default: release 2026.08 (`kalman_core.c`, `estimator_kalman.c`, `mm_sweep_angles.c`,
-    /// `mm_tof.c`, `lighthouse_core.c`, `lighthouse_throttle.c`, `outlierFilterTdoa.c`).
+    /// The defaults are those of release 2026.08 (`kalman_core.c`, `estimator_kalman.c`,
+    /// `mm_sweep_angles.c`, `mm_tof.c`, `lighthouse_core.c`, `lighthouse_throttle.c`,
+    /// `outlierFilterTdoa.c`).
     pub struct FirmwareOptions {
         /// Specific force across the body's z axis in flight.
         horizontal_force: HorizontalForce = HorizontalForce::Zero;
-        /// Predictions per second, each on the mean of the inertial readings since the last.
+        /// Number of predictions per second, each from the mean of the newest inertial readings.
         prediction_hz: f64 = 100.0, in 1.0..=2000.0;
-        /// Attitude information taken from sweep angles.
+        /// Attitude information that is taken from sweep angles.
         sweep_attitude: SweepAttitude = SweepAttitude::YawError,
             for "sensors.positioning" = "sweeps";
-        /// Use a rotation's two sweeps together at the second one, and drop them if one is missing.
-        /// Otherwise each is used when it arrives.
+        /// True to use both sweeps of a rotation together at the second one, and to drop them if
+        /// one is missing. False uses each sweep when it arrives.
         paired_sweeps: bool = true, for "sensors.positioning" = "sweeps";
-        /// Greatest number of rotations used per second, over all second-generation stations. 0:
-        /// all.
+        /// Maximum number of rotations used per second, over all second-generation stations. With
+        /// 0, all rotations are used.
         rotations_hz: f64 = 50.0, in 0.0..=1e4, for "sensors.positioning" = "sweeps";
-        /// Least variance of each state: of position (m²), velocity (m²/s²) and attitude (rad²).
+        /// Minimum variance of each state, for position (m²), velocity (m²/s²) and attitude (rad²).
         least_variance: f64 = 1e-6, in 0.0..=1.0;
     }
 
     /// Specific force across the body's z axis in flight, in the firmware's filter.
     pub enum HorizontalForce {
-        /// None, as on a drone without drag. With drag, the estimates of tilt and velocity are
+        /// No force, as on a drone without drag. With drag, the estimated tilt and velocity are
         /// wrong.
         "zero" => Zero,
         /// Readings of the accelerometer.
         "measured" => Measured,
     }
 
-    /// Attitude information taken from sweep angles.
+    /// Attitude information that is taken from sweep angles.
     pub enum SweepAttitude {
-        /// The yaw, by the diagonals of the deck's sensors as one station sees them.
+        /// The yaw, from the diagonals of the deck's sensors as one station sees them.
         "yaw-error" => YawError,
-        /// The turn about all axes, by the Jacobian of each sensor's angle.
+        /// The rotation about all axes, from the Jacobian of each sensor's angle.
         "slope" => Slope,
     }
 }
@@ -201,16 +207,16 @@ impl ObserverOptions {
         let gives_positions = sensors.positioning.gives_positions();
         let measures_altitude =
             sensors.positioning == Positioning::Gnss || !sensors.heights.is_empty();
-        // The Kalman filters use any measurement, and the others need a certain kind.
+        // The Kalman filters use any measurement, but the others require certain ones.
         let (kind, wanted) = match self.kind {
             EstimatorKind::Altitude if !measures_altitude => {
-                ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")
+                ("altitude without a sensor of altitude", "satellites, a ranger or a barometer")
             }
             EstimatorKind::Luenberger if !gives_positions => {
-                ("luenberger, which needs positions, with a positioning that gives none", "ekf")
+                ("luenberger with a positioning that gives no positions", "ekf")
             }
             EstimatorKind::Cooperative if sensors.positioning != Positioning::UwbTwr => {
-                ("cooperative, which needs ranges to anchors and drones, without uwb-twr", "ekf")
+                ("cooperative without the ranges to anchors and drones of uwb-twr", "ekf")
             }
             EstimatorKind::Altitude
             | EstimatorKind::Luenberger
@@ -223,8 +229,8 @@ impl ObserverOptions {
             "observer.kind",
             kind,
             wanted,
-            "set observer.kind = \"ekf\", or sensors.positioning to position, crossing-beams or \
-             gnss for luenberger, to uwb-twr for cooperative",
+            "set observer.kind = \"ekf\", or set sensors.positioning to uwb-twr for cooperative, \
+             or to position, crossing-beams or gnss for luenberger",
         ))
     }
 }

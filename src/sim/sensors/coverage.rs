@@ -1,11 +1,13 @@
-//! Coverage: visibility of Lighthouse base stations, and accuracy of a position by them.
+//! Coverage: how many Lighthouse base stations are seen from a point, and how accurate its position
+//! is.
 //!
-//! In: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
-//! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
-//! drone measures `hᵀ δp = δα`. The least error of the position is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and
-//! Rao). σ is the whole error of an angle: its white noise, its distortion, and the error of the
-//! station's pose. The common distortion of all stations is added. People and mirrors are taken
-//! from the sensors' options. Not modeled: walls, the tilt of the drone, the error by a reflection.
+//! Input: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
+//! y). Output: [`Coverage`], a grid. Each plane of light of each station that sees a level drone
+//! measures `hᵀ δp = δα`. The smallest error of the position is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and
+//! Rao). σ is the total error of an angle, from its white noise, its distortion, and the error of
+//! the station's pose. The error common to all stations, which is distortion, is added. People and
+//! mirrors are those of the sensors' options. Walls, the tilt of the drone, and errors from
+//! reflections are not modeled.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -15,41 +17,41 @@ use crate::sensors::{Generation, LighthouseOptions, SensorOptions, StationPose};
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::settings::Described;
 
-/// Finest and coarsest grid.
+/// Smallest and largest step of the grid in m.
 const STEPS_M: [f64; 2] = [0.001, 10.0];
-/// Most points of a grid.
+/// Maximum number of points of a grid.
 const MAX_POINTS: f64 = 1e6;
 
-/// A grid over a rectangle of the writing plane.
+/// Grid over a rectangle of the writing plane.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Coverage {
-    /// Coordinates of the columns, rising.
+    /// Coordinates of the columns in m, in ascending order.
     pub x_m: Vec<f64>,
-    /// Depth of the plane.
+    /// Depth of the plane in m.
     pub y_m: f64,
-    /// Coordinates of the rows, rising.
+    /// Coordinates of the rows in m, in ascending order.
     pub z_m: Vec<f64>,
-    /// Row by row from the lowest, left to right.
+    /// Points of the grid, row by row from the lowest, left to right.
     pub places: Vec<CoveredPoint>,
 }
 
 /// Visibility and accuracy at one point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CoveredPoint {
-    /// Stations that see a level drone there.
+    /// Number of stations that see a level drone there.
     pub n_stations: usize,
-    /// Stations whose image in a mirror it sees.
+    /// Number of stations whose image in a mirror the drone sees.
     pub n_reflected: usize,
-    /// Expected error of the position over all three axes, 1 σ. None if the angles of the stations
-    /// that see it leave a direction open.
+    /// Expected error of the position over all three axes in m, 1 σ. The error is `None` if the
+    /// angles of the stations that see the drone leave a direction undetermined.
     pub error_m: Option<f64>,
 }
 
-/// Coverage of a rectangle `[left, bottom, right, top]` of the plane at `y_m`, every `step_m`.
+/// Returns the coverage of `[left, bottom, right, top]` in the plane at `y_m`, every `step_m`.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a rectangle or a step that makes no grid, and without base stations.
+/// Returns [`Error::Input`] without base stations, and if rectangle and step make no grid.
 pub fn coverage(
     options: &SensorOptions,
     bounds_m: [f64; 4],
@@ -67,7 +69,7 @@ pub fn coverage(
         let hint = "list the room's base stations";
         return Err(Error::input("sensors.lighthouse.stations", "none", "at least one", hint));
     }
-    // Rows from below, each from the left.
+    // The rows are ordered from below, and each row from the left.
     let [left, bottom, right, top] = bounds_m;
     let (x_m, z_m) = (grid_m(left, right, step_m), grid_m(bottom, top, step_m));
     let points_m = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
@@ -79,44 +81,49 @@ pub fn coverage(
 fn check_grid([left, bottom, right, top]: [f64; 4], step_m: f64) -> Result<()> {
     if left >= right || bottom >= top {
         let bounds = format!("{left},{bottom},{right},{top}");
-        let hint = "name left, bottom, right and top in meters, such as -1,0,1,2";
-        return Err(Error::input("bounds", bounds, "left below right, bottom below top", hint));
+        let hint = "give left, bottom, right and top in meters, such as -1,0,1,2";
+        return Err(Error::input(
+            "bounds",
+            bounds,
+            "left less than right, and bottom less than top",
+            hint,
+        ));
     }
     if (right - left) / step_m * (top - bottom) / step_m > MAX_POINTS {
-        let wanted = format!("a step that makes at most {MAX_POINTS} places");
-        return Err(Error::input("step", format!("{step_m} m"), wanted, "take a larger step"));
+        let wanted = format!("a step that makes at most {MAX_POINTS} points");
+        return Err(Error::input("step", format!("{step_m} m"), wanted, "use a larger step"));
     }
     Ok(())
 }
 
 impl Coverage {
-    /// Fraction of the points that at least two stations see.
+    /// Returns the fraction of the points that at least two stations see.
     pub fn seen_frac(&self) -> f64 {
         self.seen().count() as f64 / self.places.len() as f64
     }
 
-    /// Errors at the points that at least two stations see, in rising order.
+    /// Returns the errors in m at the points that at least two stations see, in ascending order.
     pub fn errors_m(&self) -> Vec<f64> {
         let mut errors_m: Vec<f64> = self.seen().filter_map(|place| place.error_m).collect();
         errors_m.sort_by(f64::total_cmp);
         errors_m
     }
 
-    /// The points that at least two stations see.
+    /// Returns the points that at least two stations see.
     fn seen(&self) -> impl Iterator<Item = &CoveredPoint> {
         self.places.iter().filter(|place| place.n_stations >= 2)
     }
 }
 
-/// Coordinates from one end to the other, both included, no further apart than `step_m`.
+/// Returns coordinates from one end to the other, both included, at most `step_m` apart.
 fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
-    // Rounding does not add a step: 1.1 / 0.1 is more than 11.
+    // The slack prevents an additional step from rounding, since 1.1 / 0.1 is more than 11.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2e7")]
     let n = ((to_m - from_m) / step_m - 1e-9).ceil() as u32;
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
 }
 
-/// Visibility and accuracy of a level drone at a point.
+/// Returns the visibility and accuracy for a level drone at a point.
 fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPoint {
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
@@ -129,7 +136,8 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
             continue;
         }
         n_stations += 1;
-        // Independent errors of an angle: an offset of the station counts less from afar.
+        // The errors of an angle are independent, and offsets of the station matter less at a
+        // distance.
         let distance_m = (point_m - pose.position_m).norm();
         let sigmas_rad = [
             options.sweep_noise_rad[usize::from(station.generation == Generation::V2)],
@@ -138,14 +146,14 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
             options.station_position_error_m / distance_m,
         ];
         let variance = sigmas_rad.iter().fold(0.0, |sum, sigma_rad| sum + sigma_rad * sigma_rad);
-        // Fisher information of both planes: Σ h hᵀ / σ².
+        // The Fisher information of both planes is Σ h hᵀ / σ².
         for plane in 0..2 {
             let gradient = pose.crossing(plane, point_m).gradient_rad_m;
             information += gradient * gradient.transpose() / variance.max(f64::MIN_POSITIVE);
         }
     }
-    // One station's two angles leave its distance open, and so do two stations in one line: the
-    // information has no inverse.
+    // The two angles of one station leave its distance undetermined, as do two stations in line
+    // with the point, so that the information has no inverse.
     let scale = information.trace() / 3.0;
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
     let common_m2 = 3.0 * (options.distortion_m * options.distortion_m);
@@ -158,8 +166,7 @@ mod tests {
     use super::*;
     use crate::sensors::Station;
 
-    /// Two stations 3 m from (0, 0, 0), whose sights are at right angles, at the same height except
-    /// for the sight.
+    /// Returns two stations 3 m from (0, 0, 0) at right angles, each of them 0.6 m above it.
     fn square_stations() -> LighthouseOptions {
         let height = 0.6;
         let stations = [[-3.0, 0.0, height], [0.0, -3.0, height]]
@@ -173,8 +180,9 @@ mod tests {
 
     #[test]
     fn error_is_that_of_geometry_by_hand() {
-        // Looked at along x and y from 3 m by 1 mrad: across the sight 3 mm, and z from both. The
-        // stations stand 0.6 m above the place, which turns each sight by atan(0.2).
+        // Seen along x and y from 3 m with 1 mrad, the error across each beam is 3 mm, and both
+        // determine z. The stations are 0.6 m above the point, which tilts each line of sight by
+        // atan(0.2).
         let place = covered_point(&square_stations(), &Vector3::zeros());
         assert_eq!(place.n_stations, 2);
         let level = covered_point(&square_stations(), &Vector3::new(0.0, 0.0, 0.0));

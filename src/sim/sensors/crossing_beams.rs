@@ -1,9 +1,9 @@
-//! Positions from crossing beams: the point nearest to the rays of all stations heard lately.
+//! Positions from crossing beams, which are the points nearest to the rays of all recent stations.
 //!
-//! For each sensor of the deck, `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays from `o` along `d`.
-//! For two rays that is the middle of their shortest connection, as in the firmware
-//! (`lighthouse_position_est.c`, `estimatePositionCrossingBeams`). The deck's middle is the mean of
-//! its sensors.
+//! For each sensor of the deck, the point solves `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays
+//! from `o` along `d`. For two rays, this is the middle of their shortest connection, as in the
+//! firmware (`lighthouse_position_est.c`, `estimatePositionCrossingBeams`). The deck's middle is
+//! the mean of its sensors.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,10 +11,10 @@ use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
 
-/// Greatest age of an angle: 1.5 turns of the slowest rotor, so that a lost sweep costs one fix.
+/// Maximum age of an angle in s, 1.5 turns of the slowest rotor (a lost sweep costs one fix).
 const FRESH_S: f64 = 0.03;
 
-/// Joins sweeps to positions.
+/// Combination of sweeps to positions.
 #[derive(Debug)]
 pub(super) struct CrossingBeams {
     stations: Vec<Heard>,
@@ -35,7 +35,7 @@ impl Heard {
 }
 
 impl CrossingBeams {
-    /// The stations, not heard yet.
+    /// Makes the stations, before any sweep was received.
     pub(super) fn new(stations: &[Station]) -> Self {
         let stations = stations.iter().map(|station| Heard {
             pose: StationPose::new(station),
@@ -45,8 +45,8 @@ impl CrossingBeams {
         Self { stations: stations.collect() }
     }
 
-    /// The position of the deck's middle after the sweeps of this tick, or `None` unless a second
-    /// plane passed and two stations were heard with both planes.
+    /// Returns the position of the deck's middle after the sweeps of this tick, or `None` unless a
+    /// second plane passed and two stations were received with both planes.
     pub(super) fn fix_m(&mut self, sweeps: &[Sweep], time_s: f64) -> Option<Vector3<f64>> {
         for sweep in sweeps {
             let heard = &mut self.stations[sweep.station];
@@ -62,7 +62,7 @@ impl CrossingBeams {
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
-            // Normal equations N p = r of the point nearest to all rays (least squares).
+            // The normal equations N p = r give the point nearest to all rays (least squares).
             let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
             for heard in fresh.clone() {
                 let [first, second] = heard.angles_rad;
@@ -85,7 +85,7 @@ mod tests {
     use crate::sensors::{Generation, LighthouseOptions, SensorOptions};
     use noctograph_core::geometry::Attitude;
 
-    /// Fixes of a second at rest.
+    /// Returns the fixes during a second at rest.
     fn fixes(options: &LighthouseOptions, position_m: Vector3<f64>) -> Vec<Vector3<f64>> {
         let attitude = Attitude { yaw_rad: 0.3, pitch_rad: 0.05, roll_rad: -0.1 }.world_from_body();
         let mut lighthouse = Lighthouse::new(options, &Streams::alone(1));

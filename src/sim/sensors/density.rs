@@ -1,10 +1,10 @@
 //! Noise densities of recorded series at several time scales, for the tests of the sensors.
 
-/// Lengths of the blocks that are compared, in samples: the slowest is 128 times the fastest.
+/// Lengths in samples of the compared blocks, of which the longest is 128 times the shortest.
 const BLOCKS: [usize; 3] = [1, 16, 128];
 
-/// One-sided density (unit/√Hz) of white noise, seen at three time scales by the Allan variance of
-/// means over blocks of length T: `σ²(T) = n²/2T`.
+/// Returns the one-sided density (unit/√Hz) of white noise at three time scales, from the Allan
+/// variance of means over blocks of length T, `σ²(T) = n²/2T`.
 pub(super) fn white_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     BLOCKS.map(|block| {
         let length = block as f64;
@@ -14,8 +14,8 @@ pub(super) fn white_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     })
 }
 
-/// One-sided density of the derivative (unit/s/√Hz) of a random walk, at three time scales: a step
-/// over T has the variance `b² T/2`.
+/// Returns the one-sided density of the derivative (unit/s/√Hz) of a random walk at three time
+/// scales, because a step over T has the variance `b² T/2`.
 pub(super) fn random_walk_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     BLOCKS.map(|block| {
         let length = block as f64;
@@ -24,7 +24,7 @@ pub(super) fn random_walk_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     })
 }
 
-/// Variance that the integral of a series about its mean gains in a second.
+/// Returns the variance that the integral of a series around its mean gains per second.
 pub(super) fn gathered(values: &[f64], rate_hz: f64) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;

@@ -1,4 +1,4 @@
-//! Slow sensors: time of flight to the floor, air pressure, and satellites.
+//! Slow sensors, which are time of flight to the floor, air pressure, and satellite navigation.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,22 +7,22 @@ use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
 use crate::vehicle::FloorOptions;
 use noctograph_core::random::Noise;
 
-/// Beyond this the ranger sees no floor (`zranger2.c`: readings above 5 m are thrown away).
+/// Distance in m beyond which the ranger sees no floor (`zranger2.c` discards readings above 5 m).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
 
-/// Growth of the ranger's noise at 2.5 m.
+/// Increase of the ranger's noise at 2.5 m in m.
 const FAR_NOISE_M: f64 = 0.0025;
 
-/// Standard deviation of a ranger at a distance: `noise_m + 0.0025 exp(c (d − 2.5))` with
-/// `c = ln(80)/1.5`. With 2.5 mm of noise it is the firmware's (`zranger2.c`): 5 mm at 2.5 m, 0.2 m
-/// at 4 m.
+/// Returns the standard deviation of a ranger at a distance in m, `noise_m + 0.0025 exp(c (d −
+/// 2.5))` with `c = ln(80)/1.5`. With a noise of 2.5 mm, it is that of the firmware (`zranger2.c`),
+/// 5 mm at 2.5 m and 0.2 m at 4 m.
 pub(super) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
     const C_PER_M: f64 = 2.921_351_089_782_587_4;
     let growth = libm::exp(C_PER_M * (distance_m - 2.5));
     FAR_NOISE_M * (noise_m / FAR_NOISE_M + growth)
 }
 
-/// Infrared ranger that looks down along the body's z axis onto the floor.
+/// Infrared ranger that looks down at the floor along the body's z axis.
 #[derive(Debug)]
 pub(super) struct TimeOfFlight {
     clock: Clock,
@@ -45,7 +45,8 @@ impl TimeOfFlight {
         }
     }
 
-    /// Distance to the floor, or `None` if none is due, it is too far, or the ranger looks up.
+    /// Returns the distance to the floor in m, or `None` if not due, too long, or if the ranger
+    /// looks up.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -53,7 +54,8 @@ impl TimeOfFlight {
         time_s: f64,
     ) -> Option<f64> {
         self.clock.due(time_s)?;
-        // Drawn at every reading, also of no floor. `noise_m = 0` means exact at any distance.
+        // The noise is drawn at every reading, even without a floor. A `noise_m` of 0 means exact
+        // readings at any distance.
         let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
         let down = -world_from_body().column(2);
         if down.z >= 0.0 {
@@ -66,7 +68,7 @@ impl TimeOfFlight {
     }
 }
 
-/// Barometric height over the starting place: white noise, a slow random walk and a steady drift.
+/// Barometric height above the start, with white noise, a slow random walk and a constant drift.
 #[derive(Debug)]
 pub(super) struct Barometer {
     clock: Clock,
@@ -87,12 +89,12 @@ impl Barometer {
         }
     }
 
-    /// Error of the height without its white noise.
+    /// Returns the error of the height in m without its white noise.
     pub(super) fn bias_m(&self, time_s: f64) -> f64 {
         self.walked_m + self.options.drift_m_s * time_s
     }
 
-    /// The height with noise, walk and drift, or `None` if no reading is due.
+    /// Returns the height with noise, walk and drift in m, or `None` if no reading is due.
     pub(super) fn read(&mut self, height_m: f64, time_s: f64) -> Option<f64> {
         self.clock.due(time_s)?;
         let BarometerOptions { noise_m, drift_m_sqrt_s, rate_hz, .. } = self.options;
@@ -101,7 +103,7 @@ impl Barometer {
     }
 }
 
-/// Satellite fixes with a base station: white noise on every axis, and times without a fix.
+/// Satellite fixes with a base station, which have white noise and periods without a fix.
 #[derive(Debug)]
 pub(super) struct Gnss {
     clock: Clock,
@@ -125,7 +127,7 @@ impl Gnss {
         }
     }
 
-    /// A fix with noise, or `None` if none is due or the satellites are silent.
+    /// Returns a fix with noise, or `None` if none is due or there is no fix at that time.
     pub(super) fn read(&mut self, position_m: Vector3<f64>, time_s: f64) -> Option<Vector3<f64>> {
         self.clock.due(time_s)?;
         let fix_m = position_m + self.noise.normals() * self.options.noise_m;
@@ -143,7 +145,7 @@ mod tests {
 
     const STREAMS: Streams = Streams { seed: 9, room_seed: 9, drone: 0 };
 
-    /// Readings of a sensor in `n` ticks of 500 Hz.
+    /// Returns the readings of a sensor in `n` ticks of 500 Hz.
     fn series(n: u32, mut read: impl FnMut(f64) -> Option<f64>) -> Vec<f64> {
         (0..n).filter_map(|tick| read(f64::from(tick) / 500.0)).collect()
     }

@@ -1,4 +1,4 @@
-//! Gyroscope and accelerometer: white noise, and a steady bias of the gyroscope.
+//! Gyroscope and accelerometer, with white noise, and a constant bias of the gyroscope.
 
 use nalgebra::Vector3;
 
@@ -7,7 +7,7 @@ use super::streams::Streams;
 use noctograph_core::random::Normals;
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
-/// modeled: noise is white up to half the rate at which it is read.
+/// modeled, so that the noise is white up to half the rate of reading.
 #[derive(Debug)]
 pub(super) struct Imu {
     /// Standard deviations of one reading.
@@ -20,9 +20,9 @@ pub(super) struct Imu {
 }
 
 impl Imu {
-    /// The inertial sensors of a drone, read `rate_hz` times a second.
+    /// Makes the inertial sensors of a drone, read `rate_hz` times per second.
     pub(super) fn new(options: &ImuOptions, rate_hz: u32, streams: &Streams) -> Self {
-        // White noise of one-sided density n, sampled at rate f, has σ = n √(f/2).
+        // White noise with the one-sided density n, sampled at rate f, has σ = n √(f/2).
         let sqrt_half_rate = (0.5 * f64::from(rate_hz)).sqrt();
         Self {
             gyro_sigma_rad_s: options.gyro_noise_rad_s_sqrt_hz * sqrt_half_rate,
@@ -34,12 +34,12 @@ impl Imu {
         }
     }
 
-    /// Body rate as the gyroscope reads it, body frame.
+    /// Returns the body rate as the gyroscope measures it, in the body frame.
     pub(super) fn rate_rad_s(&mut self, rate_rad_s: Vector3<f64>) -> Vector3<f64> {
         rate_rad_s + self.gyro.next_three() * self.gyro_sigma_rad_s + self.gyro_bias_rad_s
     }
 
-    /// Specific force as the accelerometer reads it, body frame.
+    /// Returns the specific force as the accelerometer measures it, in the body frame.
     pub(super) fn specific_force_m_s2(&mut self, force_m_s2: Vector3<f64>) -> Vector3<f64> {
         let (xy, z) = (&mut self.accelerometer_xy, &mut self.accelerometer_z);
         force_m_s2 + Vector3::new(xy.next(), xy.next(), z.next()) * self.accelerometer_sigma_m_s2
@@ -73,7 +73,7 @@ mod tests {
         let series = series(&ImuOptions::default(), 1 << 17);
         for (axis, (series, want)) in series.iter().zip(want).enumerate() {
             for (band, measured) in white_density(series, RATE_HZ).into_iter().enumerate() {
-                // 1024 blocks at the slowest: 2.2 % one sigma.
+                // The slowest scale has 1024 blocks, which gives 2.2 % for one sigma.
                 assert!(
                     (measured / want - 1.0).abs() < 0.08,
                     "axis {axis}, band {band}: {measured:e}"
@@ -87,7 +87,7 @@ mod tests {
         let measured = series(&ImuOptions::default(), 1 << 17);
         for (series, density) in [(&measured[0], 2.44e-4), (&measured[5], 1.86e-3)] {
             let rate = gathered(series, RATE_HZ) / variance_rate(density);
-            // 131,072 values: 0.4 % one sigma.
+            // There are 131,072 values, which gives 0.4 % for one sigma.
             assert!((rate - 1.0).abs() < 0.015, "{rate} of what a filter adds in a second");
         }
     }

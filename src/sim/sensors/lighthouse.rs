@@ -1,11 +1,11 @@
-//! Lighthouse as raw sweeps: planes of light that pass over the deck, one after the other.
+//! Lighthouse as raw sweeps, which are planes of light that pass over the deck one after the other.
 //!
-//! A second-generation rotor turns freely at the rate of its channel and passes both planes a third
-//! of a turn apart. First-generation stations take turns within a cycle of 120 Hz. A sweep counts
-//! at the tick that follows it, and all four sensors of the deck are read together: the firmware
-//! discards a sweep that one of them missed (`pulse_processor_v2.c`).
+//! A second-generation rotor turns freely at the rate of its channel, and its two planes pass a
+//! third of a turn apart. First-generation stations take turns within a cycle of 120 Hz. A sweep is
+//! available at the next tick, and all four sensors of the deck are read together, because the
+//! firmware discards a sweep that one of them missed (`pulse_processor_v2.c`).
 //!
-//! Not modeled: the drone's motion within a tick, walls.
+//! The drone's motion within a tick and walls are not modeled.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,50 +17,52 @@ use super::{Generation, LighthouseOptions, Station};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::random::{Field, Noise, Normals};
 
-/// Photodiodes on the deck, body frame (z of the deck above the body's origin is left out):
-/// firmware, `lighthouse_position_est.c`.
+/// Positions of the photodiodes on the deck in the body frame in m, without the deck's height above
+/// the body's origin (firmware `lighthouse_position_est.c`).
 pub(crate) const DECK_SENSORS_M: [[f64; 3]; 4] =
     [[-0.015, 0.0075, 0.0], [-0.015, -0.0075, 0.0], [0.015, 0.0075, 0.0], [0.015, -0.0075, 0.0]];
 
-/// Clock of second-generation stations, and its cycles in a turn of the rotor, by channel
-/// (`pulse_processor_v2.c`): 50.05 to 54.1 turns a second.
+/// Clock of second-generation stations in Hz, and its cycles per turn of the rotor for each channel
+/// (`pulse_processor_v2.c`), which give 50.05 to 54.1 turns per second.
 const V2_CLOCK_HZ: f64 = 48e6;
 const V2_PERIODS: [u32; 16] = [
     959_000, 957_000, 953_000, 949_000, 947_000, 943_000, 941_000, 939_000, 937_000, 929_000,
     919_000, 911_000, 907_000, 901_000, 893_000, 887_000,
 ];
-/// Sweeps per second of all first-generation stations together.
+/// Number of sweeps per second of all first-generation stations together.
 const V1_SWEEPS_HZ: f64 = 120.0;
 
-/// Interval at which the common distortion is computed. At 0.5 m/s it changes by 0.1 mm.
+/// Interval in s at which the common distortion is computed. At 0.5 m/s, the distortion changes by
+/// 0.1 mm in this time.
 const BEND_S: f64 = 0.02;
-/// Time after which an unseen station counts as hidden: chance hardly loses five turns in a row.
+/// Time in s after which an unseen station counts as hidden (five turns are hardly ever lost by
+/// chance).
 const BLIND_S: f64 = 0.1;
-/// Change of direction over which the error of a station's calibration changes.
+/// Change of direction in rad over which the error of a station's calibration changes.
 const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
 
-/// One plane of light that passed over the deck.
+/// Plane of light that passed over the deck.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// Index of the station in the list of stations.
     pub station: usize,
-    /// 0 or 1.
+    /// Index of the plane, 0 or 1.
     pub plane: usize,
-    /// Angle at which it met each of the four sensors of the deck.
+    /// Angles in rad at which the sweep met each of the deck's four sensors.
     pub angles_rad: [f64; 4],
 }
 
-/// All stations at their true places.
+/// All stations at their true positions.
 #[derive(Debug)]
 pub(super) struct Lighthouse {
     rotors: Vec<Rotor>,
-    /// From the room into the stations' frame, and the scale of that frame.
+    /// Rotation from the room to the stations' frame, and scale of that frame.
     turn: Matrix3<f64>,
     scale: f64,
-    /// Common distortion of all stations: their joint solution bends the room.
+    /// Distortion common to all stations, because their joint solution bends the room.
     bend: Field<3>,
     bend_m: Vector3<f64>,
-    /// When that was computed.
+    /// Time in s at which the distortion was computed.
     bent_s: f64,
     loss_frac: f64,
     room: Room,
@@ -72,24 +74,25 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    /// Standard deviations of the noise common to the deck's sensors, and of each sensor's own.
+    /// Standard deviations in rad of the noise common to the deck's sensors, and of that of each
+    /// sensor.
     sigmas_rad: [f64; 2],
-    /// Over the direction from the station, one component a plane.
+    /// Distortion of each plane as a function of the direction from the station.
     distortion: Field<2>,
     noise: Normals,
-    /// Noise that decides which sweeps are lost.
+    /// Noise that determines which sweeps are lost.
     chance: Noise,
-    /// Turns (of a cycle, for the first generation) per second.
+    /// Number of turns per second (of cycles in the first generation).
     turn_hz: f64,
-    /// Phases at which the planes pass, in turns.
+    /// Phases in turns at which the planes pass.
     phases: [f64; 2],
-    /// Sweeps of both planes so far.
+    /// Number of sweeps of both planes so far.
     passed: u32,
     seen_s: f64,
 }
 
 impl Lighthouse {
-    /// The stations of a room, and the deck of a drone.
+    /// Makes the stations of a room, and the deck of a drone.
     pub(super) fn new(options: &LighthouseOptions, streams: &Streams) -> Self {
         let n = options.stations.len();
         Self {
@@ -106,7 +109,7 @@ impl Lighthouse {
         }
     }
 
-    /// The sweeps that arrive by `time_s` at a deck at `position_m`, among drones at `fleet_m`.
+    /// Returns the sweeps that reach a deck at `position_m` by `time_s`, among drones at `fleet_m`.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -115,7 +118,7 @@ impl Lighthouse {
         fleet_m: &[Vector3<f64>],
     ) -> &[Sweep] {
         self.sweeps.clear();
-        // The position in the stations' frame, with the common distortion.
+        // The position is converted to the stations' frame, with the common distortion.
         if time_s - self.bent_s >= BEND_S {
             (self.bend_m, self.bent_s) = (self.bend.value_at(position_m), time_s);
         }
@@ -123,7 +126,8 @@ impl Lighthouse {
         let bent_m = turn * position_m * self.scale + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
-                // Noise is drawn for every sweep, seen or not, so that none shifts another's.
+                // Noise is drawn for unseen sweeps too, so that no sweep changes the noise of
+                // another.
                 let is_lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
@@ -131,7 +135,7 @@ impl Lighthouse {
                 if is_lost || self.room.is_silent(station, time_s) {
                     continue;
                 }
-                // The deck also receives the sweep that meets its image in a mirror.
+                // The deck also receives sweeps that meet its image in a mirror.
                 let attitude = turn * world_from_body;
                 let mirrors = self.room.mirrors.iter();
                 for mirror in mirrors.filter(|m| m.shows_to(&rotor.truth, position_m, &up)) {
@@ -140,7 +144,7 @@ impl Lighthouse {
                     let angles_rad = rotor.angles_rad(plane, &image_m, &reflected, &errors);
                     self.sweeps.push(Sweep { station, plane, angles_rad });
                 }
-                // The direct sweep, unless the view is blocked.
+                // The direct sweep is received unless the view is blocked.
                 let station_m = &rotor.truth.position_m;
                 if !rotor.truth.sees(position_m, &up)
                     || self.room.hides(station_m, position_m, fleet_m)
@@ -157,28 +161,28 @@ impl Lighthouse {
         &self.sweeps
     }
 
-    /// Number of ticks at which fewer than two stations were seen within the last 0.1 s.
+    /// Returns the number of ticks at which fewer than two stations were seen in the last 0.1 s.
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
 }
 
-/// The smooth distortion of the position that is common to all stations.
+/// Returns the smooth distortion of the position that is common to all stations.
 pub(super) fn common_distortion(options: &LighthouseOptions, streams: &Streams) -> Field<3> {
     let mut noise = streams.room_noise("lighthouse distortion");
     Field::new(&mut noise, options.distortion_m, options.distortion_length_m)
 }
 
-/// The rotation from the room into the Lighthouse's frame.
+/// Returns the rotation from the room to the Lighthouse's frame.
 pub(super) fn frame_turn(options: &LighthouseOptions) -> Matrix3<f64> {
     let [roll_rad, pitch_rad, yaw_rad] = options.frame_turn_rad;
     Attitude { yaw_rad, pitch_rad, roll_rad }.world_from_body()
 }
 
 impl Rotor {
-    /// Station `i` at its true pose, with its errors and noise.
+    /// Makes station `i` at its true pose, with its errors and noise.
     fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
-        // The true pose is off the believed one by an error of the room.
+        // The true pose differs from the believed one by an error of the room.
         let station = &options.stations[i];
         let mut error = streams.room_noise(&format!("station {i} pose"));
         let mut truth = StationPose::new(station);
@@ -209,7 +213,8 @@ impl Rotor {
         }
     }
 
-    /// The plane that passes next if it does so by `time_s`, else `None`. It then counts as passed.
+    /// Returns the next plane if it passes by `time_s`, and counts it as passed. Otherwise, returns
+    /// `None`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;
         let turns = f64::from(self.passed / 2) + self.phases[plane];
@@ -226,7 +231,7 @@ impl Rotor {
         std::array::from_fn(|_| common_rad + separate * self.noise.next())
     }
 
-    /// Angles at which a sweep meets the four sensors of a deck, with distortion and noise.
+    /// Returns the angles at which a sweep meets a deck's four sensors, with distortion and noise.
     fn angles_rad(
         &self,
         plane: usize,
@@ -243,10 +248,10 @@ impl Rotor {
     }
 }
 
-/// Turns per second of a station, and the phases at which its planes pass.
+/// Returns the number of turns per second of a station, and the phases at which its planes pass.
 fn schedule(stations: &[Station], i: usize, chance: &mut Noise) -> (f64, [f64; 2]) {
     match stations[i].generation {
-        // First-generation stations take turns among themselves, each with both planes.
+        // First-generation stations take turns, each with both planes.
         Generation::V1 => {
             let slots = 2.0 * count_v1(stations) as f64;
             let first = 2.0 * count_v1(&stations[..i]) as f64 / slots;

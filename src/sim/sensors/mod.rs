@@ -1,8 +1,8 @@
-//! Sensors: measurements of the drone's motion. One file a sensor.
+//! Sensors, which measure the drone's motion. Each sensor has a file of its own.
 //!
-//! In: the true state and the specific force at a tick. Out: readings. Every sensor has separate
-//! streams of noise and draws the same number of values at each measurement, so that no sensor
-//! shifts another's noise.
+//! Input: the true state and the specific force at a tick. Output: readings. Every sensor has
+//! separate streams of noise and draws the same number of values at each measurement, so that no
+//! sensor changes another's noise.
 
 mod coverage;
 mod crossing_beams;
@@ -18,7 +18,7 @@ mod room;
 mod station;
 mod streams;
 mod uwb;
-// A page has no files.
+// WebAssembly in a web page has no files.
 #[cfg(not(target_family = "wasm"))]
 mod yaml;
 
@@ -51,18 +51,19 @@ pub(crate) use self::uwb::{PeerRange, Turn, turns};
 #[cfg(not(target_family = "wasm"))]
 pub use self::yaml::{read_anchors, read_lighthouse_config};
 
-/// Readings of one tick. Inertial readings come at every tick, the others when they are due.
+/// Readings of one tick. Inertial readings are available at each tick, others when due.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings<'a> {
-    /// The true motion, only for the estimator `truth`.
+    /// True motion, used only by the estimator `truth`.
     pub truth: &'a RigidBody,
-    /// Mean command of the motors since the last tick, as a fraction of the largest.
+    /// Mean command of the motors since the last tick, as a fraction of the maximum.
     pub throttle: f64,
-    /// Gyroscope, body frame.
+    /// Angular velocity from the gyroscope in the body frame in rad/s.
     pub rate_rad_s: Vector3<f64>,
-    /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
+    /// Specific force from the accelerometer in the body frame in m/s², which is acceleration minus
+    /// gravity, and `(0, 0, g)` at rest.
     pub specific_force_m_s2: Vector3<f64>,
-    /// Position in the world, if the positioning gives positions.
+    /// Position in the world frame in m, if the positioning measures positions.
     pub position_m: Option<Vector3<f64>>,
     /// Lighthouse sweeps.
     pub sweeps: &'a [Sweep],
@@ -70,12 +71,12 @@ pub struct Readings<'a> {
     pub ranges: &'a [Range],
     /// Ultra-wideband ranges to other drones.
     pub(crate) peer_ranges: &'a [PeerRange],
-    /// Heights that are due, m, each by its sensor.
+    /// Heights in m that are due, each with its sensor.
     pub heights: &'a [(HeightSensor, f64)],
 }
 
 impl<'a> Readings<'a> {
-    /// Readings of only the inertial sensors.
+    /// Makes readings of the inertial sensors only.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -109,24 +110,24 @@ pub struct Sensors {
     imu: Imu,
     locator: Locator,
     altimeters: Vec<Altimeter>,
-    /// Of the last tick.
+    /// Heights of the last tick.
     heights: Vec<(HeightSensor, f64)>,
     tick_s: f64,
     ticks: u32,
 }
 
-/// Measurement of the position.
+/// Sensor that measures the position.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "one a drone")]
 enum Locator {
     Position(PositionSensor),
-    /// Sweeps, and the crossing of their beams for positions.
+    /// Sweeps, and optionally the crossing of their beams, which gives positions.
     Lighthouse(Lighthouse, Option<CrossingBeams>),
     Uwb(Uwb),
     Gnss(Gnss),
 }
 
-/// Measurement of the height.
+/// Sensor that measures the height.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "a few a drone")]
 enum Altimeter {
@@ -135,7 +136,7 @@ enum Altimeter {
 }
 
 impl Locator {
-    /// The sensor of the options' positioning.
+    /// Makes the sensor for the options' positioning.
     fn new(options: &SensorOptions, rate_hz: u32, fleet: &Fleet, streams: &Streams) -> Self {
         let room = &options.lighthouse;
         match options.positioning {
@@ -154,7 +155,7 @@ impl Locator {
 }
 
 impl Altimeter {
-    /// The sensor's kind and its reading, or `None` if none is due.
+    /// Returns the kind of the sensor and its reading, or `None` if none is due.
     fn read(&mut self, body: &RigidBody, time_s: f64) -> Option<(HeightSensor, f64)> {
         let position_m = body.position_m;
         Some(match self {
@@ -170,7 +171,8 @@ impl Altimeter {
 }
 
 impl Sensors {
-    /// Sensors of a drone, read `rate_hz` times a second, with seeds of noise and room.
+    /// Makes the sensors of a drone, which are read `rate_hz` times per second, with the seeds of
+    /// the noise and of the room.
     pub(crate) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,
@@ -180,7 +182,7 @@ impl Sensors {
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
-        // In the order of the kinds, whatever the order of the list.
+        // The sensors are in the order of their kinds, regardless of the order of the list.
         let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
         let altimeters = carried.map(|sensor| match sensor {
             HeightSensor::TimeOfFlight => {
@@ -201,8 +203,8 @@ impl Sensors {
         }
     }
 
-    /// The position at which the estimate of a drone at rest starts: the true one, or with the
-    /// positioning `position` the distorted one.
+    /// Returns the position at which the estimate of a drone at rest starts, which is the true one,
+    /// or the distorted one with the positioning `position`.
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
@@ -210,8 +212,8 @@ impl Sensors {
         }
     }
 
-    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet.
-    /// A single drone needs none.
+    /// Reads every sensor that is due, once per tick. `fleet_m` contains the true positions of the
+    /// fleet. A single drone needs no fleet.
     pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
@@ -221,7 +223,7 @@ impl Sensors {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
         self.ticks += 1;
         let position_m = body.position_m;
-        // A closure, because most ticks need no matrix.
+        // The matrix is computed by a closure, because most ticks need none.
         let world_from_body = || body.matrix();
         let mut readings = Readings::inertial(
             body,
@@ -249,7 +251,7 @@ impl Sensors {
         readings
     }
 
-    /// Bias of the barometer now, or 0 without one.
+    /// Returns the present bias of the barometer in m, or 0 without one.
     pub fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
         let bias_m = self.altimeters.iter().find_map(|altimeter| match altimeter {
@@ -259,7 +261,7 @@ impl Sensors {
         bias_m.unwrap_or(0.0)
     }
 
-    /// A warning if fewer than two base stations were seen for a time.
+    /// Returns a warning if fewer than two base stations were seen at any time.
     pub fn warning(&self) -> Option<Diagnostic> {
         let Locator::Lighthouse(lighthouse, _) = &self.locator else { return None };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
@@ -324,7 +326,7 @@ mod tests {
         });
         assert_ne!(first_m[0], first_m[1], "each has jitter of its own");
 
-        // Base stations with errors of their poses, without any noise.
+        // The base stations' poses have errors, but no sensor has noise.
         let mut sweeps =
             SensorOptions { positioning: Positioning::CrossingBeams, ..SensorOptions::default() };
         sweeps.lighthouse.sweep_noise_rad = [0.0; 2];

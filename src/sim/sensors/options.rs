@@ -10,27 +10,27 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;
 use noctograph_core::settings::{Described, Shape, joined, settings};
 
-/// Most base stations: the channels of the second generation.
+/// Maximum number of base stations, which is that of the second generation's channels.
 const MAX_STATIONS: usize = 16;
-/// Most ultra-wideband anchors.
+/// Maximum number of ultra-wideband anchors.
 const MAX_ANCHORS: usize = 64;
 
 settings! {
-    /// Sensors and their noise. Those that the positioning does not use are kept.
+    /// Sensors and their noise. Settings of sensors that the positioning does not use are kept.
     pub struct SensorOptions {
-        /// Measurement of the position.
+        /// Sensor that measures the position.
         positioning: Positioning = Positioning::Position;
-        /// Further measurements of the height: time-of-flight, barometer.
+        /// Additional measurements of the height, by time of flight and barometer.
         heights: Vec<HeightSensor> = Vec::new(),
             for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
         /// Gyroscope and accelerometer.
         imu: ImuOptions = ImuOptions::default();
-        /// Lighthouse.
+        /// Lighthouse positioning.
         lighthouse: LighthouseOptions = LighthouseOptions::default(),
             for "sensors.positioning" = "position" | "crossing-beams" | "sweeps";
         /// Ultra-wideband ranging.
         uwb: UwbOptions = UwbOptions::default(), for "sensors.positioning" = "uwb-twr" | "uwb-tdoa";
-        /// Time of flight to the floor.
+        /// Time-of-flight ranger toward the floor.
         time_of_flight: TimeOfFlightOptions = TimeOfFlightOptions::default(),
             for "sensors.heights" = "time-of-flight",
             for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
@@ -46,22 +46,22 @@ settings! {
 
     /// Measurement of the position.
     pub enum Positioning {
-        /// Lighthouse without stations: a position at every tick with white jitter and a smooth
-        /// distortion, as in the log of the reference flight.
+        /// Lighthouse without stations, with a position at every tick that has white jitter and a
+        /// smooth distortion, as in the log of the reference flight.
         "position" => Position,
-        /// Lighthouse, positions from the crossing of two stations' beams (lighthouse.method 0).
+        /// Lighthouse with positions from crossing beams of two stations (lighthouse.method 0).
         "crossing-beams" => CrossingBeams,
-        /// Lighthouse, raw sweep angles (lighthouse.method 1).
+        /// Lighthouse with raw sweep angles (lighthouse.method 1).
         "sweeps" => Sweeps,
-        /// Ultra-wideband, distance to one anchor after the other by two-way ranging.
+        /// Ultra-wideband two-way ranging to one anchor after the other.
         "uwb-twr" => UwbTwr,
-        /// Ultra-wideband, difference of the distances to two anchors.
+        /// Ultra-wideband differences of the distances to two anchors.
         "uwb-tdoa" => UwbTdoa,
-        /// Satellites with a base station.
+        /// Satellite navigation with a base station.
         "gnss" => Gnss,
     }
 
-    /// Measurement of the height besides the positioning.
+    /// Measurement of the height in addition to the positioning.
     #[derive(PartialOrd, Ord)]
     pub enum HeightSensor {
         /// Infrared time of flight to the floor.
@@ -70,211 +70,219 @@ settings! {
         "barometer" => Barometer,
     }
 
-    /// Gyroscope and accelerometer. 0 switches a term off.
+    /// Gyroscope and accelerometer. A noise density of 0 switches that noise off.
     ///
-    /// Default: data sheet of the BMI088, 0.014 °/s/√Hz and 190 µg/√Hz along z.
+    /// The defaults are those of the BMI088's data sheet, 0.014 °/s/√Hz and 190 µg/√Hz along z.
     pub struct ImuOptions {
-        /// Noise density of the gyroscope per axis, (rad/s)/√Hz.
+        /// Noise density of the gyroscope for each axis in (rad/s)/√Hz.
         gyro_noise_rad_s_sqrt_hz: f64 = 2.44e-4, in 0.0..=1.0;
-        /// Noise density of the accelerometer per axis, (m/s²)/√Hz.
+        /// Noise density of the accelerometer for each axis in (m/s²)/√Hz.
         accelerometer_noise_m_s2_sqrt_hz: f64 = 1.86e-3, in 0.0..=10.0;
         fixed {
-            /// Steady bias of the gyroscope about body x, y, z: the rest of the firmware's
-            /// calibration, and the drift as the sensor warms.
+            /// Constant bias of the gyroscope about body x, y, z in rad/s, which the firmware's
+            /// calibration leaves, or which arises as the sensor warms up.
             gyro_bias_rad_s: [f64; 3] = [0.0; 3];
         }
     }
 
-    /// Lighthouse. 0 switches a term off.
+    /// Lighthouse positioning. A value of 0 switches an error off.
     ///
-    /// Default: `positioning_dataset` of Bitcraze (Taffanel et al., arXiv 2104.11523). Crossing
-    /// beams at rest jitter by 0.3 mm at 50 fixes a second, which is 1 mm at 500. The slow error in
-    /// flight is 13 mm rms over three axes, with a correlation of 0.6 to 3.4 s at 0.5 m/s. Sweeps
-    /// spread by 60 µrad (first generation) and 28 µrad (second), and 45 of 52 a second arrive.
-    /// The rotor makes most of that noise, for all sensors alike: independent noise of the sensors
-    /// would average out to a third of the crossing beams' jitter.
+    /// The defaults are from Bitcraze's `positioning_dataset` (Taffanel et al., arXiv 2104.11523).
+    /// In that data set, crossing beams at rest jitter by 0.3 mm at 50 fixes per second, which
+    /// corresponds to 1 mm at 500. The slow error in flight is 13 mm rms over three axes, with a
+    /// correlation time of 0.6 to 3.4 s at 0.5 m/s. Sweeps spread by 60 µrad (first generation) and
+    /// 28 µrad (second), and 45 of 52 per second arrive. The rotor causes most of the sweeps'
+    /// noise, which is common to all sensors. Independent noise would average out to a third of the
+    /// crossing beams' jitter.
     ///
-    /// Most of the error in flight, 13.5 mm mean, is distortion common to the stations. If each
-    /// station had separate errors, the filter would tremble at rest by more than the measured 0.59
-    /// mm. The separate part is chosen so that both figures are as measured. Two stations in
-    /// opposite corners, about 4 m from the word.
+    /// Most of the error in flight, 13.5 mm on average, is distortion common to the stations. If
+    /// each station had only separate errors, the filter would jitter at rest by more than the
+    /// measured 0.59 mm. The separate part is chosen so that both values are as measured. By
+    /// default, two stations are in opposite corners, about 4 m from the word.
     pub struct LighthouseOptions {
-        /// Smooth error that depends on the drone's position, per axis, σ.
+        /// Standard deviation for each axis of a smooth error that depends on the drone's position.
         ///
-        /// The joint solution for the stations' poses does not remove it, because they agree on a
-        /// bent room.
+        /// The joint solution for the stations' poses does not remove this error, because the
+        /// stations agree on a distorted room.
         distortion_m: f64 = 0.0075, in 0.0..=1.0;
-        /// Distance l over which that error changes: the correlation falls as `exp(−d²/2l²)`.
+        /// Correlation length l of the common error, whose correlation decreases as `exp(−d²/2l²)`.
         distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
-        /// Base stations, at their believed places.
+        /// Base stations at their believed positions.
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
             .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
             .into();
-        /// Perfect mirrors: a point and the normal of each. The deck also receives the sweeps of
-        /// each station's mirror image.
+        /// Perfect mirrors, each given by a point and the normal. The deck also receives the sweeps
+        /// of each station's mirror image.
         ///
-        /// They reach `sweeps` and `crossing-beams`, as do people and silent stations.
-        /// `check` keeps the flight away from them with any positioning.
+        /// Mirrors, people and silent stations affect `sweeps` and `crossing-beams`. With any
+        /// positioning, `check` keeps the flight away from mirrors.
         mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4;
-        /// Panes of glass: a point and the normal of each. They reflect 8 % at normal incidence and
-        /// more at grazing incidence. The deck receives a reflection up to 6 m times the root of
-        /// the reflectance.
+        /// Panes of glass, each given by a point and the normal. A pane reflects 8 % at normal
+        /// incidence and more at grazing incidence. The deck receives a reflection up to a distance
+        /// of 6 m times the square root of the reflectance.
         panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4;
-        /// People in the room, 1.8 m high: x, y and radius of each. They block the light of
-        /// `sweeps` and `crossing-beams`. `check` keeps the flight away from them with any
-        /// positioning.
+        /// People in the room, 1.8 m tall, each given by x, y and a radius. People block the light
+        /// of `sweeps` and `crossing-beams`. With any positioning, `check` keeps the flight away
+        /// from people.
         people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4;
-        /// Outages: number of the station, from 0, and the outage's begin and end, s.
+        /// Outages, each given by the number of the station, from 0, and the beginning and end of
+        /// the outage in s.
         silent: Vec<[f64; 3]> = Vec::new(), in 0.0..=1e5,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
         fixed {
-            /// White noise of the measured position per axis and tick, σ, for `position`.
+            /// Standard deviation in m of the white noise of the measured position for each axis
+            /// and tick, for `position`.
             jitter_m: f64 = 0.001;
-            /// Turn of the Lighthouse's frame against the room, about x, y and z.
+            /// Rotation of the Lighthouse's frame relative to the room about x, y and z in rad.
             ///
-            /// The frame is defined by positions at which the drone was put by hand when the
-            /// stations' geometry was estimated: the origin, a point on the x-axis at one meter,
-            /// and one on the floor (cflib, `examples/lighthouse/multi_bs_geometry_estimation.py`).
+            /// The frame is defined by positions at which the drone was placed by hand when the
+            /// stations' geometry was estimated, which are the origin, a point on the x-axis at one
+            /// meter, and one on the floor (cflib,
+            /// `examples/lighthouse/multi_bs_geometry_estimation.py`).
             frame_turn_rad: [f64; 3] = [0.0; 3];
-            /// Relative error of the Lighthouse's meter: that point on the x-axis fixes the scale.
+            /// Relative scale error of the Lighthouse, which comes from the point at one meter on
+            /// the x-axis.
             frame_scale_error: f64 = 0.0;
-            /// White noise of a sweep angle per deck sensor, σ, of a first- and a second-generation
-            /// station.
+            /// Standard deviation in rad of the white noise of a sweep angle for each deck sensor,
+            /// for a first- and a second-generation station.
             sweep_noise_rad: [f64; 2] = [60e-6, 28e-6];
-            /// Fraction of that noise's variance that is common to all four sensors in a sweep.
+            /// Fraction of a sweep's noise variance that is common to all four sensors.
             sweep_noise_shared_frac: f64 = 0.8;
             /// Fraction of sweeps that are lost.
             sweep_loss_frac: f64 = 0.13;
-            /// Distance between a station's true and believed position, per axis, σ, beside the
-            /// common distortion.
+            /// Standard deviation in m, for each axis, of the error of a station's believed
+            /// position, in addition to the common distortion.
             station_position_error_m: f64 = 0.0015;
-            /// Angle between a station's true and believed attitude, per axis, σ.
+            /// Standard deviation in rad, per axis, of the error of a station's believed attitude.
             station_rotation_error_rad: f64 = 0.0007;
-            /// Smooth error of a sweep angle that the station's calibration leaves, σ.
+            /// Standard deviation in rad of the smooth error of a sweep angle that the station's
+            /// calibration leaves.
             sweep_distortion_rad: f64 = 0.001;
         }
     }
 
     /// Generation of a base station.
     pub enum Generation {
-        /// One rotor with two planes, slanted by ±30°. Field of view 150° × 110°.
+        /// One rotor with two planes, slanted by ±30°. The field of view is 150° × 110°.
         "v2" => V2,
-        /// Two rotors, one with a vertical plane of light and one with a horizontal one. Field of
-        /// view 120° × 120°.
+        /// Two rotors, one with a vertical plane of light and one with a horizontal one. The field
+        /// of view is 120° × 120°.
         "v1" => V1,
     }
 
     /// Ultra-wideband ranging.
     ///
-    /// Default: firmware fixture `log05` at rest (180 differences a second, 6 cm white, bias of a
-    /// pair 20 cm, 14 % beyond 0.45 m), with anchors in the corners of a room.
+    /// The defaults are those of the firmware's fixture `log05` at rest (180 differences per
+    /// second, 6 cm white noise, a bias of 20 cm per pair, 14 % beyond 0.45 m), with anchors in the
+    /// corners of a room.
     pub struct UwbOptions {
-        /// Places of the anchors.
+        /// Positions of the anchors.
         anchors_m: Vec<[f64; 3]> = [[-2.5, -2.5], [-2.5, 2.5], [2.5, -2.5], [2.5, 2.5]]
             .into_iter()
             .flat_map(|[x, y]| [[x, y, 0.2], [x, y, 2.4]])
             .collect(), in -1e4..=1e4;
-        /// Anchors that each drone hears, by index: one list a drone.
+        /// Indices of the anchors from which each drone receives ranges, with one list per drone.
         ///
-        /// Empty: all drones hear all anchors.
+        /// If this list is empty, all drones receive all anchors.
         heard: Vec<Vec<usize>> = Vec::new(), in 0.0..=63.0;
-        /// Ranges per second, over all anchors. With the estimator `cooperative`, over all anchors
-        /// of all drones and all pairs of drones.
+        /// Number of ranges per second from all anchors together. With the estimator `cooperative`,
+        /// this rate covers all anchors of all drones and all pairs of drones.
         rate_hz: f64 = 180.0, in 1.0..=2000.0;
-        /// White noise of a range, σ.
+        /// Standard deviation of the white noise of a range.
         noise_m: f64 = 0.06, in 0.0..=10.0;
-        /// Bias of a link (an anchor, or a pair of anchors), which varies with the drone's
-        /// position, σ.
+        /// Standard deviation of the bias of a link (an anchor, or a pair of anchors), which varies
+        /// with the drone's position.
         bias_m: f64 = 0.2, in 0.0..=10.0;
         /// Fraction of ranges that are outliers.
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
-        /// Error of a drone's believed position at the start, per axis, σ.
+        /// Standard deviation per axis of the error of a drone's believed position at the start.
         start_error_m: f64 = 0.0, in 0.0..=10.0;
     }
 
     /// Ranges and messages between the drones of a fleet, for the estimator `cooperative`.
     ///
-    /// A message holds the motion since the start by the inertial sensors, and the ranges and
-    /// heights measured since the last message: 24 bytes and 3 for each of them.
+    /// A message contains the motion since the start according to the inertial sensors, and the
+    /// ranges and heights measured since the last message. A message takes 24 bytes, plus 3 for
+    /// each range or height.
     pub struct PeerOptions {
-        /// Measure the distances between the drones, like those to anchors.
+        /// True if the drones measure the distances between them, like those to anchors.
         ranging: bool = false;
-        /// Messages per second of each drone.
+        /// Number of messages that each drone sends per second.
         rate_hz: f64 = 20.0, in 0.1..=500.0;
-        /// Fraction of messages that are lost, for each receiver independently.
+        /// Fraction of messages that are lost, independently for each receiver.
         loss_frac: f64 = 0.0, in 0.0..=1.0;
         /// Latency of a message.
         delay_s: f64 = 0.02, in 0.0..=10.0;
     }
 
-    /// Infrared ranger that looks down onto the floor.
+    /// Infrared ranger that looks down at the floor.
     ///
-    /// Default: firmware (`zranger2.c`).
+    /// The defaults are those of the firmware (`zranger2.c`).
     pub struct TimeOfFlightOptions {
-        /// White noise of a distance, σ near the floor. The sensor adds 2.5 mm at 2.5 m and
-        /// 0.2 m at 4 m.
+        /// Standard deviation of the white noise of a distance near the floor. The sensor adds 2.5
+        /// mm at 2.5 m and 0.2 m at 4 m.
         noise_m: f64 = 0.0025, in 0.0..=10.0;
-        /// Distances per second.
+        /// Number of measurements per second.
         rate_hz: f64 = 40.0, in 0.1..=2000.0;
     }
 
     /// Barometer.
     ///
-    /// Default: 9 cm at 50 Hz in the firmware's fixture `log05`. The drift is an assumption (30 cm
-    /// in ten minutes).
+    /// The default noise of 9 cm at 50 Hz is that of the firmware's fixture `log05`. The drift is
+    /// an assumption (30 cm in ten minutes).
     pub struct BarometerOptions {
-        /// White noise of a height, σ.
+        /// Standard deviation of the white noise of a height.
         noise_m: f64 = 0.09, in 0.0..=100.0;
-        /// Random walk of the height, m/√s: σ after one second.
+        /// Random walk of the height in m/√s, which is the standard deviation after one second.
         drift_m_sqrt_s: f64 = 0.012, in 0.0..=100.0;
-        /// Heights per second.
+        /// Number of measurements per second.
         rate_hz: f64 = 50.0, in 0.1..=2000.0;
         fixed {
-            /// Steady drift of the height, as of a weather front.
+            /// Constant drift of the height in m/s, such as that from a weather front.
             drift_m_s: f64 = 0.0;
         }
     }
 
     /// Satellite navigation with a base station.
     pub struct GnssOptions {
-        /// White noise of a fix per axis, σ.
+        /// Standard deviation of the white noise of a fix for each axis.
         noise_m: f64 = 0.05, in 0.0..=100.0;
-        /// Fixes per second.
+        /// Number of fixes per second.
         rate_hz: f64 = 10.0, in 0.1..=2000.0;
         fixed {
-            /// Times without a fix, from and to, in order: `[[20, 30]]` is silence from 20 s to 30
-            /// s.
+            /// Periods without a fix, in chronological order, so that `[[20, 30]]` means no fix
+            /// from 20 s to 30 s.
             silent_s: Vec<[f64; 2]> = Vec::new();
         }
     }
 }
 
-/// A Lighthouse base station at its believed pose.
+/// Lighthouse base station at its believed pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {
-    /// Generation.
+    /// Generation of the station.
     pub generation: Generation,
-    /// Position, world frame.
+    /// Position in the world frame in m.
     pub position_m: [f64; 3],
-    /// Rotation about world z. At 0 it looks along world x.
+    /// Rotation about world z in rad. At 0, the station faces along world x.
     pub yaw_rad: f64,
-    /// Rotation about the yawed y axis, positive downward.
+    /// Rotation about the yawed y axis in rad, positive downward.
     pub pitch_rad: f64,
-    /// Rotation about the forward axis.
+    /// Rotation about the forward axis in rad.
     pub roll_rad: f64,
 }
 
 impl Station {
-    /// A station at `position_m` that looks at `target_m` with its horizon level.
+    /// Makes a station at `position_m` that faces `target_m` with a level horizon.
     ///
-    /// Looking straight up or down leaves the yaw at zero.
+    /// If the station faces straight up or down, its yaw is zero.
     pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
         let forward = Vector3::from(target_m) - Vector3::from(position_m);
         Self::facing(generation, position_m, &forward, 0.0)
     }
 
-    /// A station at `position_m` that looks along `forward`, rolled about that direction.
+    /// Makes a station at `position_m` that faces along `forward`, and is rolled about it.
     pub(crate) fn facing(
         generation: Generation,
         position_m: [f64; 3],
@@ -294,7 +302,7 @@ impl Station {
 impl Described for Station {
     const SHAPE: Shape = Shape::Plain;
 
-    /// Checks the ranges of position and angles.
+    /// Checks that the position and the angles are within their ranges.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         self.position_m.check(&joined(place, "position_m"), Some([-1e4, 1e4]))?;
         for (key, angle_rad, max) in [
@@ -309,7 +317,7 @@ impl Described for Station {
 }
 
 impl Positioning {
-    /// Least numbers of base stations and of anchors.
+    /// Returns the minimum numbers of base stations and of anchors.
     fn least_counts(self) -> [usize; 2] {
         match self {
             Self::Position | Self::Gnss => [0, 0],
@@ -332,7 +340,7 @@ impl Positioning {
         n_stations > 0
     }
 
-    /// True if the positioning measures positions, not angles or distances.
+    /// True if the positioning measures positions instead of angles or distances.
     pub(crate) fn gives_positions(self) -> bool {
         match self {
             Self::Position | Self::CrossingBeams | Self::Gnss => true,
@@ -342,7 +350,7 @@ impl Positioning {
 }
 
 impl HeightSensor {
-    /// True if it measures the distance to the floor, and not the height above the start.
+    /// True if the sensor measures the distance to the floor instead of the height above the start.
     pub(crate) fn looks_down(self) -> bool {
         match self {
             Self::TimeOfFlight => true,
@@ -352,13 +360,13 @@ impl HeightSensor {
 }
 
 impl UwbOptions {
-    /// Positions of the anchors.
+    /// Returns the positions of the anchors.
     pub fn anchors(&self) -> Vec<Vector3<f64>> {
         self.anchors_m.iter().map(|anchor| Vector3::from(*anchor)).collect()
     }
 
-    /// Indices of the anchors that a drone hears. A drone without a list is an error. If there are
-    /// no lists, every drone hears all anchors.
+    /// Returns the indices of the anchors that a drone receives, which are all anchors if there are
+    /// no lists. Returns an error for a drone without a list.
     pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
         match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
             Some(heard) => Ok(heard.clone()),
@@ -367,7 +375,7 @@ impl UwbOptions {
                 let (n, drone) = (self.heard.len(), drone + 1);
                 Err(input_error!(
                     "sensors.uwb.heard",
-                    "{n} lists, and a drone {drone}",
+                    "{n} lists for at least {drone} drones",
                     "a list for each drone, or none",
                     "list the anchors that each drone hears"
                 ))
@@ -375,21 +383,21 @@ impl UwbOptions {
         }
     }
 
-    /// Checks that no two anchors are at one position, and that each drone hears `least` or more of
-    /// them, each once.
+    /// Checks that no two anchors have the same position, and that each drone receives `least` or
+    /// more of them, each once.
     fn check_anchors(&self, least: usize) -> Result<()> {
         for (i, anchor) in self.anchors_m.iter().enumerate() {
             if self.anchors_m[..i].contains(anchor) {
                 return Err(input_error!(
                     "",
-                    "{anchor:?}, the place of another anchor",
-                    "each anchor once",
-                    "list every anchor at a different place"
+                    "{anchor:?}, which is also the position of another anchor",
+                    "a different position for each anchor",
+                    "list each anchor once"
                 )
                 .of_item("sensors.uwb.anchors_m", i));
             }
         }
-        // The lists of heard anchors: their lengths, and then their indices.
+        // For the lists of received anchors, the lengths are checked first, and then the indices.
         let n = self.anchors_m.len();
         for (drone, heard) in self.heard.iter().enumerate() {
             let list = "sensors.uwb.heard";
@@ -403,7 +411,7 @@ impl UwbOptions {
                     "",
                     "{anchor}",
                     "each index once, from 0 to {most}",
-                    "indices count the list sensors.uwb.anchors_m from 0"
+                    "an index is a place in the list sensors.uwb.anchors_m, counted from 0"
                 )
                 .of_item("", i)
                 .of_item(list, drone));
@@ -413,12 +421,12 @@ impl UwbOptions {
     }
 }
 
-/// Number of first-generation stations.
+/// Returns the number of first-generation stations.
 pub(super) fn count_v1(stations: &[Station]) -> usize {
     stations.iter().filter(|station| station.generation == Generation::V1).count()
 }
 
-/// Checks that the number of things under a key is from `least` to `most`.
+/// Checks that the number of items under a key is from `least` to `most`.
 fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Result<()> {
     if (least..=most).contains(&n) {
         return Ok(());
@@ -427,9 +435,9 @@ fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Re
 }
 
 impl SensorOptions {
-    /// Sensors without any error.
+    /// Returns sensors without any error.
     pub fn ideal() -> Self {
-        // The defaults of all other errors are zero.
+        // All other errors are zero by default.
         let mut ideal = Self::default();
         let Self { imu, lighthouse, uwb, time_of_flight, barometer, gnss, .. } = &mut ideal;
         lighthouse.sweep_noise_rad = [0.0; 2];
@@ -454,7 +462,7 @@ impl SensorOptions {
         ideal
     }
 
-    /// Readings per second of a height sensor.
+    /// Returns the number of readings per second of a height sensor.
     pub(crate) fn height_rate_hz(&self, sensor: HeightSensor) -> f64 {
         match sensor {
             HeightSensor::TimeOfFlight => self.time_of_flight.rate_hz,
@@ -462,7 +470,7 @@ impl SensorOptions {
         }
     }
 
-    /// Standard deviation of the white noise of a height sensor at a reading.
+    /// Returns the standard deviation in m of the white noise of a height sensor at a reading.
     pub(crate) fn height_sigma_m(&self, sensor: HeightSensor, measured_m: f64) -> f64 {
         match sensor {
             HeightSensor::TimeOfFlight => {
@@ -472,20 +480,20 @@ impl SensorOptions {
         }
     }
 
-    /// Checks that silences of the satellites come one after the other.
+    /// Checks that the periods without satellites are in chronological order and do not overlap.
     pub(crate) fn check_silences(&self) -> Result<()> {
         let mut heard_from_s = 0.0;
         for (i, [from_s, to_s]) in self.gnss.silent_s.iter().enumerate() {
             let wanted = if from_s >= to_s {
                 "an end after its beginning".to_owned()
             } else if *from_s < heard_from_s {
-                format!("a beginning after the end of the silence before, {heard_from_s} s")
+                format!("a beginning not before {heard_from_s} s, the end of the previous period")
             } else {
                 heard_from_s = *to_s;
                 continue;
             };
-            let hint =
-                "write each silence as [from, to], in order of time, and join those that meet";
+            let hint = "write each period as [from, to], in chronological order, and join \
+                        overlapping periods";
             let error = Error::input("", format!("{from_s} to {to_s} s"), wanted, hint);
             return Err(error.of_item("sensors.gnss.silent_s", i));
         }
@@ -499,9 +507,9 @@ impl SensorOptions {
         let hint = "list the room's base stations";
         let place = "sensors.lighthouse.stations";
         check_count(place, stations.len(), [least_stations, MAX_STATIONS], hint)?;
-        let hint = "the first generation takes turns: one or two stations; use v2 for more";
+        let hint = "at most two v1 stations take turns, so use v2 for more stations";
         check_count(&format!("{place}, generation v1"), count_v1(stations), [0, 2], hint)?;
-        let (place, hint) = ("sensors.uwb.anchors_m", "list the places of the anchors");
+        let (place, hint) = ("sensors.uwb.anchors_m", "list the positions of the anchors");
         check_count(place, self.uwb.anchors_m.len(), [least_anchors, MAX_ANCHORS], hint)?;
         if least_anchors == 0 { Ok(()) } else { self.uwb.check_anchors(least_anchors) }
     }

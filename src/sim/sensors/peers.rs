@@ -1,4 +1,4 @@
-//! Drones that fly together: who they are, and the messages between them.
+//! Drones that fly together, and the messages between them.
 
 use std::collections::VecDeque;
 
@@ -9,24 +9,24 @@ use super::{HeightSensor, PeerOptions, SensorOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::random::Noise;
 
-/// The drones that fly together, in the order of their plans, as one of them knows them.
+/// Drones that fly together, in the order of their plans, as one of them knows them.
 #[derive(Clone, Debug)]
 pub(crate) struct Fleet {
     pub members: Vec<Member>,
-    /// Which of them this is.
+    /// Place of this drone in the fleet.
     pub place: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Member {
-    /// Index of its noise and of its anchors.
+    /// Index of the drone's noise and of its anchors.
     pub index: u64,
-    /// Believed position at the start: the true one with an error.
+    /// Believed position at the start in m, which is the true one with an error.
     pub start_m: Vector3<f64>,
 }
 
 impl Member {
-    /// The drone of an index that truly starts at `start_m`. With ultra-wideband ranges, the
+    /// Makes the drone of an index that truly starts at `start_m`. With ultra-wideband ranges, the
     /// believed start has an error.
     pub(crate) fn new(
         sensors: &SensorOptions,
@@ -36,9 +36,10 @@ impl Member {
     ) -> Self {
         let error_m =
             if sensors.positioning.is_by_ranges() { sensors.uwb.start_error_m } else { 0.0 };
-        let start_m = match error_m > 0.0 {
-            true => start_m + Noise::new(seed, index, "start").normals() * error_m,
-            false => start_m,
+        let start_m = if error_m > 0.0 {
+            start_m + Noise::new(seed, index, "start").normals() * error_m
+        } else {
+            start_m
         };
         Self { index, start_m }
     }
@@ -47,15 +48,15 @@ impl Member {
 /// Target of a measured distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Target {
-    /// An anchor, by index.
+    /// Anchor, given by its index.
     Anchor(usize),
-    /// A drone, by its place in the fleet.
+    /// Drone, given by its place in the fleet.
     Drone(usize),
-    /// The floor, by a sensor of the height.
+    /// Floor, measured by a sensor of the height.
     Height(HeightSensor),
 }
 
-/// A range or a height over the floor in a message.
+/// Range or height above the floor in a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shared {
     pub time_s: f64,
@@ -64,8 +65,8 @@ pub(crate) struct Shared {
     pub variance: f64,
 }
 
-/// The motion since the start by inertial sensors. A lost message only costs time: the next one
-/// holds the motion since the last that was heard.
+/// Motion since the start according to inertial sensors. A lost message only causes a delay,
+/// because the next one contains the motion since the last message received.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Reckoning {
     pub time_s: f64,
@@ -78,27 +79,29 @@ pub(crate) struct Reckoning {
 pub(crate) struct Segment {
     pub span_s: f64,
     pub(crate) gained_m_s: Vector3<f64>,
-    /// Displacement beyond that by the velocity at the beginning.
-    pub moved_m: Vector3<f64>,
-    /// Integral of the specific force, world frame.
+    /// Displacement in m that the acceleration adds to that of the velocity at the beginning.
+    pub accelerated_m: Vector3<f64>,
+    /// Integral of the specific force in the world frame in m/s.
     pub(crate) force_m_s: Vector3<f64>,
 }
 
 impl Reckoning {
-    /// The motion since an earlier time.
+    /// Returns the motion since `then`, over the time τ. With the position p and the velocity v,
+    /// the gained velocity is v − v₀, the displacement due to acceleration is p − p₀ − v₀ τ, and
+    /// the integral of the specific force is v − v₀ + g τ, because gravity is no specific force.
     pub(crate) fn since(&self, then: &Self) -> Segment {
         let span_s = self.time_s - then.time_s;
         let gained_m_s = self.velocity_m_s - then.velocity_m_s;
         Segment {
             span_s,
             gained_m_s,
-            moved_m: self.position_m - then.position_m - then.velocity_m_s * span_s,
+            accelerated_m: self.position_m - then.position_m - then.velocity_m_s * span_s,
             force_m_s: gained_m_s + Vector3::z() * (GRAVITY_M_S2 * span_s),
         }
     }
 }
 
-/// A message from a drone to all others.
+/// Message from a drone to all others.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Message {
     /// Place of the sender in the fleet.
@@ -111,7 +114,7 @@ pub(crate) struct Message {
     pub estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
 }
 
-/// A message between two drones.
+/// Message on its way between two drones.
 #[derive(Debug)]
 struct Transit {
     arrives_s: f64,
@@ -120,19 +123,19 @@ struct Transit {
     message: Message,
 }
 
-/// The air between the drones, which delays and loses messages.
+/// Radio channel between the drones, which delays and loses messages.
 #[derive(Debug)]
 pub(crate) struct Air {
     options: PeerOptions,
-    /// Noise that decides on losses, by the places of sender and receiver.
+    /// Noise that determines losses, by the places of sender and receiver.
     losses: Vec<Vec<Noise>>,
-    /// Messages that were sent and have not arrived, in the order of sending.
+    /// Messages that were sent but have not arrived, in the order of sending.
     in_transit: VecDeque<Transit>,
     clock: Clock,
 }
 
 impl Air {
-    /// The air between drones with these indices.
+    /// Makes the radio channel between drones with these indices.
     pub(crate) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
         let losses = indices.iter().map(|from| {
             let receivers = indices.iter();
@@ -151,7 +154,7 @@ impl Air {
         self.clock.due(time_s).is_some()
     }
 
-    /// Sends a message to all others, each of which may lose it.
+    /// Sends a message to all other drones, each of which may lose it.
     pub(crate) fn send(&mut self, message: &Message) {
         let arrives_s = message.motion.time_s + self.options.delay_s;
         for (receiver, loss) in self.losses[message.from].iter_mut().enumerate() {
@@ -162,8 +165,8 @@ impl Air {
         }
     }
 
-    /// Takes the next message that has arrived by `time_s`: the place of its receiver and the
-    /// message, or `None` if none has.
+    /// Takes the next message that has arrived by `time_s`, and returns it with the place of its
+    /// receiver, or `None` if none has.
     pub(crate) fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
         let has_arrived = self.in_transit.front()?.arrives_s <= time_s;
         let Transit { receiver, message, .. } =
@@ -177,7 +180,7 @@ mod tests {
     use super::*;
 
     impl Fleet {
-        /// A single drone at the origin.
+        /// Makes a fleet of a single drone at the origin.
         pub(crate) fn alone(index: u64) -> Self {
             Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
         }

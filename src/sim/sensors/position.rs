@@ -1,4 +1,4 @@
-//! A position at every tick: white jitter and a smooth distortion, without base stations.
+//! Position at every tick, with white jitter and a smooth distortion, without base stations.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,14 +7,14 @@ use super::lighthouse::{common_distortion, frame_turn};
 use super::streams::Streams;
 use noctograph_core::random::{Field, Normals};
 
-/// Fixes per second of a Lighthouse: one turn of a second-generation rotor (50.05 Hz, firmware
-/// `pulse_processor_v2.c`). Only the distortion is computed at this rate.
+/// Number of fixes per second of a Lighthouse, which is one per turn of a second-generation rotor
+/// (50.05 Hz, firmware `pulse_processor_v2.c`). Only the distortion is computed at this rate.
 const FIX_RATE_HZ: u32 = 50;
 
-/// The reference flight's Lighthouse, by the errors in its log.
+/// Lighthouse of the reference flight, modeled by the errors in its log.
 #[derive(Debug)]
 pub(super) struct PositionSensor {
-    /// From the room into the Lighthouse's frame.
+    /// Rotation and scale from the room to the Lighthouse's frame.
     frame: Matrix3<f64>,
     jitter_m: f64,
     jitter: Normals,
@@ -35,12 +35,12 @@ impl PositionSensor {
         }
     }
 
-    /// Measured position of a drone at rest, once the jitter has averaged out.
+    /// Returns the measured position of a drone at rest, after the jitter has averaged out.
     pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         self.frame * position_m + self.distortion.value_at(&position_m)
     }
 
-    /// The position as measured at a tick.
+    /// Returns the position as measured at a tick.
     pub(super) fn read(&mut self, position_m: Vector3<f64>, tick: u32) -> Vector3<f64> {
         if tick.is_multiple_of(self.ticks_per_fix) {
             self.distortion_m = self.distortion.value_at(&position_m);

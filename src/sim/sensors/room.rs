@@ -1,24 +1,24 @@
-//! Objects in the light of the base stations: people, other drones, mirrors and panes.
+//! Objects in the light of the base stations, which are people, other drones, mirrors and panes.
 //!
-//! A person is an upright cylinder and a drone a ball, which block the light. A mirror shows each
-//! station a second time: the deck receives the sweep that meets its image behind the mirror, with
-//! that image's angle. The estimator's filter accepts or refuses such sweeps. A pane of glass
-//! reflects if the light is strong enough: a deck that receives a station from 6 m receives a
-//! fraction R of its light from 6 m times √R. Both surfaces of the pane reflect, by Fresnel's
-//! equations for unpolarized light and a refractive index of 1.52.
+//! A person is an upright cylinder and a drone a ball, both of which block the light. A mirror
+//! shows each station a second time, because the deck also receives the sweep that meets its image
+//! behind the mirror, with the angle of that image. The estimator's filter accepts or rejects such
+//! sweeps. A pane of glass reflects visibly if the light is strong enough. A deck that receives a
+//! station from 6 m receives a fraction R of its light from 6 m times √R. Both surfaces of the pane
+//! reflect according to Fresnel's equations for unpolarized light and a refractive index of 1.52.
 //!
-//! Not modeled: edges of mirrors, light over two mirrors, light that passes a person after a
-//! mirror, and the time between a sweep and its reflection, by which the firmware drops some
-//! sweeps.
+//! Not modeled are edges of mirrors, light over two mirrors, light that passes a person after a
+//! mirror, and the time between a sweep and its reflection, because of which the firmware drops
+//! some sweeps.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
 use super::station::{RANGE_M, StationPose};
 
-/// Height of a person.
+/// Height of a person in m.
 const PERSON_M: f64 = 1.8;
-/// Radius of a drone: half of the 92 mm from motor to motor.
+/// Radius of a drone in m, half of the 92 mm from motor to motor.
 const DRONE_M: f64 = 0.046;
 
 /// Refractive index of glass.
@@ -27,13 +27,13 @@ const GLASS: f64 = 1.52;
 /// People, mirrors and outages of a room.
 #[derive(Debug)]
 pub(super) struct Room {
-    /// Axis in x and y, and radius.
+    /// Position of the axis in x and y, and radius, in m.
     people_m: Vec<[f64; 3]>,
     pub(super) mirrors: Vec<Mirror>,
     silent: Vec<[f64; 3]>,
 }
 
-/// A plane that reflects on the side that it faces.
+/// Plane that reflects on the side that it faces.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mirror {
     point_m: Vector3<f64>,
@@ -42,7 +42,7 @@ pub(super) struct Mirror {
 }
 
 impl Room {
-    /// The room of the options. A mirror without a normal is left out.
+    /// Makes the room of the options. A mirror without a normal is left out.
     pub(super) fn new(options: &LighthouseOptions) -> Self {
         let mirrors = options.mirrors_m.iter().map(|plane| (plane, false));
         let planes = mirrors.chain(options.panes_m.iter().map(|plane| (plane, true)));
@@ -57,7 +57,7 @@ impl Room {
         }
     }
 
-    /// True if a station sends nothing at a time.
+    /// True if a station transmits nothing at a time.
     pub(super) fn is_silent(&self, station: usize, time_s: f64) -> bool {
         self.silent.iter().any(|[silent, from_s, to_s]| {
             *silent == station as f64 && (*from_s..*to_s).contains(&time_s)
@@ -65,7 +65,7 @@ impl Room {
     }
 
     /// True if a person or a drone is between a station and a deck. The deck's own drone, which may
-    /// be among `drones_m`, does not hide it.
+    /// be among `drones_m`, does not hide the deck.
     pub(super) fn hides(
         &self,
         station_m: &Vector3<f64>,
@@ -73,8 +73,8 @@ impl Room {
         drones_m: &[Vector3<f64>],
     ) -> bool {
         let path_m = deck_m - station_m;
-        // The point of the path nearest to the cylinder's axis, as a fraction of the path, is
-        // within the cylinder and below its top.
+        // A person blocks the light if the path's point nearest to the cylinder's axis is within
+        // the cylinder and below its top.
         let by_person = self.people_m.iter().any(|[x, y, radius]| {
             let axis_m = (Vector3::new(*x, *y, 0.0) - station_m).xy();
             let level_m = path_m.xy();
@@ -82,7 +82,7 @@ impl Room {
             (axis_m - level_m * fraction).norm() < *radius
                 && station_m.z + path_m.z * fraction < PERSON_M
         });
-        // The point of the path nearest to the ball's center is within the ball.
+        // A drone blocks the light if the path's point nearest to the ball's center is in the ball.
         let by_drone = drones_m.iter().any(|drone_m| {
             let to_m = drone_m - station_m;
             let fraction = to_m.dot(&path_m) / path_m.norm_squared();
@@ -95,7 +95,7 @@ impl Room {
 }
 
 impl Mirror {
-    /// True if it reflects the light of a station to a deck.
+    /// True if the mirror reflects the light of a station to a deck.
     pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
         // Both must be in front of the mirror, and a pane must reflect enough at this angle.
         if ![station_m, deck_m].iter().all(|m| (*m - self.point_m).dot(&self.facing) > 0.0) {
@@ -106,7 +106,7 @@ impl Mirror {
         !self.is_glass || path_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
     }
 
-    /// True if a deck that faces `up` sees the image of a station in it.
+    /// True if a deck that faces `up` sees the image of a station in the mirror.
     pub(super) fn shows_to(
         &self,
         station: &StationPose,
@@ -117,21 +117,21 @@ impl Mirror {
             && station.sees(&self.image_m(deck_m), &(self.reflection() * up))
     }
 
-    /// The mirror image of a point.
+    /// Returns the mirror image of a point.
     pub(super) fn image_m(&self, position_m: &Vector3<f64>) -> Vector3<f64> {
         self.point_m + self.reflection() * (position_m - self.point_m)
     }
 
-    /// The Householder matrix that reflects directions.
+    /// Returns the Householder matrix that reflects directions.
     pub(super) fn reflection(&self) -> Matrix3<f64> {
         Matrix3::identity() - 2.0 * self.facing * self.facing.transpose()
     }
 }
 
-/// Fraction of the light that a pane reflects at a cosine of the angle to its normal.
+/// Returns the fraction of the light that a pane reflects at a cosine of the angle to its normal.
 fn reflected_frac(cosine: f64) -> f64 {
-    // Fresnel's amplitudes across and along the plane of incidence, and then the sum over all
-    // reflections between both surfaces.
+    // Fresnel's amplitudes across and along the plane of incidence give the reflection of one
+    // surface, followed by the sum over all reflections between both surfaces.
     let inside = (1.0 - (1.0 - cosine * cosine) / (GLASS * GLASS)).sqrt();
     let across = (cosine - GLASS * inside) / (cosine + GLASS * inside);
     let along = (GLASS * cosine - inside) / (GLASS * cosine + inside);
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_pane_shows_what_is_near_or_grazes_it() {
-        // Hecht, Optics: a surface of glass reflects 4.3 % straight on.
+        // According to Hecht, Optics, a surface of glass reflects 4.3 % at normal incidence.
         assert!((reflected_frac(1.0) - 0.0817).abs() < 1e-4, "{}", reflected_frac(1.0));
         assert!(reflected_frac(0.1) > 0.6 && (reflected_frac(0.0) - 1.0).abs() < 1e-9);
         let pane = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x(), is_glass: true };
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_mirror_shows_the_station_behind_it() {
-        // The sweep that meets the deck's image meets the deck as one of the station's own image.
+        // A sweep that meets the deck's image meets the deck like one from the station's image.
         let mirror = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x(), is_glass: false };
         let options = LighthouseOptions::default();
         let pose = StationPose::new(&options.stations[0]);

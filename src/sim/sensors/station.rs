@@ -1,31 +1,33 @@
-//! A Lighthouse base station: its pose, its field of view, and the angle at which its planes of
-//! light cross a point.
+//! Lighthouse base station, with pose, field of view, and the angles at which its light planes
+//! cross a point.
 //!
-//! A station's frame is x forward (out of the front), y left, z up. Angles are as in the firmware
-//! after the factory calibration, so that the calibrations of a configuration file have no effect.
-//! The remaining error is the `sweep_distortion` of the sensors. Model: `lighthouse_position_est.c`
-//! and `lighthouse_geometry.c` of the firmware. Fields of view: Bitcraze's documentation of the
-//! Lighthouse deck.
+//! In a station's frame, x points forward (out of the front), y left and z up. Angles are those of
+//! the firmware after the factory calibration, so that the calibrations of a configuration file
+//! have no effect. The remaining error is the sensors' `sweep_distortion`. The model is that of the
+//! firmware's `lighthouse_position_est.c` and `lighthouse_geometry.c`. The fields of view are from
+//! Bitcraze's documentation of the Lighthouse deck.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Generation, Station};
 use noctograph_core::geometry::Attitude;
 
-/// tan(π/6): slant of a second-generation station's planes.
+/// Tangent of the slant of a second-generation station's planes, tan(π/6).
 const TAN_TILT: f64 = 0.577_350_269_189_625_8;
-/// Tangents of half the width and half the height of the field of view: 60° and 60°, 75° and 55°.
+/// Tangents of half the width and half the height of the field of view, which are 60° and 60°, and
+/// 75° and 55°, respectively.
 const TAN_HALF_VIEW_V1: [f64; 2] = [1.732_050_807_568_877_2, 1.732_050_807_568_877_2];
 const TAN_HALF_VIEW_V2: [f64; 2] = [3.732_050_807_568_877, 1.428_148_006_742_114_7];
-/// Beyond this distance the deck no longer sees a sweep: 6 m, as documented.
+/// Distance in m beyond which the deck no longer sees a sweep, as documented.
 pub(super) const RANGE_M: f64 = 6.0;
-/// Sine of the lowest height of a station above the deck's plane at which the deck's sensors, which
-/// look up, still see it. An assumption: 6°. Bitcraze asks for half a meter above the drone.
+/// Sine of the lowest elevation of a station above the deck's plane at which the deck's sensors,
+/// which look up, still see it. The elevation of 6° is an assumption. Bitcraze recommends half a
+/// meter above the drone.
 const LOWEST_SINE: f64 = 0.1;
-/// Largest sine of a slanted plane's lead. A station sees nothing that far up.
+/// Largest sine of a slanted plane's lead. A station sees nothing that high above it.
 const LARGEST_LEAD: f64 = 0.99;
 
-/// A base station's pose, ready to compute with.
+/// Pose of a base station, prepared for computation.
 #[derive(Clone, Debug)]
 pub(crate) struct StationPose {
     pub generation: Generation,
@@ -33,19 +35,19 @@ pub(crate) struct StationPose {
     pub(crate) world_from_station: Matrix3<f64>,
 }
 
-/// One crossing of a plane of light and a point.
+/// Crossing of a plane of light with a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crossing {
-    /// Angle of the rotor, 0 straight ahead.
+    /// Angle of the rotor in rad, which is 0 straight ahead.
     pub angle_rad: f64,
-    /// Distance of the point from the rotor's axis.
+    /// Distance of the point from the rotor's axis in m.
     pub radius_m: f64,
-    /// Gradient of the angle with respect to the point, world frame.
+    /// Gradient of the angle with respect to the point, in the world frame.
     pub(crate) gradient_rad_m: Vector3<f64>,
 }
 
 impl StationPose {
-    /// The pose of a station with its rotation as a matrix.
+    /// Makes the pose of a station, with its rotation as a matrix.
     pub(crate) fn new(station: &Station) -> Self {
         let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
         Self {
@@ -55,13 +57,14 @@ impl StationPose {
         }
     }
 
-    /// A point of the world in the station's frame.
+    /// Converts a point from the world frame to the station's frame.
     pub(crate) fn station_from_world(&self, point_m: &Vector3<f64>) -> Vector3<f64> {
         self.world_from_station.tr_mul(&(point_m - self.position_m))
     }
 
-    /// True if a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
-    /// its field of view, and above the deck. Walls are not modeled.
+    /// True if a deck at `deck_m` that faces `up` sees this station's sweeps, which requires that
+    /// it is within range and field of view, and that the station is above the deck. Walls are not
+    /// modeled.
     pub(crate) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();
@@ -76,9 +79,9 @@ impl StationPose {
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
-    /// The crossing of plane 0 or 1 with a point: `α = atan2(y, x) + asin(z tan t / √(x² + y²))`
-    /// with `t = ∓π/6` for the second generation, and `atan2(y, x)` and `atan2(z, x)` for the
-    /// first.
+    /// Returns the crossing of plane 0 or 1 with a point. The angle is `α = atan2(y, x) + asin(z
+    /// tan t / √(x² + y²))` with `t = ∓π/6` for the second generation, and `atan2(y, x)` and
+    /// `atan2(z, x)` for the first.
     pub(crate) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
         let crossing = match (self.generation, plane) {
@@ -90,11 +93,11 @@ impl StationPose {
         Crossing { gradient_rad_m, ..crossing }
     }
 
-    /// The direction, a unit vector in the world, in which both planes cross a point.
+    /// Returns the unit vector in the world frame along which both planes cross at these angles.
     pub(crate) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),
-            // The mean of both angles is the azimuth, and half their difference the lead.
+            // The mean of both angles is the azimuth, and half of their difference is the lead.
             Generation::V2 => {
                 let azimuth = 0.5 * (angles_rad[0] + angles_rad[1]);
                 let lead = libm::sin(0.5 * (angles_rad[1] - angles_rad[0]));
@@ -106,8 +109,8 @@ impl StationPose {
     }
 }
 
-/// Returns the crossing of a point and a sweep plane without tilt, in the station's frame: the
-/// angle is `atan2(y, x)` for axis 1 and `atan2(z, x)` for axis 2. `u` is the point.
+/// Returns the crossing of a point with an upright sweep plane, in the station's frame. The angle
+/// is `atan2(y, x)` for axis 1 and `atan2(z, x)` for axis 2. `u` is the point.
 fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     let (ahead, aside) = (u.x, u[axis]);
     let square = ahead * ahead + aside * aside;
@@ -116,9 +119,10 @@ fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     Crossing { angle_rad: libm::atan2(aside, ahead), radius_m: square.sqrt(), gradient_rad_m }
 }
 
-/// Crossing of a slanted plane and a point, in the station's frame.
+/// Returns the crossing of a point with a slanted plane, in the station's frame.
 fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
-    // d asin(s) = ds / √(1 − s²) with the sine s = z tan t / r, which falls with the radius r.
+    // The gradient follows from d asin(s) = ds / √(1 − s²) with the sine s = z tan t / r, which
+    // decreases with the radius r.
     let square = u.x * u.x + u.y * u.y;
     let radius = square.sqrt();
     let lead = (u.z * tan_tilt / radius).clamp(-LARGEST_LEAD, LARGEST_LEAD);
@@ -156,19 +160,20 @@ mod tests {
     fn angles_are_those_of_geometry_by_hand() {
         let [v1, v2] = [Generation::V1, Generation::V2]
             .map(|generation| looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]));
-        // 2 m ahead, 2 m to the left, level: 45° on every plane of either generation.
+        // A point 2 m ahead and 2 m to the left at the same height is at 45° on each plane of both
+        // generations.
         let point = Vector3::new(2.0, 2.0, 1.0);
         for plane in [0, 1] {
             let angle_rad = v2.crossing(plane, &point).angle_rad;
             assert!((angle_rad - PI / 4.0).abs() < 1e-15, "plane {plane}: {angle_rad}");
         }
-        // 1 m ahead and √3/2 m up: a plane slanted by 30° leads by asin(√3/2 / √3) = 30°.
+        // For a point 1 m ahead and √3/2 m up, a 30° plane leads by asin(√3/2 / √3) = 30°.
         let above = Vector3::new(1.0, 0.0, 1.0 + 0.75_f64.sqrt());
         for (plane, want) in [(0, -PI / 6.0), (1, PI / 6.0)] {
             let angle_rad = v2.crossing(plane, &above).angle_rad;
             assert!((angle_rad - want).abs() < 1e-15, "plane {plane}: {angle_rad}");
         }
-        // First generation: 1 m ahead, 1 m left, 1 m down is 45° and −45°.
+        // In the first generation, a point 1 m ahead, 1 m left and 1 m down is at 45° and −45°.
         let corner = Vector3::new(1.0, 1.0, 0.0);
         for (plane, want) in [(0, PI / 4.0), (1, -PI / 4.0)] {
             let angle_rad = v1.crossing(plane, &corner).angle_rad;
@@ -178,8 +183,8 @@ mod tests {
 
     #[test]
     fn a_crossed_point_lies_in_the_plane_of_light() {
-        // The plane through the rotor's axis direction at angle α, tilted by t about its forward
-        // direction, has the normal (−sin α, cos α, 0) cos t − z sin t … up to sign.
+        // The plane through the rotor's axis at angle α, tilted by t about its forward direction,
+        // has the normal (−sin α, cos α, 0) cos t − z sin t … up to sign.
         let station = looking(Generation::V2, [0.0; 3], [1.0, 0.0, 0.0]);
         let point = Vector3::new(2.0, -0.7, -1.1);
         for (plane, tilt) in [(0, -PI / 6.0), (1, PI / 6.0)] {

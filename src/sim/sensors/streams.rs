@@ -2,7 +2,7 @@
 
 use noctograph_core::random::Noise;
 
-/// The streams of one drone's sensors, by name, so that none shifts another's.
+/// Streams of one drone's sensors, by name, so that no sensor changes another's stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Streams {
     /// Seed of this flight.
@@ -14,24 +14,24 @@ pub(super) struct Streams {
 }
 
 impl Streams {
-    /// Noise of a sensor of this drone. It differs between drones and flights.
+    /// Returns the noise of a sensor of this drone. The noise differs between drones and flights.
     pub(super) fn drone_noise(&self, sensor: &str) -> Noise {
         self.noise_of(self.drone, sensor)
     }
 
-    /// Noise of a sensor of the drone with an index.
+    /// Returns the noise of a sensor of the drone with an index.
     pub(super) fn noise_of(&self, drone: u64, sensor: &str) -> Noise {
         Noise::new(self.seed, drone, sensor)
     }
 
-    /// Errors of a room, the same for all drones and flights in it: poses of stations and anchors,
-    /// and the distortion by their joint solution.
+    /// Returns the errors of a room, which are the same for all drones and flights in it, such as
+    /// the poses of stations and anchors, and the distortion by their joint solution.
     pub(super) fn room_noise(&self, sensor: &str) -> Noise {
         Noise::new(self.room_seed, 0, sensor)
     }
 }
 
-/// Schedule of events at a steady rate.
+/// Schedule of events at a constant rate.
 #[derive(Debug)]
 pub(crate) struct Clock {
     rate_hz: f64,
@@ -39,12 +39,12 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// A schedule whose first event is due at time 0.
+    /// Makes a schedule whose first event is due at time 0.
     pub(crate) fn new(rate_hz: f64) -> Self {
         Self { rate_hz, n: 0 }
     }
 
-    /// Counts the next event if it is due by `time_s`, and returns its number from 0, else `None`.
+    /// Counts the next event if it is due by `time_s`, and returns its number from 0, or `None`.
     pub(crate) fn due(&mut self, time_s: f64) -> Option<usize> {
         (f64::from(self.n) <= time_s * self.rate_hz).then(|| {
             self.n += 1;

@@ -1,10 +1,10 @@
-//! Ultra-wideband ranges: two-way, or differences between two anchors.
+//! Ultra-wideband ranges, which are two-way ranges, or differences between two anchors.
 //!
-//! White noise, a bias of each link that depends on the drone's position, and outliers. Anchors are
-//! asked in turn, and a difference is taken between an anchor and the next one that is heard. In a
-//! fleet all links take turns: first the links of each drone to its anchors, then the pairs of
-//! drones. Both drones of a pair read the same range. Walls, antenna patterns and collisions of
-//! packets are not modeled.
+//! The errors of ranges are white noise, a bias of each link that depends on the drone's position,
+//! and outliers. Anchors are measured in turn, and a difference is that between an anchor and the
+//! next one that is received. In a fleet, all links take turns, beginning with the links of each
+//! drone to its anchors, followed by the pairs of drones. Both drones of a pair receive the same
+//! range. Walls, antenna patterns and collisions of packets are not modeled.
 
 use nalgebra::Vector3;
 
@@ -13,23 +13,23 @@ use super::{Fleet, Positioning, SensorOptions, UwbOptions};
 use noctograph_core::error::Result;
 use noctograph_core::random::{Field, Noise};
 
-/// Distance over which a link's bias changes: an assumption, the size of furniture.
+/// Distance in m over which a link's bias changes, assumed to be the size of furniture.
 const BIAS_LENGTH_M: f64 = 1.5;
-/// Mean error of an outlier: positive for two-way ranging, of either sign for differences.
+/// Mean error of an outlier in m, which is positive for two-way ranging, else of either sign.
 const OUTLIER_M: f64 = 1.0;
 
-/// One measured distance, or difference of two.
+/// Measured distance to an anchor, or difference of two distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Index of the anchor.
     pub anchor: usize,
-    /// Index of the anchor whose distance was subtracted, for a difference.
+    /// Index of the anchor whose distance was subtracted, if the range is a difference.
     pub minus: Option<usize>,
-    /// `|p − a|`, or `|p − a| − |p − b|`.
+    /// Distance `|p − a|`, or difference `|p − a| − |p − b|`, in m.
     pub distance_m: f64,
 }
 
-/// One measured distance to another drone.
+/// Measured distance to another drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PeerRange {
     /// Place of the other drone in the fleet.
@@ -37,10 +37,10 @@ pub(crate) struct PeerRange {
     pub distance_m: f64,
 }
 
-/// A link in the round of all, with drones by their places in the fleet.
+/// Link that takes its turn, whose drones are given by their places in the fleet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Turn {
-    /// To an anchor, less the distance to another anchor for differences.
+    /// Link to an anchor, and for differences also to another anchor whose distance is subtracted.
     Anchor {
         drone: usize,
         anchor: usize,
@@ -49,11 +49,11 @@ pub(crate) enum Turn {
     Drones(usize, usize),
 }
 
-/// The links of drones with these indices, in the order in which they take turns: those of each
-/// drone to its anchors, then the pairs of drones.
+/// Returns the links of drones with these indices in the order in which they take turns, which are
+/// those of each drone to its anchors, followed by the pairs of drones.
 pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
     let differences = options.positioning == Positioning::UwbTdoa;
-    // In the order of the indices, so that the order of the drones does not matter.
+    // The order is that of the indices, so that the order of the drones has no effect.
     let mut drones: Vec<usize> = (0..indices.len()).collect();
     drones.sort_by_key(|drone| indices[*drone]);
     let mut turns = Vec::new();
@@ -79,33 +79,36 @@ struct Errors {
 }
 
 impl Errors {
-    /// A distance with its errors. Outliers are exponential, of either sign for differences.
+    /// Returns a distance with its errors added. Outliers are exponentially distributed, and for
+    /// differences of either sign.
     fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
-        // A Laplace distribution by the inverse of its distribution function, whose upper half is
-        // the exponential one. Both numbers are drawn at every range.
+        // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q instead of
+        // 2 q, which is equally distributed and never zero. Both numbers are drawn for each range.
         let white_m = self.noise.normal() * options.noise_m;
         let [chance, uniform] = [self.outliers.uniform(), self.outliers.uniform()];
         let quantile = if differences { uniform } else { 0.5 + 0.5 * uniform };
-        let outlier_m = match chance < options.outlier_frac {
-            true if quantile < 0.5 => OUTLIER_M * libm::log(1.0 - 2.0 * quantile),
-            true => -OUTLIER_M * libm::log(2.0 * (1.0 - quantile)),
-            false => 0.0,
+        let outlier_m = if chance >= options.outlier_frac {
+            0.0
+        } else if quantile < 0.5 {
+            OUTLIER_M * libm::log(1.0 - 2.0 * quantile)
+        } else {
+            -OUTLIER_M * libm::log(2.0 * (1.0 - quantile))
         };
         distance_m + white_m + outlier_m
     }
 }
 
-/// The anchors and the tag on the drone.
+/// Anchors, and the tag on the drone.
 #[derive(Debug)]
 pub(super) struct Uwb {
     options: UwbOptions,
     differences: bool,
-    /// Its place in the fleet.
+    /// Place of the drone in the fleet.
     place: usize,
     anchors_m: Vec<Vector3<f64>>,
     turns: Vec<Turn>,
     clock: Clock,
-    /// Bias of each link: to an anchor, or to the pair that begins with it.
+    /// Bias of each link to an anchor, or to the pair that begins with it.
     biases: Vec<Field<1>>,
     errors: Errors,
     /// Bias and errors of the link to each drone of the fleet.
@@ -115,13 +118,12 @@ pub(super) struct Uwb {
 }
 
 impl Uwb {
-    /// The tag of a drone in a fleet, not read yet.
+    /// Makes the tag of a drone in a fleet, before its first reading.
     pub(super) fn new(options: &SensorOptions, fleet: &Fleet, streams: &Streams) -> Self {
         let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
         let uwb = &options.uwb;
         let bias = |mut noise: Noise| Field::new(&mut noise, uwb.bias_m, BIAS_LENGTH_M);
-        // Both drones of a pair draw from the streams of the pair, so that their readings are
-        // equal.
+        // Both drones of a pair draw from the same streams, so that their readings are equal.
         let index = indices[fleet.place];
         let peers = indices.iter().map(|other| {
             let (first, second) = (index.min(*other), index.max(*other));
@@ -142,7 +144,7 @@ impl Uwb {
                 outliers: streams.drone_noise("uwb strays"),
             },
             peers: peers.collect(),
-            // Room for a rate of 2 kHz on a control loop of 50 Hz.
+            // The capacity suffices for a rate of 2 kHz with a control loop of 50 Hz.
             ranges: Vec::with_capacity(64),
             peer_ranges: Vec::new(),
             anchors_m,
@@ -150,7 +152,8 @@ impl Uwb {
         }
     }
 
-    /// The ranges that are due by `time_s`, to anchors and to the drones of the fleet at `fleet_m`.
+    /// Returns the ranges that are due by `time_s`, to anchors and to the fleet's drones at
+    /// `fleet_m`.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -171,7 +174,7 @@ impl Uwb {
                 Turn::Drones(i, j) if i == self.place || j == self.place => {
                     let drone = if i == self.place { j } else { i };
                     let (bias, errors) = &mut self.peers[drone];
-                    // The bias midway, so that the readings of both ends are equal.
+                    // The bias is that at the midpoint, so that both ends read the same range.
                     let middle_m = (position_m + fleet_m[drone]) * 0.5;
                     let true_m = (position_m - fleet_m[drone]).norm();
                     let biased_m = true_m + bias.component(0, &middle_m);
@@ -192,7 +195,7 @@ mod tests {
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.3, -0.2, 0.8);
 
-    /// Errors of ten minutes at rest, by link.
+    /// Returns the errors during ten minutes at rest for each link.
     fn errors(options: &UwbOptions, differences: bool) -> Vec<Vec<f64>> {
         let positioning = [Positioning::UwbTwr, Positioning::UwbTdoa][usize::from(differences)];
         let options = SensorOptions { positioning, uwb: options.clone(), ..Default::default() };
@@ -231,7 +234,8 @@ mod tests {
                 }
                 bias_sq += bias * bias / 8.0;
             }
-            // Eight draws: between half and one and a half of 0.2 m in all but a few per cent.
+            // With eight draws, the value is almost always between half and one and a half of 0.2
+            // m.
             assert!((0.1..0.3).contains(&bias_sq.sqrt()), "bias {}", bias_sq.sqrt());
         }
     }

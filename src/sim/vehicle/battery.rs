@@ -1,29 +1,30 @@
-//! A lithium-polymer battery: its voltage sags with charge and current, and limits the thrust.
+//! Lithium-polymer battery, whose voltage sags with charge and current and limits the thrust.
 
 use nalgebra::Vector4;
 
 use super::{BatteryOptions, Compensation};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
-/// Time below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`,
-/// `pm_stm32f4.c` of firmware 2026.08): a sag at take-off empties no battery.
+/// Time in s below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`,
+/// `pm_stm32f4.c` of firmware 2026.08), so that a sag at take-off does not stop them.
 const CUT_OFF_S: f64 = 5.0;
 
-/// Upper end of the bisection of a motor's voltage, in battery voltages, and its steps: to 1e-9 V.
+/// Upper end of the bisection of a motor's voltage, in battery voltages, and number of its steps,
+/// which give 1e-9 V.
 const HIGHEST_V: f64 = 8.0;
 const BISECTIONS: u32 = 36;
 
-/// A battery in use.
+/// Battery in use.
 #[derive(Clone, Debug)]
 pub(super) struct Battery {
     options: BatteryOptions,
     capacity_a_s: f64,
     charge_frac: f64,
-    /// Under load.
+    /// Voltage under load in V.
     pub(super) voltage_v: f64,
-    /// Delivered so far.
+    /// Energy delivered so far in J.
     pub(super) energy_j: f64,
-    /// Time for which the voltage has been below the cut-off.
+    /// Time in s for which the voltage has been below the cut-off.
     low_s: f64,
 }
 
@@ -32,16 +33,17 @@ pub(super) struct Battery {
 pub(super) struct Limit {
     /// Delivered thrust per commanded thrust.
     pub(super) gain: f64,
-    /// Largest thrust.
+    /// Maximum thrust in N.
     pub(super) max_n: f64,
-    /// Thrust below which a motor stops, or idles.
+    /// Thrust in N below which a motor stops, or idles.
     pub(super) least_n: f64,
-    /// Thrust of an idling motor.
+    /// Thrust of an idling motor in N.
     pub(super) idle_n: f64,
 }
 
 impl Battery {
-    /// A battery under its idle current. `None` without a capacity: its voltage never sags.
+    /// Makes a battery under its idle current. Returns `None` without a capacity, because the
+    /// voltage then never sags.
     pub(super) fn new(options: &BatteryOptions) -> Option<Self> {
         let mut battery = Self {
             options: options.clone(),
@@ -55,7 +57,7 @@ impl Battery {
         (options.capacity_ah > 0.0).then_some(battery)
     }
 
-    /// True once the voltage was below the cut-off for too long. The motors then stay off.
+    /// True once the voltage was below the cut-off for too long. After that, the motors stay off.
     pub(super) fn is_cut_off(&self) -> bool {
         self.low_s >= CUT_OFF_S
     }
@@ -63,7 +65,7 @@ impl Battery {
     /// Supplies a total thrust of all rotors for `dt_s`.
     #[inline(always)]
     pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
-        // U = U₀(charge) − R I, with a current that is linear in the thrust.
+        // The voltage is U = U₀(charge) − R I, with a current that is linear in the thrust.
         let options = &self.options;
         let current_a = options.idle_current_a + options.current_a_per_n * thrust_n;
         let spent = current_a * dt_s / self.capacity_a_s;
@@ -78,7 +80,8 @@ impl Battery {
         }
     }
 
-    /// Limits at the present voltage. `full_n` is the thrust of a motor's largest command.
+    /// Returns the limits at the present voltage. `full_n` is the thrust of one motor at its
+    /// maximum command.
     #[inline(always)]
     pub(super) fn limit(&self, full_n: f64) -> Limit {
         if self.is_cut_off() {
@@ -96,11 +99,11 @@ impl Battery {
         }
     }
 
-    /// Thrusts that the motors give if the battery cannot give those wanted. `max_n` is the largest
-    /// thrust of a motor at the present voltage.
+    /// Returns the thrusts that the motors provide if the battery cannot provide those wanted.
+    /// `max_n` is the maximum thrust of a motor at the present voltage.
     #[inline(never)]
     pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
-        // Without compensation each motor is limited by itself. With it, the duty cycles of all
+        // Without compensation, each motor is limited separately. With it, the duty cycles of all
         // four are lowered by the excess of the largest one, but not below idling.
         if self.is_cut_off() || self.options.compensation == Compensation::None {
             return wanted_n.map(|wanted_n| wanted_n.min(max_n));
@@ -108,29 +111,29 @@ impl Battery {
         let motors_v = wanted_n.map(|wanted_n| self.motor_v(wanted_n));
         let excess_v = motors_v.max() - self.voltage_v;
         let idle_n = self.idle_n();
-        motors_v.map(|motor_v| match motor_v > excess_v {
-            true => self.thrust_n(motor_v - excess_v).max(idle_n),
-            false => idle_n,
+        motors_v.map(|motor_v| {
+            if motor_v > excess_v { self.thrust_n(motor_v - excess_v).max(idle_n) } else { idle_n }
         })
     }
 
-    /// Thrust of an idling motor at the present voltage.
+    /// Returns the thrust of an idling motor at the present voltage in N.
     #[inline(always)]
     fn idle_n(&self) -> f64 {
-        match self.options.idle_frac > 0.0 {
-            true => self.thrust_n(self.options.idle_frac * self.voltage_v),
-            false => 0.0,
+        if self.options.idle_frac > 0.0 {
+            self.thrust_n(self.options.idle_frac * self.voltage_v)
+        } else {
+            0.0
         }
     }
 
-    /// Thrust of a motor at a voltage.
+    /// Returns the thrust of a motor at a voltage in N.
     #[inline(always)]
     fn thrust_n(&self, motor_v: f64) -> f64 {
         let [a, b, c, d] = self.options.thrust_from_v_n;
         (a + motor_v * (b + motor_v * (c + motor_v * d))).max(0.0)
     }
 
-    /// Voltage of a motor that gives a thrust, by bisection, or 0 for no thrust.
+    /// Returns the voltage of a motor that provides a thrust, by bisection, or 0 for no thrust.
     fn motor_v(&self, thrust_n: f64) -> f64 {
         if thrust_n <= 0.0 {
             return 0.0;
@@ -157,8 +160,8 @@ mod tests {
 
     #[test]
     fn take_off_and_hover_sag_as_on_98_real_flights() {
-        // Medians of 98 flights of NanoBench (arXiv 2603.09908): drop 0.57 V (quartiles 0.51 to
-        // 0.67), then −2.65 mV/s (quartiles −3.5 to −2.0) over 35 s.
+        // The medians of 98 flights of NanoBench (arXiv 2603.09908) are a drop of 0.57 V (quartiles
+        // 0.51 to 0.67), followed by −2.65 mV/s (quartiles −3.5 to −2.0) over 35 s.
         let (mut battery, weight_n) = cf21();
         let on_floor_v = battery.voltage_v;
         battery.drain(weight_n, 0.002);
@@ -195,7 +198,7 @@ mod tests {
         (battery.options.open_circuit_v, battery.options.resistance_ohm) = ([4.0; 11], 0.5);
         (battery.options.idle_current_a, battery.options.current_a_per_n) = (0.2, 6.0);
         (0..1000).for_each(|_| battery.drain(0.3, 0.002));
-        // 0.2 + 6 · 0.3 = 2 A leave 4 − 0.5 · 2 = 3 V: 6 W for 2 s.
+        // A current of 0.2 + 6 · 0.3 = 2 A leaves 4 − 0.5 · 2 = 3 V, which is 6 W for 2 s.
         assert!((battery.energy_j - 12.0).abs() < 1e-9, "{} J", battery.energy_j);
     }
 
@@ -215,7 +218,7 @@ mod tests {
         battery.voltage_v = 3.0;
         let limit = battery.limit(0.12);
         assert_eq!(limit.gain, 1.0);
-        // −0.01483 + 0.04724·3 − 0.01847·9 + 0.005961·27
+        // The thrust is −0.01483 + 0.04724·3 − 0.01847·9 + 0.005961·27 N.
         assert!((limit.max_n - 0.12160).abs() < 1e-4, "{}", limit.max_n);
         battery.options.compensation = Compensation::None;
         assert!((battery.limit(0.12).gain - limit.max_n / 0.12).abs() < 1e-15, "scales");
@@ -246,7 +249,7 @@ mod tests {
         let mut battery = Battery::new(&options.battery).unwrap();
         battery.voltage_v = 4.0;
         let limit = battery.limit(0.2);
-        // 7000 of 65,535 of 4 V.
+        // The idle voltage is 7000 of 65,535 of 4 V.
         assert!((limit.idle_n - 0.00466).abs() < 1e-4, "{} N", limit.idle_n);
         let given_n = battery.lowered(&Vector4::new(0.4, 0.1, 0.001, 0.0), limit.max_n);
         assert_eq!((given_n[2], given_n[3]), (limit.idle_n, limit.idle_n));

@@ -1,4 +1,4 @@
-//! The rigid body: its state, and one step of its motion.
+//! Rigid body, with its state and one step of its motion.
 
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
@@ -15,18 +15,18 @@ pub(super) type Row = SVector<f64, 13>;
 /// Pose and motion of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidBody {
-    /// Body origin, world frame.
+    /// Position of the body's origin in the world frame in m.
     pub position_m: Vector3<f64>,
-    /// World frame.
+    /// Velocity in the world frame in m/s.
     pub velocity_m_s: Vector3<f64>,
-    /// Attitude: turns body vectors into world vectors.
+    /// Rotation from body vectors to world vectors.
     pub world_from_body: UnitQuaternion<f64>,
-    /// Angular velocity, body frame.
+    /// Angular velocity in the body frame in rad/s.
     pub rate_rad_s: Vector3<f64>,
 }
 
 impl RigidBody {
-    /// A level body at rest that looks along world x.
+    /// Makes a level body at rest whose nose points along world x.
     pub fn resting_at(position_m: Vector3<f64>) -> Self {
         Self {
             position_m,
@@ -36,7 +36,8 @@ impl RigidBody {
         }
     }
 
-    /// A body at the same position, level and at rest, with its nose turned from world x toward y.
+    /// Returns a body at the same place, level and at rest, with its nose turned from world x
+    /// toward y.
     pub fn facing(&self, yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
@@ -44,7 +45,7 @@ impl RigidBody {
         Self { world_from_body, ..Self::resting_at(self.position_m) }
     }
 
-    /// True if the pitch or the roll has come to a quarter turn, at which the thrust does not lift.
+    /// True if pitch or roll has reached a quarter turn, at which the thrust does not lift.
     pub(crate) fn is_on_its_back(&self) -> bool {
         // The cosine of the tilt is the product of the cosines of roll and pitch.
         let q = &self.world_from_body;
@@ -53,26 +54,26 @@ impl RigidBody {
         cos_tilt <= 0.0 || sin_pitch.abs() >= 1.0
     }
 
-    /// A body at the same x, y and yaw, level and at rest at the height `floor_m`.
+    /// Returns a body with the same x, y and yaw, level and at rest at the height `floor_m`.
     pub(super) fn on_floor(&self, floor_m: f64) -> Self {
         let [y, x] = self.yaw_direction();
         Self::resting_at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
             .facing(libm::atan2(y, x))
     }
 
-    /// Attitude as a matrix.
+    /// Returns the attitude as a matrix.
     #[inline]
     pub fn matrix(&self) -> Matrix3<f64> {
         self.world_from_body.to_rotation_matrix().into_inner()
     }
 
-    /// A vector `[y, x]` in the direction of the yaw, for `atan2(y, x)`.
+    /// Returns a vector `[y, x]` in the direction of the yaw, for `atan2(y, x)`.
     fn yaw_direction(&self) -> [f64; 2] {
         let q = &self.world_from_body;
         [2.0 * (q.w * q.k + q.i * q.j), 1.0 - 2.0 * (q.j * q.j + q.k * q.k)]
     }
 
-    /// The twelve states of the design model: yaw and roll within ±π, pitch within ±π/2.
+    /// Returns the twelve states of the design model, with yaw and roll in ±π, and pitch in ±π/2.
     pub fn state(&self) -> State {
         let q = &self.world_from_body;
         let sin_pitch = (2.0 * (q.w * q.j - q.k * q.i)).clamp(-1.0, 1.0);
@@ -84,12 +85,12 @@ impl RigidBody {
         state(&self.position_m, attitude, &self.velocity_body_m_s(), &self.rate_rad_s)
     }
 
-    /// Velocity in the body frame.
+    /// Returns the velocity in the body frame.
     pub fn velocity_body_m_s(&self) -> Vector3<f64> {
         self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
     }
 
-    /// The body as a row for the integrator.
+    /// Returns the body as a row for the integrator.
     #[inline(always)]
     pub(super) fn row(&self) -> Row {
         let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
@@ -97,7 +98,7 @@ impl RigidBody {
         Row::from([p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z])
     }
 
-    /// The body of a row with a unit quaternion.
+    /// Makes a body from a row with a unit quaternion.
     #[inline(always)]
     pub(super) fn from_row(s: &Row) -> Self {
         Self {
@@ -113,14 +114,14 @@ impl RigidBody {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inertia {
     pub(super) weight_n: f64,
-    /// Force per speed through the air along body x, y, z.
+    /// Force per airspeed along body x, y, z in N/(m/s).
     drag_n_s_m: [f64; 3],
-    /// Moment per speed through the air, against the motion.
+    /// Moment per airspeed in N m/(m/s), which turns the body away from its motion.
     airspeed_moment_n_s: f64,
-    /// Inverses, because a division costs as much as ten products.
+    /// Inverse of the mass, because a division takes as long as ten products.
     per_mass: f64,
     per_moment: [f64; 3],
-    /// `(J_y − J_z) / J_x` and its cyclic permutations.
+    /// Inertia ratio `(J_y − J_z) / J_x` and its cyclic permutations.
     coupling: [f64; 3],
 }
 
@@ -137,7 +138,8 @@ impl Inertia {
         }
     }
 
-    /// Reading of an accelerometer in the air, body frame: thrust and drag per mass.
+    /// Returns the reading of an accelerometer in the air in the body frame (thrust and drag per
+    /// mass).
     #[inline(always)]
     pub(super) fn specific_force_m_s2(
         &self,
@@ -152,7 +154,7 @@ impl Inertia {
         force_n * self.per_mass
     }
 
-    /// Drag along the body axes at an airspeed in the body frame.
+    /// Returns the drag along the body axes at an airspeed in the body frame.
     #[inline(always)]
     fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
         let [x, y, z] = self.drag_n_s_m;
@@ -160,7 +162,8 @@ impl Inertia {
         -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
     }
 
-    /// One step of the classical Runge–Kutta method, with loads at its start, middle and end.
+    /// Returns the result of one classical Runge–Kutta step with loads at the step's start, middle
+    /// and end.
     #[inline(always)]
     pub(super) fn step(
         &self,
@@ -174,21 +177,22 @@ impl Inertia {
         let k3 = self.derivative(&(s + k2 * (0.5 * dt_s)), &loads[1], wind_m_s);
         let k4 = self.derivative(&(s + k3 * dt_s), &loads[2], wind_m_s);
         let mut end = s + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0);
-        // The step leaves the unit sphere of quaternions a little.
+        // The step deviates slightly from the unit sphere of quaternions.
         let [w, x, y, z] = [end[6], end[7], end[8], end[9]];
         let size = ((x * x + z * z) + (y * y + w * w)).sqrt();
         (6..10).for_each(|i| end[i] /= size);
         end
     }
 
-    /// Derivative of the body's state under a load and wind.
+    /// Returns the derivative of the body's state under a load and wind.
     #[inline(always)]
     fn derivative(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
-        // Velocity through the air in the body's frame, by the matrix of the quaternion.
+        // The velocity through the air is rotated to the body frame by the quaternion's matrix.
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
         let world_from_body = rotation([w, x, y, z]);
         let air = world_from_body.tr_mul(&(Vector3::new(s[3], s[4], s[5]) - wind_m_s));
-        // Force: thrust along z and drag. Torque: the rotors' and that of the air across them.
+        // The force consists of thrust along z and drag. The torque is that of the rotors and of
+        // the air across them.
         let mut force = self.drag_n(&air, load);
         force.z += load.thrust_n;
         let acceleration = world_from_body * force * self.per_mass;
@@ -196,7 +200,7 @@ impl Inertia {
         let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
         let m_u = self.airspeed_moment_n_s;
         let (roll, pitch) = (torque.x + m_u * air.y, torque.y - m_u * air.x);
-        // ẋ = v, v̇ = R f / m − g, q̇ = ½ q ω, and Euler's equations for the rate.
+        // The equations are ẋ = v, v̇ = R f / m − g, q̇ = ½ q ω, and Euler's for the rate.
         Row::from([
             s[3],
             s[4],
@@ -208,7 +212,8 @@ impl Inertia {
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
             (w * o + x * q - y * p) * 0.5,
-            // Gyroscopic torque, because the rotors' angular momentum turns with the body.
+            // The angular momentum of the rotors turns with the body, which makes a gyroscopic
+            // torque.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
             c[2] * p * q + torque.z * per_j[2],
@@ -225,7 +230,7 @@ mod tests {
     use crate::vehicle::{attitude, rate, velocity};
 
     impl RigidBody {
-        /// The body in a state of the design model.
+        /// Makes the body for a state of the design model.
         pub(crate) fn from_state(state: &State) -> Self {
             let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
             let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
@@ -289,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_free_spinning_top_precesses_as_the_closed_form() {
-        // Two equal moments: w_z stays, (w_x, w_y) turn by (J_z − J_x) w_z / J_x.
+        // With two equal moments, w_z is constant, and (w_x, w_y) rotates at (J_z − J_x) w_z / J_x.
         let options =
             VehicleOptions { inertia_kg_m2: [1.2e-5, 1.2e-5, 3.3e-5], ..Default::default() };
         let end = fly(&options, tumbling(), Load::default(), 0.001, 1000);
@@ -368,7 +373,8 @@ mod tests {
         let body = RigidBody { velocity_m_s, ..RigidBody::resting_at(Vector3::zeros()) };
         let wind_m_s = velocity_m_s * 0.5;
         let change = Inertia::new(&options).derivative(&body.row(), &Load::default(), &wind_m_s);
-        // Nose up is a negative pitch, left side up a positive roll. Half the speed is the wind's.
+        // Nose up is a negative pitch, and left side up a positive roll. The wind has half the
+        // speed.
         let torque = Vector3::from_fn(|i, _| change[10 + i] * options.inertia_kg_m2[i]);
         let want = Vector3::new(4.7e-4 * 0.05, -4.7e-4 * 0.1, 0.0);
         assert!((torque - want).norm() < 1e-18, "{torque}");

@@ -1,11 +1,11 @@
-//! Downwash: the stream of air below a drone, and the thrust that another drone loses in it.
+//! Downwash, the stream of air below a drone, and the thrust that another drone loses in it.
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
-//! A rotor within it lifts less, depending on the speeds of the stream and of the rotor. Unequal
-//! losses turn the drone. Speeds go with the square root of a thrust, so that the loss is `√(T T')`
-//! times a function of the position in sizes of the drone.
+//! A rotor in the jet lifts less, depending on the speeds of the stream and of the rotor. Unequal
+//! losses rotate the drone. The speeds are proportional to the square root of a thrust, so that the
+//! loss is `√(T T')` times a function of the position relative to the drone's size.
 //!
-//! Two published models of a Crazyflie's loss on the axis:
+//! Two models of a Crazyflie's loss on the axis are published:
 //!
 //! | distance, m | 0.2 | 0.3 | 0.4 | 0.5 | 0.6 | 1.0 |
 //! |---|---|---|---|---|---|---|
@@ -14,59 +14,60 @@
 //! | here, mN | 98 | 75 | 53 | 41 | 34 | 20 |
 //!
 //! The first is `_downwash()` of `BaseAviary.py` with the coefficients 2267.18, 0.16 and −0.11 of
-//! `cf2x.urdf`. It takes three times the weight at 0.3 m, where Crazyflies have hovered one above
-//! the other (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69 m. The second is figure 3
-//! of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured in flight with drones of
-//! 34 g, as `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads it: 10, 8, 6 and 4 g up to 0.5
-//! m and a straight line to 0 beyond. Chosen: the second up to 0.5 m, and beyond that the decay of
-//! a round jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1). At 0.6 m drones with a
-//! good controller still hover, and at 1 m some with the stock one did not (USC-ACTLab/crazyswarm
-//! issue
-//! 97).
+//! `cf2x.urdf`. This model takes three times the weight at 0.3 m, although Crazyflies have hovered
+//! above each other at that distance (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69
+//! m. The second is figure 3 of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured
+//! in flight with drones of 34 g. `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads that
+//! figure as 10, 8, 6 and 4 g up to 0.5 m and a straight line to 0 beyond. This program uses the
+//! second model up to 0.5 m, and beyond that the decay of a round jet, `1/(z − z₀)` (Pope,
+//! "Turbulent Flows", 2000, section 5.1). At 0.6 m, drones with a good controller still hover, and
+//! at 1 m some with the stock controller did not (USC-ACTLab/crazyswarm issue 97).
 //!
-//! Not modeled: turbulence and delay of the stream, its deflection by the floor and by others
-//! (losses add up), drag of the body in it.
+//! Turbulence and delay of the stream, its deflection by the floor and by other streams (losses add
+//! up), and drag of the body in it are not modeled.
 
 use nalgebra::{Vector3, Vector4};
 
 use super::body::RigidBody;
 use noctograph_core::crazyflie::MOTOR_SIGNS;
 
-/// Greatest fraction of a thrust that is lost: 10 g of 34 g at 0.2 m, the nearest measurement.
+/// Largest fraction of the thrust that is lost, 10 g of 34 g in the nearest measurement (0.2 m).
 const MOST_LOST: f64 = 10.0 / 34.0;
-/// Product of the lost fraction and the distance from [`ORIGIN`], in sizes: a drone of 34 g and 46
-/// mm loses 1.9 g m. Within 10 % of the figures from 0.3 to 0.5 m.
+/// Product of the lost fraction and the distance from [`ORIGIN`] in sizes, since a drone of 34 g
+/// and 46 mm loses 1.9 g m. The loss is within 10 % of the measurements from 0.3 to 0.5 m.
 const LOSS_SIZES: f64 = 1.9 / 34.0 / CRAZYFLIE_M;
-/// Virtual origin of the jet below the drone, in sizes: 50 mm.
+/// Virtual origin of the jet below the drone in sizes, which is 50 mm.
 const ORIGIN: f64 = 0.05 / CRAZYFLIE_M;
-/// Distance from the middle to a rotor of the drones that were measured (`ARM_LENGTH`).
+/// Distance in m from the middle to a rotor of the drones that were measured (`ARM_LENGTH`).
 const CRAZYFLIE_M: f64 = 0.046;
-/// Growth of the jet's standard deviation with the distance: the radius of half the speed on the
-/// axis is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1, quoted: the book could not be
-/// opened), 1.177 σ.
+/// Increase of the jet's standard deviation with the distance. The radius at half the axial speed
+/// is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1, quoted, because the book was not
+/// available), which is 1.177 σ.
 const SPREAD: f64 = 0.094 / 1.177;
-/// Reach of the jet from its axis, in standard deviations: 0.03 % is left there.
+/// Reach of the jet from its axis in standard deviations, beyond which 0.03 % is left.
 const REACH: f64 = 4.0;
 
-/// The stream of air below a drone.
+/// Stream of air below a drone.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet {
     from_m: Vector3<f64>,
-    /// Unit vector along which it blows: the drone's body z, reversed.
+    /// Unit vector along which the air blows, which is the drone's body z reversed.
     along: Vector3<f64>,
     thrust_n: f64,
-    /// Distance from the drone's middle to its rotors.
+    /// Distance from the drone's middle to its rotors in m.
     size_m: f64,
 }
 
 impl Jet {
-    /// The stream below a drone whose rotors, `size_m` from its middle, lift `thrust_n` together.
+    /// Makes the stream of a drone whose rotors, `size_m` from its middle, lift `thrust_n`
+    /// together.
     pub(super) fn new(body: &RigidBody, thrust_n: f64, size_m: f64) -> Self {
         let along = body.world_from_body * -Vector3::z();
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Thrust that each rotor of another drone, with a total of `thrust_n`, loses in the stream.
+    /// Returns the thrust that each rotor of another drone with `thrust_n` in all loses in the
+    /// stream.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);
@@ -75,15 +76,13 @@ impl Jet {
         if below_m <= 0.0 || self.squared_offset_m2(&apart_m) > reach_m * reach_m {
             return Vector4::zeros();
         }
-        // Along the axis the speed falls as 1/z from the virtual origin, up to the largest loss.
+        // On the axis, the speed decreases as 1/z from the virtual origin, up to the largest loss.
         let from_origin = below_m / self.size_m - ORIGIN;
-        let lost_frac = match from_origin > 0.0 {
-            true => (LOSS_SIZES / from_origin).min(MOST_LOST),
-            false => MOST_LOST,
-        };
+        let lost_frac =
+            if from_origin > 0.0 { (LOSS_SIZES / from_origin).min(MOST_LOST) } else { MOST_LOST };
         let each_n = 0.25 * lost_frac * (self.thrust_n * thrust_n).max(0.0).sqrt();
-        // Across it the speed is a Gaussian. The fraction is that of a drone on the axis, whose
-        // rotors are all an arm's diagonal away from it.
+        // Across the axis, the speed is a Gaussian. The fraction is that of a drone on the axis,
+        // whose rotors are all an arm's diagonal away from it.
         Vector4::from_fn(|motor, _| {
             let [left, back] = [MOTOR_SIGNS[(0, motor)], MOTOR_SIGNS[(1, motor)]];
             let rotor_m = body.world_from_body * Vector3::new(-back * arm_m, left * arm_m, 0.0);
@@ -92,7 +91,7 @@ impl Jet {
         })
     }
 
-    /// Squared distance from the jet's axis of a point that is `apart_m` from the jet's drone.
+    /// Returns the squared distance of a point from the jet's axis, given `apart_m` from the drone.
     fn squared_offset_m2(&self, apart_m: &Vector3<f64>) -> f64 {
         (apart_m - self.along * apart_m.dot(&self.along)).norm_squared()
     }

@@ -1,4 +1,4 @@
-//! Settings of the floor below the flight: the section `floor` of a scene.
+//! Settings of the floor below the flight, which are the section `floor` of a scene.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -7,23 +7,23 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::{Described, Shape, joined, settings};
 
 settings! {
-    /// The floor: level at z = 0, with steps. The ranger measures them, and the drone can rest on
-    /// them. Their sides stop nothing, and no light falls on them.
+    /// The floor, which is level at z = 0 except for steps. The ranger measures the steps, and the
+    /// drone can rest on them. The sides of the steps stop nothing, and no light falls on them.
     pub struct FloorOptions {
         /// Steps, such as tables: `[{ x_m = [1, 2], y_m = [-1, 1], height_m = 0.5 }]`.
         steps: Vec<FloorStep> = Vec::new();
     }
 }
 
-/// A step of the floor: a box on it, such as a table.
+/// Step of the floor, which is a box on it, such as a table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FloorStep {
-    /// Extent along world x, least and most.
+    /// Smallest and largest x of the step in the world frame in m.
     pub x_m: [f64; 2],
-    /// Extent along world y, least and most.
+    /// Smallest and largest y of the step in the world frame in m.
     pub y_m: [f64; 2],
-    /// Height of its top above the floor.
+    /// Height of the step's top above the floor in m.
     pub height_m: f64,
 }
 
@@ -62,14 +62,14 @@ impl Described for FloorStep {
 }
 
 impl FloorOptions {
-    /// Height of the floor at a point.
+    /// Returns the height of the floor at a point in m.
     #[inline(always)]
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let below = self.steps.iter().filter(|step| step.is_below(x_m, y_m));
         below.fold(0.0, |highest, step| step.height_m.max(highest))
     }
 
-    /// Distance from a point to the floor along a downward unit vector.
+    /// Returns the distance from a point to the floor along a downward unit vector in m.
     pub fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
         let to_steps_m = self.steps.iter().filter_map(|step| {
             let distance_m = (from_m.z - step.height_m) / -down.z;
@@ -85,8 +85,8 @@ impl FloorOptions {
             if let Some(j) = self.steps[..i].iter().position(|other| step.overlaps(other)) {
                 let FloorStep { x_m: [left, right], y_m: [near, far], .. } = step;
                 let extent = format!("x {left} to {right} m, y {near} to {far} m");
-                let wanted = format!("a place that floor.steps[{j}] leaves free");
-                let hint = "divide the steps so that each place has one height";
+                let wanted = format!("an area that floor.steps[{j}] does not cover");
+                let hint = "divide the steps so that each point has one height";
                 let error = Error::input("", extent, wanted, hint);
                 return Err(error.of_item("floor.steps", i));
             }
@@ -110,7 +110,7 @@ mod tests {
         let seen =
             |x_m: f64, down: &Vector3<f64>| table().distance_m(&Vector3::new(x_m, 0.0, 1.5), down);
         assert_eq!((seen(0.9, &straight), seen(1.5, &straight)), (1.5, 1.0));
-        // Leaning forward, the beam falls onto the table before the drone is above it.
+        // When the drone leans forward, the beam meets the table before the drone is above it.
         let forward = Vector3::new(0.6, 0.0, -0.8);
         assert_eq!(seen(0.5, &forward), 1.0 / 0.8);
         assert_eq!(seen(0.0, &forward), 1.5 / 0.8);

@@ -1,9 +1,9 @@
-//! Ground effect: near the floor a rotor lifts more at the same speed.
+//! Ground effect, which increases the lift of a rotor near the floor at the same speed.
 
 use super::{GroundEffect, VehicleOptions};
 
-/// Lowest height of the rotors in the models, in radii: below it there are no measurements, and
-/// Cheeseman and Bennett's model diverges at a quarter.
+/// Lowest height of the rotors in the models, in radii, because there are no measurements below it,
+/// and Cheeseman and Bennett's model diverges at a quarter.
 const MIN_HEIGHT_RADII: f64 = 0.5;
 
 /// Ground effect of one drone.
@@ -25,11 +25,12 @@ impl Floor {
         }
     }
 
-    /// Thrust near the floor over thrust far from it at the same rotor speed, for a level drone
-    /// whose origin is `height_m` above the floor. The formulas are at [`GroundEffect`].
+    /// Returns the ratio of thrust near the floor to thrust far from it at the same rotor speed,
+    /// for a level drone whose origin is `height_m` above the floor. [`GroundEffect`] gives the
+    /// formulas.
     #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
-        // A rotor's own image, and those of its two neighbors and the opposite one.
+        // The images are those of the rotor itself, of its two neighbors and of the opposite rotor.
         let radius = self.radius_m;
         let z = (height_m + self.rotor_height_m).max(radius * MIN_HEIGHT_RADII);
         let image = radius / (z * 4.0);
@@ -64,7 +65,7 @@ mod tests {
 
     #[test]
     fn the_other_rotors_images_add_to_it() {
-        // By hand: z = 0.1, d = 0.3: 1/16 + 0.01·0.1·(0.13^-1.5 + 0.22^-1.5 / 2).
+        // By hand for z = 0.1 and d = 0.3, the sum is 1/16 + 0.01·0.1·(0.13^-1.5 + 0.22^-1.5 / 2).
         let sum = 0.0625 + 0.001 * (libm::pow(0.13, -1.5) + 0.5 * libm::pow(0.22, -1.5));
         let ratio = floor(GroundEffect::SanchezCuevas).thrust_ratio(0.08);
         assert!((ratio - 1.0 / (1.0 - sum)).abs() < 1e-14, "{ratio}");

@@ -1,23 +1,24 @@
-//! Wind: a steady part and gusts, which push the drone and turn it.
+//! Wind, with a steady part and gusts that push and rotate the drone.
 
 use nalgebra::Vector3;
 
 use super::{AirOptions, Gusts};
 use noctograph_core::random::{Noise, Normals};
 
-/// Meters per foot: the specification's formulas are in feet.
+/// Meters per foot, because the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;
-/// Correlation time of the torque of uneven air: that of the reference flight, see
-/// [`super::GustOptions`].
+/// Correlation time in s of the torque of uneven air, which is that of the reference flight
+/// ([`super::GustOptions`]).
 pub const TORQUE_TIME_S: f64 = 1.5;
-/// Lowest height of the low-altitude model, feet. Flights below it use its figures.
+/// Lowest height in feet of the low-altitude model. The model's values at this height are used for
+/// flights below it.
 const LOWEST_FT: f64 = 10.0;
 
-/// Wind at the drone, from step to step.
+/// Wind at the drone, advanced step by step.
 #[derive(Debug)]
 pub(super) struct Wind {
     mean_m_s: Vector3<f64>,
-    /// World directions of the three gust components.
+    /// Directions of the three gust components in the world frame.
     axes: [Vector3<f64>; 3],
     gusts: Option<Filtered>,
     torques: Option<Filtered>,
@@ -31,14 +32,14 @@ struct Filtered {
 }
 
 impl Filtered {
-    /// Components with their stages drawn from the stationary distribution.
+    /// Makes components whose stages are drawn from the stationary distribution.
     fn new(filters: [Filter; 3], noise: Noise) -> Self {
         let mut filtered = Self { filters, noise: Normals::new(noise) };
         filtered.filters.iter_mut().for_each(|filter| filter.settle(&mut filtered.noise));
         filtered
     }
 
-    /// The components in the next step.
+    /// Returns the components in the next step.
     #[inline]
     fn advance(&mut self) -> [f64; 3] {
         self.filters.each_mut().map(|filter| filter.advance(&mut self.noise))
@@ -48,14 +49,14 @@ impl Filtered {
 /// Wind and torque during one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Gust {
-    /// World frame.
+    /// Wind in the world frame in m/s.
     pub(super) wind_m_s: Vector3<f64>,
-    /// Body frame.
+    /// Torque in the body frame in N m.
     pub(super) torque_n_m: Vector3<f64>,
 }
 
 impl Wind {
-    /// The air around the drone with index `drone`, advanced in steps of `dt_s`.
+    /// Makes the air around the drone with index `drone`, advanced in steps of `dt_s`.
     pub(super) fn new(options: &AirOptions, dt_s: f64, seed: u64, drone: u64) -> Self {
         let mean_m_s = Vector3::from(options.wind_m_s);
         let level_m_s = libm::hypot(mean_m_s.x, mean_m_s.y);
@@ -68,7 +69,7 @@ impl Wind {
                 let sigmas_n_m = room.torque_sigma_n_m.map(|sigma| [sigma * strength, 0.0]);
                 torques = Some(sigmas_n_m.map(|parts| Filter::new(parts, TORQUE_TIME_S, dt_s)));
             }
-            // Along the wind, across it, and up.
+            // The axes are along the wind, across it, and up.
             Gusts::Dryden if level_m_s > 0.0 => {
                 let along = Vector3::new(mean_m_s.x, mean_m_s.y, 0.0) / level_m_s;
                 axes = [along, Vector3::z().cross(&along), Vector3::z()];
@@ -76,7 +77,7 @@ impl Wind {
             }
             Gusts::Dryden | Gusts::None => {}
         }
-        // The two components draw from separate streams.
+        // Gusts and torques draw from separate streams.
         let streams = [(filters, "gusts"), (torques, "gust torque")];
         let [gusts, torques] = streams.map(|(filters, stream)| {
             filters.map(|filters| Filtered::new(filters, Noise::new(seed, drone, stream)))
@@ -89,7 +90,7 @@ impl Wind {
         self.gusts.is_none() && self.torques.is_none()
     }
 
-    /// Wind and torque of the next step.
+    /// Returns the wind and the torque of the next step.
     #[inline]
     pub(super) fn advance(&mut self) -> Gust {
         let mut gust = Gust { wind_m_s: self.mean_m_s, ..Gust::default() };
@@ -105,16 +106,17 @@ impl Wind {
     }
 }
 
-/// Dryden's spectra as MIL-F-8785C gives them below 1000 ft, for air that drifts past the drone
-/// with the wind: one filter along the wind, two across it.
+/// Returns filters for Dryden's spectra, as MIL-F-8785C gives them below 1000 ft, in air that
+/// drifts past the drone with the wind, one along the wind and two across it.
 fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
-    // σ_w = 0.1 u, σ_u = σ_w / (0.177 + 0.000823 h)^0.4, L_w = h, L_u = h / (…)^1.2, h in feet.
+    // The formulas are σ_w = 0.1 u, σ_u = σ_w / (0.177 + 0.000823 h)^0.4, L_w = h, L_u = h /
+    // (…)^1.2, with h in feet.
     let shape = 0.177 + 0.000_823 * LOWEST_FT;
     let vertical_m_s = 0.1 * wind_m_s;
     let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
     let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
     let across = [(level_m_s, level_m), (vertical_m_s, vertical_m)];
-    // Across: σ/√2 (1 + √3 τ s) / (1 + τ s)², as a sum of one stage and two.
+    // Across the wind, σ/√2 (1 + √3 τ s) / (1 + τ s)² is a part with one stage and one with two.
     let [level, vertical] = across.map(|(sigma_m_s, length_m)| {
         let sigma = sigma_m_s / f64::sqrt(2.0);
         let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
@@ -123,45 +125,45 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     [Filter::new([level_m_s, 0.0], level_m / wind_m_s, dt_s), level, vertical]
 }
 
-/// White noise through `parts[0] / (1 + τs) + parts[1] / (1 + τs)²`, with variance 1 of the first
-/// stage, sampled without error.
+/// Filter of white noise, `parts[0] / (1 + τs) + parts[1] / (1 + τs)²`, whose first stage has
+/// variance 1, sampled without error.
 #[derive(Clone, Copy, Debug)]
 struct Filter {
     parts: [f64; 2],
     stages: [f64; 2],
-    /// Decay of each stage in one step, and the coupling of the first into the second.
+    /// Decay of each stage in one step, and coupling of the first stage into the second.
     decay: f64,
     coupling: f64,
-    /// Cholesky factor of the noise added in one step: by stationarity `P − F P Fᵀ` with
-    /// `P = [[1, ½], [½, ½]]`.
+    /// Cholesky factor of the noise added in one step, which by stationarity has the covariance `P
+    /// − F P Fᵀ` with `P = [[1, ½], [½, ½]]`.
     noise_factor: [f64; 3],
 }
 
 impl Filter {
-    /// A filter with the time constant `time_s` in steps of `dt_s`, with both stages at zero.
+    /// Makes a filter with the time constant `time_s` in steps of `dt_s`, with both stages at zero.
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
-        // F = (decay 0, coupling decay) by rows, exact for the step, and entries of Q = P − F P Fᵀ.
+        // The rows of F are (decay 0, coupling decay), and Q = P − F P Fᵀ has these entries.
         let decay = libm::exp(-dt_s / time_s);
         let coupling = decay * dt_s / time_s;
         let q11 = 1.0 - decay * decay;
         let q21 = 0.5 - decay * (coupling + 0.5 * decay);
         let q22 = 0.5 - coupling * coupling - decay * coupling - 0.5 * decay * decay;
-        // Cholesky factor of Q: l11, l21, l22.
+        // The Cholesky factor of Q has the entries l11, l21 and l22.
         let l11 = q11.sqrt();
         let l21 = q21 / l11;
         let noise_factor = [l11, l21, (q22 - l21 * l21).max(0.0).sqrt()];
         Self { parts, stages: [0.0; 2], decay, coupling, noise_factor }
     }
 
-    /// Draws the stages from their stationary distribution, by Cholesky's factor of P.
+    /// Draws the stages from their stationary distribution, by the Cholesky factor of P.
     fn settle(&mut self, noise: &mut Normals) {
         let first = noise.next();
         self.stages = [first, 0.5 * (first + noise.next())];
     }
 
-    /// Advances the filter by a step and returns its output.
+    /// Advances the filter by a step, and returns its output.
     fn advance(&mut self, noise: &mut Normals) -> f64 {
-        // A filter of one stage draws one number a step, and one of two stages draws two.
+        // A filter with one stage draws one number per step, and one with two stages draws two.
         let [first, second] = self.stages;
         let draw = noise.next();
         let [l11, l21, l22] = self.noise_factor;
@@ -185,20 +187,20 @@ mod tests {
     const DT_S: f64 = 0.02;
     const N: usize = 2048;
     const SEGMENTS: usize = 400;
-    /// Periods in a segment.
+    /// Number of periods in a segment.
     const BINS: [f64; 5] = [4.0, 10.0, 30.0, 80.0, 200.0];
 
     fn indoors(room: GustOptions) -> AirOptions {
         AirOptions { gusts: Gusts::OrnsteinUhlenbeck(room), ..Default::default() }
     }
 
-    /// One-sided densities of the wind's three components, less the steady wind.
+    /// Returns the one-sided densities of the wind's three components, minus the steady wind.
     fn spectra(options: &AirOptions) -> [[f64; BINS.len()]; 3] {
         let mean_m_s = Vector3::from(options.wind_m_s);
         spectra_of(options, |gust| gust.wind_m_s - mean_m_s)
     }
 
-    /// One-sided densities of three components at [`BINS`], by Hann-windowed segments.
+    /// Returns the one-sided densities of three components at [`BINS`], by Hann-windowed segments.
     fn spectra_of(
         options: &AirOptions,
         part: impl Fn(Gust) -> Vector3<f64>,
@@ -225,7 +227,7 @@ mod tests {
         density
     }
 
-    /// Each estimate has 400 segments: σ 5 %.
+    /// Checks densities, each of which is estimated from 400 segments with σ of 5 %.
     fn assert_density(densities: &[f64; BINS.len()], want: impl Fn(f64) -> f64) {
         for (bin, density) in BINS.iter().zip(densities) {
             let ratio = density / want(TAU * bin / (N as f64 * DT_S));
@@ -238,8 +240,8 @@ mod tests {
         let (sigma_m_s, time_s) = ([0.1, 0.2, 0.05], 0.8);
         let room = GustOptions { sigma_m_s, time_s, ..Default::default() };
         for (spectrum, sigma) in spectra(&indoors(room)).iter().zip(sigma_m_s) {
-            // One-sided, per Hz: 4 σ² τ / (1 + ω²τ²). Above the Nyquist frequency it folds back
-            // by less than a tenth at these bins.
+            // The one-sided density per Hz is 4 σ² τ / (1 + ω²τ²). Aliasing above the Nyquist
+            // frequency adds less than a tenth at these bins.
             assert_density(spectrum, |w| 4.0 * sigma * sigma * 0.8 / (1.0 + 0.64 * w * w));
         }
     }
@@ -273,7 +275,7 @@ mod tests {
         let options =
             AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
         let spectrum = spectra(&options);
-        // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m, shape 0.18523.
+        // At 10 ft and 3 m/s, MIL-F-8785C gives σ_w 0.3 m/s, L_w 3.048 m and the shape 0.18523.
         let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
         let (t_w, t_u) = (3.048 / 3.0, 3.048 / libm::pow(0.18523, 1.2) / 3.0);
         assert_density(&spectrum[0], |w| 4.0 * sigma_u * sigma_u * t_u / (1.0 + t_u * t_u * w * w));

@@ -1,4 +1,4 @@
-//! Motor mixing: from a wrench to four commands and back.
+//! Motor mixing, which converts a wrench to four commands and back.
 
 use nalgebra::{Matrix4, Vector4};
 
@@ -6,7 +6,7 @@ use super::VehicleOptions;
 use super::model::Wrench;
 use noctograph_core::crazyflie::MOTOR_SIGNS;
 
-/// Linear motors between 0 and a largest command.
+/// Linear motors between 0 and a maximum command.
 #[derive(Clone, Debug)]
 pub struct Mixer {
     wrench_from_motors: Matrix4<f64>,
@@ -15,11 +15,11 @@ pub struct Mixer {
 }
 
 impl Mixer {
-    /// The mixer of a drone.
+    /// Makes the mixer of a drone.
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // The rows of MOTOR_SIGNS are orthogonal with length 2: the inverse is the transpose / 4.
+        // MOTOR_SIGNS has orthogonal rows of length 2, so that its inverse is its transpose / 4.
         Self {
             wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
             motors_from_wrench: MOTOR_SIGNS.transpose()
@@ -28,46 +28,47 @@ impl Mixer {
         }
     }
 
-    /// The matrix that makes commands m1…m4 of a wrench.
+    /// Returns the matrix that converts a wrench to commands m1…m4.
     pub fn motors_from_wrench(&self) -> Matrix4<f64> {
         self.motors_from_wrench
     }
 
-    /// Commands m1…m4 for a wrench, each clamped to the motors' range, and true if any was clamped.
+    /// Returns the commands m1…m4 of a wrench, clamped to the motors' range, and true if one was
+    /// clamped.
     pub fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
         (motors, motors != wanted)
     }
 
-    /// Commands m1…m4 for a wrench without the motors' limits.
+    /// Returns the commands m1…m4 for a wrench without the motors' limits.
     pub(crate) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
         self.motors_from_wrench * wrench
     }
 
-    /// Commands m1…m4 of the firmware for a wrench, see [`capped`] (`powerDistributionForceTorque`,
-    /// `power_distribution_quadrotor.c`).
+    /// Returns the firmware's commands m1…m4 for a wrench, limited as in [`capped`]
+    /// (`powerDistributionForceTorque`, `power_distribution_quadrotor.c`).
     pub(crate) fn distributed(&self, wrench: &Wrench, most: f64) -> (Vector4<f64>, bool) {
         capped(&self.unbounded_motors(wrench), most)
     }
 
-    /// Commands m1…m4 of the firmware for roll, pitch, yaw and thrust in the same unit, see
-    /// [`capped`] (`powerDistributionLegacy`).
+    /// Returns the firmware's commands m1…m4 for roll, pitch, yaw and thrust in the same unit,
+    /// limited as in [`capped`] (`powerDistributionLegacy`).
     pub(crate) fn motors_from_commands(commands: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
         capped(&(MOTOR_SIGNS.transpose() * commands), most)
     }
 
-    /// Wrench of four commands, with immediate motors and the center of mass in the middle.
+    /// Returns the wrench of four commands, with immediate motors and a centered mass.
     pub(crate) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }
 }
 
-/// The wanted commands limited to zero and `most`, and true if any was changed.
+/// Returns the wanted commands limited to zero and `most`, and true if any was changed.
 ///
-/// If a motor would exceed `most`, all four are lowered by the excess: attitude has priority over
-/// thrust (`powerDistributionCap`). With compensation of the battery, which caps the thrust later,
-/// `most` is infinite (`stabilizer.c`, `controlMotors`).
+/// If a motor would exceed `most`, all four are lowered by the excess, which gives attitude
+/// priority over thrust (`powerDistributionCap`). With compensation of the battery, which limits
+/// the thrust later, `most` is infinite (`stabilizer.c`, `controlMotors`).
 fn capped(wanted: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
     let excess = (wanted.max() - most).max(0.0);
     let motors = wanted.map(|m| (m - excess).max(0.0));

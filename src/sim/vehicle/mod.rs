@@ -1,16 +1,16 @@
-//! The vehicle: rotors, body, battery, and the air and floor around them.
+//! Vehicle, which consists of rotors, body and battery, and the air and floor around them.
 //!
-//! In: four motor commands and the time step. Out: the drone's motion. [`Plant`] is simulated. The
-//! private model of twelve states is for the design of gains, and the reference in tests.
+//! Input: four motor commands and the time step. Output: the drone's motion. [`Plant`] is the
+//! simulated drone. The private model of twelve states is for gain design and for tests.
 //!
-//! Method: rotor speeds follow their commands by their exact exponential. Position, velocity, unit
-//! quaternion and body rate take one classical Runge–Kutta step of order 4. Slow quantities
-//! (voltage, ground effect, gust) are held through a step.
+//! Rotor speeds follow their commands by the exact exponential. Position, velocity, unit quaternion
+//! and body rate take one classical Runge–Kutta step of order 4. Slow quantities (voltage, ground
+//! effect, gust) are constant during a step.
 //!
-//! Sources: equations of the reference flight (AE483, 2022). Each option names its own.
+//! The equations are those of the reference flight (AE483, 2022). Each option names its source.
 //!
-//! Not modeled: blade flapping, lift and inflow of moving air, vortex ring state, ceiling and
-//! walls, recovery and temperature of a battery, and sliding, bouncing and tipping on the floor.
+//! Blade flapping, lift and inflow of moving air, vortex ring state, ceiling and walls, recovery
+//! and temperature of a battery, and sliding, bouncing and tipping on the floor are not modeled.
 
 mod battery;
 mod body;

@@ -1,5 +1,5 @@
-//! The design model: the reference team's nonlinear motion with 12 states and 4 inputs, for the
-//! design of gains. Immediate motors, no drag, no floor.
+//! Design model, which is the reference team's nonlinear motion with 12 states and 4 inputs, for
+//! the design of gains. The model has immediate motors, no drag and no floor.
 
 use nalgebra::{SVector, Vector3, Vector4};
 
@@ -7,26 +7,26 @@ use super::VehicleOptions;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::Attitude;
 
-/// `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`: position in the world, yaw pitch roll, velocity
-/// and angular velocity in the body frame.
+/// State `[o_x o_y o_z ψ θ φ v_x v_y v_z w_x w_y w_z]`, which is the position in the world frame,
+/// yaw, pitch and roll, and velocity and angular velocity in the body frame.
 pub(crate) type State = SVector<f64, 12>;
-/// First nine rows of `State`: the motion for a given body rate.
+/// First nine rows of `State`, which are the motion for a given body rate.
 pub type Motion = SVector<f64, 9>;
-/// `[τ_x τ_y τ_z f_z]` on the body.
+/// Torques and thrust `[τ_x τ_y τ_z f_z]` on the body.
 pub(crate) type Wrench = Vector4<f64>;
 
 impl VehicleOptions {
-    /// The wrench at hover: the thrust that carries the drone, and no torque.
+    /// Returns the wrench at hover, which is the thrust that carries the drone, without torque.
     pub(crate) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
 
-    /// Derivative `ṡ` of the state in the design model.
+    /// Returns the derivative `ṡ` of the state in the design model.
     pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
         let (rate, j) = (rate(state), Vector3::from(self.inertia_kg_m2));
         let motion = state.fixed_rows::<9>(0).into_owned();
         let motion = motion_derivative(&motion, &rate, wrench[3] / self.mass_kg);
-        // Euler's equations: J ω̇ = τ + J ω × ω.
+        // Euler's equations are J ω̇ = τ + J ω × ω.
         let acceleration = (j.component_mul(&rate).cross(&rate) + wrench.xyz()).component_div(&j);
         let mut derivative = State::zeros();
         derivative.fixed_rows_mut::<9>(0).copy_from(&motion);
@@ -35,8 +35,9 @@ impl VehicleOptions {
     }
 }
 
-/// Derivative of the motion, the first nine rows of `ṡ`, given the body rate and the specific force
-/// along body z (thrust per mass, which is also the accelerometer's reading).
+/// Returns the derivative of the motion, which is the first nine rows of `ṡ`, given the body rate
+/// and the specific force along body z (thrust per mass, which is also the accelerometer's
+/// reading).
 pub(crate) fn motion_derivative(
     motion: &Motion,
     rate: &Vector3<f64>,
@@ -46,11 +47,11 @@ pub(crate) fn motion_derivative(
     let (sin_pitch, cos_pitch) = libm::sincos(motion[4]);
     let (sin_roll, cos_roll) = libm::sincos(motion[5]);
     let v = Vector3::new(motion[6], motion[7], motion[8]);
-    // Velocity turned by roll, then pitch, then yaw: cheaper than the matrix, and the same.
+    // The velocity is rotated by roll, pitch and yaw in turn, which costs less than the matrix.
     let across = cos_roll * v.y - sin_roll * v.z;
     let down = sin_roll * v.y + cos_roll * v.z;
     let ahead = cos_pitch * v.x + sin_pitch * down;
-    // Rates of the Euler angles from the body rate, and the velocity's turn with the body.
+    // The rates of the Euler angles follow from the body rate, by which the velocity rotates too.
     let yaw_rate = (rate.y * sin_roll + rate.z * cos_roll) / cos_pitch;
     let coriolis = v.cross(rate);
     Motion::from([
@@ -66,7 +67,7 @@ pub(crate) fn motion_derivative(
     ])
 }
 
-/// The twelve states of a body, with velocity and rate in the body frame.
+/// Returns the twelve states of a body, with velocity and rate in the body frame.
 pub(crate) fn state(
     position_m: &Vector3<f64>,
     attitude: Attitude,
@@ -78,28 +79,28 @@ pub(crate) fn state(
     State::from([p.x, p.y, p.z, yaw_rad, pitch_rad, roll_rad, v.x, v.y, v.z, w.x, w.y, w.z])
 }
 
-/// A level drone at rest.
+/// Returns the state of a level drone at rest.
 pub fn at_rest(position_m: Vector3<f64>, yaw_rad: f64) -> State {
     let (still, level) = (Vector3::zeros(), Attitude::default());
     state(&position_m, Attitude { yaw_rad, ..level }, &still, &still)
 }
 
-/// Position in the world, in m.
+/// Returns the position in the world frame in m.
 pub fn position(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(0).into_owned()
 }
 
-/// Attitude of the body in the world.
+/// Returns the attitude of the body in the world frame.
 pub fn attitude(state: &State) -> Attitude {
     Attitude { yaw_rad: state[3], pitch_rad: state[4], roll_rad: state[5] }
 }
 
-/// Velocity in the body frame, in m/s.
+/// Returns the velocity in the body frame in m/s.
 pub fn velocity(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(6).into_owned()
 }
 
-/// Rates of the body about its axes, in rad/s.
+/// Returns the angular velocity in the body frame in rad/s.
 pub fn rate(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(9).into_owned()
 }
@@ -109,14 +110,14 @@ mod tests {
     use super::*;
 
     impl VehicleOptions {
-        /// The motors' wrench about the center of mass: the thrust acts at `−(x, y)` of it.
+        /// Returns the motors' wrench about the center of mass, from which thrust is at `−(x, y)`.
         pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
             let ([x, y], f) = (self.center_of_mass_m, motors[3]);
             motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
         }
 
-        /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta
-        /// method.
+        /// Returns the state after `dt_s` under a constant wrench, by one classical Runge–Kutta
+        /// step.
         pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
             let k1 = self.derivative(state, wrench);
             let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);
@@ -144,7 +145,8 @@ mod tests {
 
     #[test]
     fn attitude_turns_with_the_body_rate() {
-        // Ṙ = R [w]×, by a difference of world_from_body along the Euler angles' derivative.
+        // The test checks Ṙ = R [w]× by a difference of world_from_body along the angles'
+        // derivative.
         let state = tumbling();
         let slope = VehicleOptions::default().derivative(&state, &Wrench::zeros());
         let ahead = attitude(&(state + slope * 1e-6)).world_from_body();

@@ -13,18 +13,19 @@ const EMPTY_STEPS: u16 = 1000;
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
     ///
-    /// The rigid body and the linear motors are the reference team's model. Everything from
-    /// [`Self::rotor_thrust_n_s2`] on is switched off by 0 or "none", as it is in the default.
+    /// The rigid body and the linear motors are the reference team's model. By default, every
+    /// effect from [`Self::rotor_thrust_n_s2`] on is switched off by a value of 0 or "none".
     ///
-    /// Default: the team's pendulum tests and fits. The center of mass explains the mean motor
-    /// commands and the steady position error of their flight: (−1.3e-4, −3.3e-4, 0) N m at hover.
-    /// Rotors: Bitcraze's fit of 2015 to a Crazyflie 2.0, 2.68e-10 N/rpm² a motor (firmware
-    /// `docs/functional-areas/pwm-to-thrust.md`). Propellers of radius 23 mm, 30 mm above the floor
-    /// (constants of the ground-effect module in `XinLong-Li/cf-frimware-2022-12`).
+    /// The defaults are from the team's pendulum tests and fits. The center of mass explains the
+    /// mean motor commands and the constant position error of their flight, (−1.3e-4, −3.3e-4, 0) N
+    /// m at hover. The rotors are those of Bitcraze's 2015 fit to a Crazyflie 2.0, 2.68e-10 N/rpm²
+    /// per motor (firmware `docs/functional-areas/pwm-to-thrust.md`). The propellers have a radius
+    /// of 23 mm and are 30 mm above the floor (constants of the ground-effect module in
+    /// `XinLong-Li/cf-frimware-2022-12`).
     pub struct VehicleOptions {
-        /// Release of the Crazyflie's firmware, with or without the number of a patch.
+        /// Release of the Crazyflie's firmware, with or without the patch number.
         firmware: Release = Release::MODELED;
-        /// Mass with battery and decks.
+        /// Mass including battery and decks.
         mass_kg: f64 = 0.0351, in 1e-3..=100.0;
         /// Principal moments of inertia about body x, y, z.
         inertia_kg_m2: [f64; 3] = [1.24e-5, 1.27e-5, 3.32e-5], in 1e-8..=100.0;
@@ -32,132 +33,141 @@ settings! {
         k_f_n: f64 = 1.95e-6, in 1e-9..=1.0;
         /// Reaction torque of one motor about body z per unit of its command.
         k_m_n_m: f64 = 7.47e-9, in 1e-12..=1.0;
-        /// Half the side of the square of motors: lever of the thrust about body x and y.
+        /// Half the side of the square of motors, which is the lever arm of the thrust about body x
+        /// and y.
         arm_m: f64 = 0.035, in 1e-3..=2.0;
-        /// Center of mass in body x and y, from the middle of the motors.
+        /// Position of the center of mass in body x and y, relative to the middle of the motors.
         ///
-        /// The thrust turns the drone about it, and a controller without integral action pays with
-        /// a constant position error.
+        /// The thrust turns the drone about the center of mass, which causes a constant position
+        /// error without integral action in the controller.
         center_of_mass_m: [f64; 2] = [-0.958e-3, 0.378e-3], in -1.0..=1.0;
-        /// Thrust of one rotor per square of its speed, N/(rad/s)², for lag, rotor drag and
-        /// gyroscopic torque.
+        /// Thrust of one rotor per squared speed in N/(rad/s)², for lag, rotor drag and gyroscopic
+        /// torque.
         rotor_thrust_n_s2: f64 = 2.444e-8, in 1e-12..=1.0;
-        /// Time constant of a rising rotor speed. 0: no lag.
+        /// Time constant of an increasing rotor speed. A value of 0 means no lag.
         ///
-        /// Too much makes a firm attitude controller oscillate.
+        /// Too large a value makes a stiff attitude controller oscillate.
         motor_rise_s: f64 = 0.0, in 0.0..=10.0;
-        /// Time constant of a falling rotor speed. 0: no lag.
+        /// Time constant of a decreasing rotor speed. A value of 0 means no lag.
         motor_fall_s: f64 = 0.0, in 0.0..=10.0;
-        /// Drag of the body per airspeed along body x, y, z, N/(m/s).
+        /// Drag of the body per airspeed along body x, y, z in N/(m/s).
         body_drag_n_s_m: [f64; 3] = [0.0; 3], in 0.0..=10.0;
-        /// Drag of one rotor across its axis per airspeed and rotor speed, N/((m/s)(rad/s)).
+        /// Drag of one rotor across its axis per airspeed and rotor speed in N/((m/s)(rad/s)).
         ///
-        /// The H-force of blade element theory, linear as in `RotorS` (Furrer et al. 2016).
+        /// This drag is the H-force of blade element theory, linear as in `RotorS` (Furrer et al.
+        /// 2016).
         rotor_drag_n_s2_m: f64 = 0.0, in 0.0..=1e-2;
-        /// Moment of the air about body x and y per airspeed across the rotors' axes, N m/(m/s).
+        /// Moment of the air about body x and y per airspeed across the rotors' axes in N m/(m/s).
         ///
         /// The side of a rotor that moves into the air lifts more than the other, and its drag acts
         /// above the center of mass, so that the drone pitches up against its motion (speed
         /// stability: Pounds, Mahony, Corke, "Modelling and control of a large quadrotor robot",
-        /// 2010). A regulator without integral action trails by more. 4.7e-4 in the log of the
-        /// reference flight, from the slow part of its pitch torque against its speed in x (of σ
-        /// 0.8e-4 N m, 0.6e-4 remains).
+        /// 2010). This moment increases the lag of a regulator without integral action. In the log
+        /// of the reference flight, the slow part of the pitch torque and the speed in x give
+        /// 4.7e-4 (of σ 0.8e-4 N m, 0.6e-4 remains).
         airspeed_moment_n_s: f64 = 0.0, in 0.0..=10.0;
-        /// Moment of inertia of one rotor with the turning part of its motor, about its axis.
+        /// Moment of inertia of one rotor with the rotating part of its motor, about its axis.
         ///
-        /// Causes the gyroscopic torque, and the yaw torque of a rotor that speeds up.
+        /// The moment of inertia causes the gyroscopic torque, and the yaw torque of a rotor that
+        /// speeds up.
         rotor_inertia_kg_m2: f64 = 0.0, in 0.0..=1e-2;
-        /// Fraction of its thrust that each motor m1…m4 lacks at every command: a nicked propeller,
-        /// a worn motor.
+        /// Fraction of the thrust that each motor m1…m4 lacks at every command, because of a
+        /// damaged propeller or a worn motor.
         motor_loss_frac: [f64; 4] = [0.0; 4], in 0.0..=1.0;
-        /// Ground effect: thrust near the floor over thrust far from it, at the same rotor speed.
+        /// Ground effect, the ratio of thrust near the floor to thrust far from it, at the same
+        /// rotor speed.
         ground_effect: GroundEffect = GroundEffect::None;
         /// Radius of a propeller, for the ground effect.
         rotor_radius_m: f64 = 0.023, in 1e-3..=1.0, unless "vehicle.ground_effect" = "none";
         /// Height of the propellers above the floor when the drone is on it.
         rotor_height_m: f64 = 0.03, in 0.0..=2.0, unless "vehicle.ground_effect" = "none";
         fixed {
-            /// Largest motor command. The smallest is 0.
+            /// Maximum motor command. The minimum is 0.
             motor_max: f64 = 65_535.0;
         }
     }
 
-    /// A model of the ground effect: thrust near the floor over thrust far from it, at the same
-    /// rotor speed.
+    /// A model of the ground effect, the ratio of thrust near the floor to thrust far from it, at
+    /// the same rotor speed.
     pub enum GroundEffect {
         /// No ground effect.
         "none" => None,
-        /// One rotor and its image: `1 / (1 − (R/4z)²)`.
+        /// One rotor and its mirror image, `1 / (1 − (R/4z)²)`.
         ///
-        /// Cheeseman, Bennett: The effect of the ground on a helicopter rotor in forward flight,
-        /// ARC R&M 3021, 1955.
+        /// Source: Cheeseman, Bennett: The effect of the ground on a helicopter rotor in forward
+        /// flight, ARC R&M 3021, 1955.
         "cheeseman-bennett" => CheesemanBennett,
-        /// Four rotors and their images.
+        /// Four rotors and their mirror images.
         ///
-        /// The denominator above less `R² z / (d² + 4z²)^1.5 + R² z / 2(2d² + 4z²)^1.5`, d the
-        /// distance of neighbors. Sanchez-Cuevas, Heredia, Ollero: Characterization of the
-        /// aerodynamic ground effect and its influence in multirotor control, Int. J. Aerospace
-        /// Eng. 2017, 1823056, without the body's fountain, whose coefficient they fitted to a far
-        /// larger drone.
+        /// The denominator is that of `cheeseman-bennett` minus `R² z / (d² + 4z²)^1.5 + R² z /
+        /// 2(2d² + 4z²)^1.5`, where d is the distance between neighbors. Sanchez-Cuevas, Heredia,
+        /// Ollero: Characterization of the aerodynamic ground effect and its influence in
+        /// multirotor control, Int. J. Aerospace Eng. 2017, 1823056, without the body's fountain,
+        /// whose coefficient they fitted to a far larger drone.
         "sanchez-cuevas" => SanchezCuevas,
     }
 
-    /// A lithium-polymer battery. The default has no capacity: a voltage that never sags.
+    /// A lithium-polymer battery. The default has no capacity, which means a voltage that never
+    /// sags.
     ///
-    /// The other defaults are the Crazyflie 2.1's 250 mAh battery, so that a capacity switches it
-    /// on. Curve: firmware `pm_stm32f4.c` (0 to 90 %) and 4.20 V when full. Currents: Bitcraze's
-    /// table of 2015 (firmware `docs/functional-areas/pwm-to-thrust.md`), 0.24 A at rest and 2.39 A
-    /// at 32.8 g. Resistance: from the median drop of 0.57 V at take-off in 98 flights of
-    /// `NanoBench` (arXiv 2603.09908) and the change of current. Thrust: firmware
-    /// `platform_defaults_cf2.h`, legacy propellers. Cut-off: its critical voltage, and five
-    /// seconds (`pm.h`).
+    /// The other defaults are those of the Crazyflie 2.1's 250 mAh battery, so that setting a
+    /// capacity is enough to switch it on. The curve is that of the firmware's `pm_stm32f4.c` (0 to
+    /// 90 %), with 4.20 V at full charge. The currents are from Bitcraze's 2015 table (firmware
+    /// `docs/functional-areas/pwm-to-thrust.md`), 0.24 A at rest and 2.39 A at 32.8 g. The
+    /// resistance follows from the median voltage drop of 0.57 V at take-off in 98 flights of
+    /// `NanoBench` (arXiv 2603.09908) and the change of current. The thrust is that of legacy
+    /// propellers in the firmware's `platform_defaults_cf2.h`. The cut-off is the firmware's
+    /// critical voltage for five seconds (`pm.h`).
     pub struct BatteryOptions {
-        /// Charge of a full battery, A h. 0: no battery, full thrust at all times.
+        /// Charge of a full battery in A h. A value of 0 means no battery and full thrust at all
+        /// times.
         capacity_ah: f64 = 0.0, in 0.0..=1000.0;
-        /// Charge at the start, as a fraction of the full battery's.
+        /// Charge at the start, as a fraction of full charge.
         charge_frac: f64 = 1.0, in 0.0..=1.0;
         /// Open-circuit voltage at 0 %, 10 % … 100 % of charge.
         open_circuit_v: [f64; 11] =
             [3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10, 4.20], in 0.1..=1000.0;
-        /// Resistance of battery, plug and wires together.
+        /// Combined resistance of battery, plug and wires.
         resistance_ohm: f64 = 0.265, in 0.0..=100.0;
-        /// Current with the motors off: electronics, decks, lamps.
+        /// Current with the motors off, through electronics, decks and lamps.
         idle_current_a: f64 = 0.24, in 0.0..=1000.0;
-        /// Current of all motors per thrust of all motors, A/N.
+        /// Total current of all motors per total thrust in A/N.
         current_a_per_n: f64 = 6.68, in 0.0..=1000.0;
-        /// Largest thrust of one motor at a voltage v: `t₀ + t₁v + t₂v² + t₃v³`, N.
+        /// Coefficients of the maximum thrust of one motor at a voltage v, `t₀ + t₁v + t₂v² +
+        /// t₃v³`, in N.
         thrust_from_v_n: [f64; 4] = [-0.014831, 0.047245, -0.018474, 0.005961], in -1e3..=1e3;
-        /// Compensation of a falling voltage by the firmware.
+        /// Compensation by the firmware for a decreasing voltage.
         compensation: Compensation = Compensation::Firmware;
-        /// Thrust below which the firmware's compensation stops a motor, N.
+        /// Thrust in N below which the firmware's compensation stops a motor.
         least_thrust_n: f64 = 0.0, in 0.0..=1e3, for "battery.compensation" = "firmware";
-        /// Least duty cycle of an armed motor in the air, as a fraction of full duty.
+        /// Minimum duty cycle of an armed motor in the air, as a fraction of full duty.
         idle_frac: f64 = 0.0, in 0.0..=1.0, for "battery.compensation" = "firmware";
-        /// Voltage under load below which, after 5 s, the motors stop for good. 0: never.
+        /// Voltage under load below which, after 5 s, the motors stop permanently. A value of 0
+        /// means that they never stop.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
     }
 
-    /// Compensation of a falling battery voltage by the firmware.
+    /// Compensation by the firmware for a decreasing battery voltage.
     pub enum Compensation {
-        /// A command is a thrust: the duty cycle rises as the voltage falls. If one motor's is
-        /// full, all four are lowered by the same amount: attitude has priority over thrust. The
-        /// controllers `pid` and `geometric` may thus command more than `vehicle.motor_max`, which
-        /// a full battery gives.
+        /// A command stands for a thrust, so that the duty cycle increases as the voltage
+        /// decreases. If the duty cycle of one motor is full, all four are lowered by the same
+        /// amount, which gives attitude priority over thrust. The controllers `pid` and `geometric`
+        /// may therefore command more than `vehicle.motor_max`, which a full battery can provide.
         ///
-        /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
+        /// Source: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
         /// `powerDistributionCap`, `power_distribution_quadrotor.c`.
         "firmware" => Firmware,
-        /// A command is a fraction of the thrust that the motor gives at the present voltage.
+        /// A command stands for a fraction of the motor's thrust at the present voltage.
         "none" => None,
     }
 
     /// Wind and gusts. The default is still air.
     pub struct AirOptions {
-        /// Steady wind, world frame.
+        /// Steady wind in the world frame.
         wind_m_s: [f64; 3] = [0.0; 3], in -50.0..=50.0;
-        /// Gusts on top of the wind. They push the drone through its drag.
+        /// Gusts in addition to the steady wind. Gusts push the drone through its drag.
         gusts: Gusts = Gusts::None;
-        /// Thrust loss of a drone below another drone.
+        /// Thrust loss of a drone that flies below another drone.
         downwash: Downwash = Downwash::Jet, unless "plan.drones" = "1";
     }
 
@@ -165,10 +175,10 @@ settings! {
     pub enum Downwash {
         /// No effect of drones on each other.
         "none" => None,
-        /// A round jet that slows down and spreads. On its axis a Crazyflie loses 7.6 g of thrust
+        /// A round jet that slows down and spreads. On its axis, a Crazyflie loses 7.6 g of thrust
         /// at 0.3 m, 4.2 g at 0.5 m and 2 g at 1 m.
         ///
-        /// Shi, Hönig, Yue, Chung: Neural-Swarm (arXiv 2003.02992), up to 0.5 m.
+        /// Source: Shi, Hönig, Yue, Chung: Neural-Swarm (arXiv 2003.02992), up to 0.5 m.
         "jet" => Jet,
     }
 
@@ -176,46 +186,49 @@ settings! {
     pub enum Gusts tagged {
         /// No gusts.
         "none" => None,
-        /// Indoors: each axis an Ornstein-Uhlenbeck process.
+        /// Indoor gusts, which are an Ornstein-Uhlenbeck process for each axis.
         ///
-        /// Density `4σ²τ / (1 + ω²τ²)` per Hz (Uhlenbeck, Ornstein 1930).
+        /// The density is `4σ²τ / (1 + ω²τ²)` per Hz (Uhlenbeck, Ornstein 1930).
         "ornstein-uhlenbeck" => OrnsteinUhlenbeck(GustOptions),
-        /// Outdoors: Dryden's spectra at low altitude. Without wind there are no gusts.
+        /// Outdoor gusts with Dryden's spectra at low altitude. Without wind, there are no gusts.
         ///
-        /// MIL-F-8785C (1980), at 10 ft and below, from the level part of the steady wind, which
-        /// counts as the wind at 20 ft and carries the gusts past the drone.
+        /// The spectra are those of MIL-F-8785C (1980) at 10 ft and below, for the horizontal part
+        /// of the steady wind, which counts as the wind at 20 ft and carries the gusts past the
+        /// drone.
         "dryden" => Dryden,
     }
 
-    /// Gusts of a room.
+    /// Gusts in a room.
     ///
-    /// Default push: Zhang et al., "Field measurements of boundary-layer flows in ventilated rooms"
-    /// (ASHRAE Transactions), find a turbulent energy of up to 0.01 m²/s² in weakly turbulent flow,
-    /// σ = √(2k/3) = 0.08 m/s, at mean speeds of 0.05 to 0.25 m/s. Eddies of 0.2 m that drift at
-    /// 0.2 m/s pass in 1 s.
+    /// The default wind follows Zhang et al., "Field measurements of boundary-layer flows in
+    /// ventilated rooms" (ASHRAE Transactions), who found a turbulent energy of up to 0.01 m²/s² in
+    /// weakly turbulent flow, σ = √(2k/3) = 0.08 m/s, at mean speeds of 0.05 to 0.25 m/s. Eddies of
+    /// 0.2 m that drift at 0.2 m/s pass in 1 s.
     ///
-    /// Default torque: that of the motors of the reference flight below 1 Hz, between take-off and
-    /// landing, through the team's `k_F`, `k_M` and 35 mm: σ 1.12, 1.01 (less the part that goes
-    /// with the speed in x) and 0.54e-4 N m about a mean of 1.35, 3.4 and −0.49e-4. Its
-    /// autocorrelation falls to 0.5, 0 and 0.5 after a second. A tenth is added for the part above
-    /// 1 Hz.
+    /// The default torque is that of the reference flight's motors below 1 Hz in the air, according
+    /// to the team's `k_F`, `k_M` and 35 mm. Its σ is 1.12, 1.01 (without the part due to the speed
+    /// in x) and 0.54e-4 N m around a mean of 1.35, 3.4 and −0.49e-4. Its autocorrelation decreases
+    /// to 0.5, 0 and 0.5 after a second. A tenth is added for the part above 1 Hz.
     pub struct GustOptions {
-        /// Standard deviation along world x, y, z. Their torque grows with it.
+        /// Standard deviation of the wind speed along world x, y, z. The torque increases in
+        /// proportion.
         sigma_m_s: [f64; 3] = [0.08; 3], in 0.0..=50.0;
-        /// Correlation time: the size of an eddy over the speed at which it drifts past.
+        /// Correlation time, which is the size of an eddy divided by the speed at which it drifts
+        /// past.
         time_s: f64 = 1.0, in 1e-2..=1e4;
         fixed {
-            /// Standard deviation of the torque of uneven air and rotors about body x, y, z for a
-            /// sigma_m_s of 0.08 along each axis.
+            /// Standard deviation of the torque in N m about body x, y, z from uneven air and
+            /// rotors, for a sigma_m_s of 0.08 along each axis.
             ///
-            /// In a room it moves a regulator without integral action more than the push does.
+            /// In a room, the torque moves a drone with a regulator without integral action more
+            /// than the wind does.
             torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5];
         }
     }
 }
 
 impl GustOptions {
-    /// Strength relative to the gusts of a default room.
+    /// Returns the strength relative to the gusts of a default room.
     pub(crate) fn relative_strength(&self) -> f64 {
         let room = Self::default();
         Vector3::from(self.sigma_m_s).norm() / Vector3::from(room.sigma_m_s).norm()
@@ -230,39 +243,39 @@ impl VehicleOptions {
             return Ok(());
         }
         Err(Error::infeasible(
-            format!("the motors lift {lift_n:.3} N, the drone weighs {weight_n:.3} N"),
+            format!("the motors lift {lift_n:.3} N, but the drone weighs {weight_n:.3} N"),
             "lower vehicle.mass_kg, or raise vehicle.k_f_n",
         ))
     }
 
-    /// Fraction of the motors' largest command that carries the drone.
+    /// Returns the fraction of the motors' maximum command that carries the drone.
     pub fn hover_throttle(&self) -> f64 {
         self.mass_kg * GRAVITY_M_S2 / (4.0 * self.full_thrust_n())
     }
 
-    /// Thrust of one motor at its largest command.
+    /// Returns the thrust of one motor at its maximum command in N.
     pub(crate) fn full_thrust_n(&self) -> f64 {
         self.k_f_n * self.motor_max
     }
 }
 
 impl Gusts {
-    /// Gusts of a ventilated room.
+    /// Returns the gusts of a ventilated room.
     pub fn room() -> Self {
         Self::OrnsteinUhlenbeck(GustOptions::default())
     }
 }
 
 impl BatteryOptions {
-    /// True if the firmware compensates a falling battery voltage.
+    /// True if the firmware compensates for a decreasing battery voltage.
     pub(crate) fn is_compensated(&self) -> bool {
         self.capacity_ah > 0.0 && self.compensation == Compensation::Firmware
     }
 
-    /// Open-circuit voltage at a fraction of the charge, 0 to 1.
+    /// Returns the open-circuit voltage in V at a fraction of the charge, 0 to 1.
     #[inline(always)]
     pub fn open_circuit_v(&self, charge_frac: f64) -> f64 {
-        // Linear between the two tenths around it.
+        // The voltage is interpolated linearly between the two nearest tenths.
         let tenths = charge_frac * 10.0;
         #[expect(clippy::cast_possible_truncation, reason = "0 to 10")]
         let below = (tenths as usize).min(9);
@@ -271,8 +284,8 @@ impl BatteryOptions {
         low + (high - low) * fraction
     }
 
-    /// Time until the battery falls to its cut-off under a total thrust of all rotors. `None`
-    /// without a battery.
+    /// Returns the time in s until the battery's voltage falls to the cut-off under a constant total
+    /// thrust of all rotors. Returns `None` without a battery.
     pub fn lasts_s(&self, thrust_n: f64) -> Option<f64> {
         let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
         let least_v = self.cut_off_v + self.resistance_ohm * current_a;
@@ -282,7 +295,7 @@ impl BatteryOptions {
         (self.capacity_ah > 0.0).then(|| charge_a_s / current_a)
     }
 
-    /// Checks that the open-circuit voltage rises with the charge.
+    /// Checks that the open-circuit voltage increases with the charge.
     pub(crate) fn check_curve(&self) -> Result<()> {
         if self.open_circuit_v.is_sorted() {
             return Ok(());

@@ -1,4 +1,4 @@
-//! The plant: rotors, battery, body, air and floor put together, advanced step by step.
+//! Plant, which combines rotors, battery, body, air and floor, and is advanced step by step.
 
 use nalgebra::{Vector3, Vector4};
 
@@ -13,20 +13,20 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::warning;
 
-/// Options of a plant: the drone and its battery, the air and the floor around it.
+/// Options of a plant, which are those of the drone, its battery, and the air and floor around it.
 #[derive(Clone, Copy, Debug)]
 pub struct PlantOptions<'a> {
-    /// The drone.
+    /// Options of the drone.
     pub vehicle: &'a VehicleOptions,
-    /// Its battery.
+    /// Options of the drone's battery.
     pub battery: &'a BatteryOptions,
-    /// The air around it.
+    /// Options of the air around the drone.
     pub air: &'a AirOptions,
-    /// The floor below it.
+    /// Options of the floor below the drone.
     pub floor: &'a FloorOptions,
 }
 
-/// One drone in the air or on the floor, driven by motor commands in steps of fixed length.
+/// Drone in the air or on the floor, driven by motor commands in steps of fixed length.
 ///
 /// ```
 /// use nalgebra::Vector3;
@@ -52,20 +52,21 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
-    /// Fraction of its thrust that each motor gives. Less than 1 for a damaged motor.
+    /// Fraction of its thrust that each motor provides. The fraction is less than 1 for a damaged
+    /// motor.
     thrust_frac: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
     arm_m: f64,
-    /// Loss of the rotors in the downwash of other drones, if they are in any.
+    /// Loss of the rotors in the downwash of other drones, if there is any.
     lost: Option<Load>,
 }
 
 impl Plant {
-    /// A level drone at rest, with the noise of `seed` and the index `drone`. In the air its rotors
-    /// already carry it, and on the floor they do not turn.
+    /// Makes a level drone at rest, with the noise of `seed` and the index `drone`. In the air, the
+    /// rotors already carry the drone, and on the floor, they do not turn.
     ///
-    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters.
+    /// `dt_s` is the duration of a step. A duration of up to 2 ms hardly affects the result.
     pub fn new(
         options: PlantOptions<'_>,
         dt_s: f64,
@@ -101,31 +102,32 @@ impl Plant {
         Self { row: self.body().facing(yaw_rad).row(), ..self }
     }
 
-    /// The stream of air below the drone.
+    /// Returns the stream of air below the drone.
     pub fn jet(&self) -> Jet {
         let size_m = std::f64::consts::SQRT_2 * self.arm_m;
         Jet::new(&self.body(), self.rotors.thrust_n(), size_m)
     }
 
-    /// Sets the downwash of other drones, which takes thrust from the rotors until the next call.
+    /// Sets the downwash of other drones, which reduces the rotors' thrust until the next call.
     pub fn enter<'a>(&mut self, jets: impl Iterator<Item = &'a Jet>) {
         let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
         let lost_n: Vector4<f64> = jets.map(|jet| jet.lost_n(&body, thrust_n, self.arm_m)).sum();
-        // The sum of losses is at most a rotor's mean thrust.
+        // The total loss is limited to a rotor's mean thrust.
         let lost_n = lost_n.map(|lost_n| lost_n.min(0.25 * thrust_n));
         self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost_load(&lost_n));
     }
 
-    /// Advances the drone by one step under motor commands m1…m4, each from 0 to the largest.
+    /// Advances the drone by one step under motor commands m1…m4, each from 0 to the maximum.
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
-        // The ground effect changes slowly, so it is held during the step, at the middle height.
+        // The ground effect changes slowly, and is taken as constant during the step, at middle
+        // height.
         let floor_m = self.floor_m(self.row[0], self.row[1]);
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
         let ground = self.floor.thrust_ratio(middle_m - floor_m);
         let mut loads = self.rotors.advance(&thrusts_n, ground);
-        // Gust, downwash and the voltage of the battery are held as well.
+        // The gust, the downwash and the battery's voltage are also constant during the step.
         if !self.wind.is_steady() {
             let gust = self.wind.advance();
             self.wind_m_s = gust.wind_m_s;
@@ -146,24 +148,25 @@ impl Plant {
         }
     }
 
-    /// Pose and motion of the drone.
+    /// Returns the pose and motion of the drone.
     #[inline(always)]
     pub fn body(&self) -> RigidBody {
         RigidBody::from_row(&self.row)
     }
 
-    /// Voltage of the battery under load, V, and energy that it has delivered, J. `None` for a
-    /// drone whose battery never sags.
+    /// Returns the battery's voltage under load in V, and the energy that it has delivered in J.
+    /// Returns `None` for a drone whose battery never sags.
     pub fn battery(&self) -> Option<(f64, f64)> {
         self.battery.as_ref().map(|battery| (battery.voltage_v, battery.energy_j))
     }
 
-    /// Steps so far in which the battery limited the thrust of a motor.
+    /// Returns the number of steps so far in which the battery limited the thrust of a motor.
     pub fn short_steps(&self) -> u32 {
         self.short_steps
     }
 
-    /// Reading of an ideal accelerometer, body frame: all forces without gravity, per mass.
+    /// Returns the reading of an ideal accelerometer in the body frame, all forces but gravity per
+    /// mass.
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
@@ -177,13 +180,14 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// Vertical acceleration at full throttle and the present voltage, far from the floor.
+    /// Returns the vertical acceleration at full throttle, at the present voltage, far from a
+    /// floor.
     pub fn gain_m_s2(&self) -> f64 {
         let battery_gain = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
         4.0 * self.full_thrust_n * battery_gain * GRAVITY_M_S2 / self.inertia.weight_n
     }
 
-    /// Warnings about a battery that limited the thrust, or was empty.
+    /// Returns warnings about a battery that limited the thrust or was empty.
     pub fn warnings(&self) -> Vec<Diagnostic> {
         let short_s = f64::from(self.short_steps) * self.dt_s;
         let weak = (short_s > 0.0).then(|| warning::battery_weak(short_s));
@@ -191,7 +195,7 @@ impl Plant {
         weak.into_iter().chain(is_empty.then(warning::battery_empty)).collect()
     }
 
-    /// Thrust toward which each motor is driven by a command, within what the battery can give.
+    /// Returns the thrust toward which a command drives each motor, within the battery's limits.
     #[inline(always)]
     pub(crate) fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
@@ -199,8 +203,8 @@ impl Plant {
             let full_n = thrusts_n.map(|thrust_n| thrust_n.min(self.full_thrust_n));
             return full_n.component_mul(&self.thrust_frac);
         };
-        // The firmware's compensation makes a command a thrust. A motor below the least one idles,
-        // and a motor beyond the voltage lowers all four.
+        // With the firmware's compensation, a command stands for a thrust. A motor below the
+        // minimum idles, and a motor beyond the voltage lowers all four.
         let limit = battery.limit(self.full_thrust_n);
         let mut wanted_n =
             (thrusts_n * limit.gain).map(|n| if n < limit.least_n { limit.idle_n } else { n });
@@ -211,13 +215,13 @@ impl Plant {
         wanted_n.component_mul(&self.thrust_frac)
     }
 
-    /// Height of the floor at a place.
+    /// Returns the height of the floor at a position.
     #[inline(always)]
     pub fn floor_m(&self, x_m: f64, y_m: f64) -> f64 {
         self.steps.height_m(x_m, y_m)
     }
 
-    /// Sets the state after a step with contact: a drone that rests on the floor stays, one that
+    /// Sets the state after a step with contact. A drone that rests on the floor stays, one that
     /// rises goes to `next`, and one that comes down is stopped on the floor.
     #[inline(never)]
     fn touch(&mut self, next: Row, load: &Load) {
@@ -353,7 +357,7 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_bits() {
         let mut options = SimOptions::cf21();
-        // Without a controller the torque of a room would turn it over.
+        // Without a controller, the torque of the air in a room would turn the drone over.
         let gusts = GustOptions { torque_sigma_n_m: [1e-7; 3], ..GustOptions::default() };
         options.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         let end = |seed| {
@@ -363,7 +367,8 @@ mod tests {
         };
         assert_eq!(end(1), end(1));
         assert_ne!(end(1), end(2));
-        // Recorded. The same in debug and release, on every machine.
+        // The bits are recorded from an earlier run. They are the same in debug and release builds,
+        // and on every machine.
         let bits = end(1).position_m.map(f64::to_bits);
         assert_eq!(
             [bits.x, bits.y, bits.z],

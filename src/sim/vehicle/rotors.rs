@@ -1,4 +1,4 @@
-//! Four rotors: their speeds, which follow the commands, and their forces and torques.
+//! Four rotors, whose speeds follow the commands and cause forces and torques.
 
 use nalgebra::{Vector3, Vector4};
 
@@ -8,18 +8,18 @@ use noctograph_core::crazyflie::MOTOR_SIGNS;
 /// Action of the rotors on the body at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Load {
-    /// Along body z.
+    /// Thrust along body z in N.
     pub(super) thrust_n: f64,
-    /// About the center of mass, body frame, without the gyroscopic part.
+    /// Torque about the center of mass in the body frame in N m, without the gyroscopic part.
     pub(super) torque_n_m: Vector3<f64>,
-    /// Rotor drag per airspeed across the rotors' axes.
+    /// Rotor drag per airspeed across the rotors' axes in N/(m/s).
     pub(super) drag_n_s_m: f64,
-    /// Angular momentum of the rotors' spin along body z.
+    /// Angular momentum of the rotors' spin along body z in N m s.
     pub(super) spin_n_m_s: f64,
 }
 
 impl Load {
-    /// The load reduced by the thrust of another one and its torque.
+    /// Returns the load minus the thrust and torque of another load.
     #[inline(always)]
     pub(super) fn less(&self, lost: &Self) -> Self {
         Self {
@@ -30,7 +30,7 @@ impl Load {
     }
 }
 
-/// Rotor speeds with the constants that advance them by one step.
+/// Rotor speeds, with the constants that advance them by one step.
 #[derive(Clone, Debug)]
 pub(super) struct Rotors {
     speed_rad_s: Vector4<f64>,
@@ -45,17 +45,17 @@ pub(super) struct Rotors {
     inertia_kg_m2: f64,
 }
 
-/// A first-order lag, sampled at the start, the middle and the end of a step.
+/// First-order lag, sampled at the start, the middle and the end of a step.
 #[derive(Clone, Copy, Debug)]
 struct Lag {
-    /// Fraction of the initial difference that remains.
+    /// Fractions of the initial difference that remain.
     remaining: [f64; 3],
-    /// Inverse of the time constant.
+    /// Inverse of the time constant in 1/s.
     per_s: f64,
 }
 
 impl Lag {
-    /// A lag in steps of `dt_s`. A time constant of 0 means no lag.
+    /// Makes a lag in steps of `dt_s`. A time constant of 0 means no lag.
     fn new(time_constant_s: f64, dt_s: f64) -> Self {
         if time_constant_s > 0.0 {
             let remaining = [0.0, 0.5, 1.0].map(|step| libm::exp(-step * dt_s / time_constant_s));
@@ -67,7 +67,7 @@ impl Lag {
 }
 
 impl Rotors {
-    /// Rotors that each carry `thrust_n`, advanced in steps of `dt_s`.
+    /// Makes rotors that each provide `thrust_n`, advanced in steps of `dt_s`.
     pub(super) fn new(options: &VehicleOptions, thrust_n: f64, dt_s: f64) -> Self {
         Self {
             speed_rad_s: Vector4::repeat((thrust_n / options.rotor_thrust_n_s2).sqrt()),
@@ -83,24 +83,24 @@ impl Rotors {
         }
     }
 
-    /// Thrust of all four, out of ground effect.
+    /// Returns the total thrust of all four rotors in N, without ground effect.
     #[inline(always)]
     pub(super) fn thrust_n(&self) -> f64 {
         let [a, b, c, d] = self.speed_rad_s.into();
         self.thrust_n_s2 * (a * a + b * b + c * c + d * d)
     }
 
-    /// The load at the present speeds. `ground` is the thrust ratio of the ground effect.
+    /// Returns the load at the present speeds. `ground` is the thrust ratio of the ground effect.
     #[inline(always)]
     pub(super) fn load(&self, ground: f64) -> Load {
         self.load_at(&self.speed_rad_s, &Vector4::zeros(), ground)
     }
 
-    /// Advances the speeds toward the commanded thrusts by one step. Returns the loads at its
-    /// start, middle and end.
+    /// Advances the speeds toward the commanded thrusts by one step. Returns the loads at the
+    /// step's start, middle and end.
     #[inline(always)]
     pub(super) fn advance(&mut self, command_n: &Vector4<f64>, ground: f64) -> [Load; 3] {
-        // Each speed falls exponentially to its target, with one time constant up and another down.
+        // Each speed approaches its target exponentially, with one time constant up and one down.
         let start = self.speed_rad_s;
         let target = command_n.map(|thrust_n| (thrust_n * self.per_thrust).sqrt());
         let mut loads = [Load::default(); 3];
@@ -118,13 +118,13 @@ impl Rotors {
         loads
     }
 
-    /// The load at given speeds (rad/s) that change at given rates (rad/s²).
+    /// Returns the load at given speeds (rad/s) that change at given rates (rad/s²).
     #[inline(always)]
     fn load_at(&self, speed: &Vector4<f64>, change: &Vector4<f64>, ground: f64) -> Load {
         let scale = self.thrust_n_s2 * ground;
         let [roll, pitch, yaw, thrust_n] =
             (MOTOR_SIGNS * speed.map(|speed| scale * speed * speed)).into();
-        // The yaw signs are those of the torque on the body, against which the rotors turn.
+        // The yaw signs are those of the torque on the body, which is opposite to the rotors' spin.
         let (spin, spin_up) = (-(MOTOR_SIGNS * speed).z, -(MOTOR_SIGNS * change).z);
         let [about_x, about_y] = self.horizontal_torque_n_m(roll, pitch, thrust_n);
         let about_z = self.torque_per_thrust_m * yaw - self.inertia_kg_m2 * spin_up;
@@ -137,7 +137,7 @@ impl Rotors {
     }
 
     /// Returns the load to subtract when the rotors lose thrust at unchanged speeds. The torque
-    /// about z depends on the speeds, so it stays.
+    /// about z depends on the speeds, and is therefore unchanged.
     pub(super) fn lost_load(&self, lost_n: &Vector4<f64>) -> Load {
         let [roll, pitch, _, thrust_n] = (MOTOR_SIGNS * lost_n).into();
         let [about_x, about_y] = self.horizontal_torque_n_m(roll, pitch, thrust_n);
@@ -145,8 +145,8 @@ impl Rotors {
         Load { thrust_n, torque_n_m, ..Load::default() }
     }
 
-    /// Torque about body x and y, with respect to the center of mass, of the rotors' thrusts:
-    /// `roll` and `pitch` are their sums with the signs of [`MOTOR_SIGNS`].
+    /// Returns the torque about body x and y, relative to the center of mass, of the rotors'
+    /// thrusts, whose sums with the signs of [`MOTOR_SIGNS`] are `roll` and `pitch`.
     #[inline(always)]
     fn horizontal_torque_n_m(&self, roll: f64, pitch: f64, thrust_n: f64) -> [f64; 2] {
         let [x, y] = self.center_of_mass_m;
@@ -213,7 +213,8 @@ mod tests {
     fn a_rotor_that_speeds_up_turns_the_body_the_other_way() {
         let options = VehicleOptions { rotor_inertia_kg_m2: 2.7e-8, ..lagging() };
         let mut rotors = Rotors::new(&options, 0.08, 0.002);
-        // m1 turns counter-clockwise: the body is pushed clockwise, also by its speeding up.
+        // Rotor m1 turns counter-clockwise, so that it pushes the body clockwise, more so while it
+        // speeds up.
         let load = rotors.advance(&Vector4::new(0.1, 0.08, 0.08, 0.08), 1.0)[0];
         let rise = ((0.1_f64 / options.rotor_thrust_n_s2).sqrt()
             - (0.08_f64 / options.rotor_thrust_n_s2).sqrt())

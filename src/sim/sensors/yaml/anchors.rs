@@ -1,4 +1,4 @@
-//! Anchors from the file that cfclient saves: YAML, an index with x, y and z in meters each.
+//! Anchors from cfclient's YAML file, which contains x, y and z in meters under each index.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,12 +11,13 @@ use noctograph_core::error::{Result, within};
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
 
-/// Largest file that is read.
-const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a file of anchors", hint: HINT };
+/// Maximum size of a file.
+const LIMIT: Limit = Limit { bytes: 1 << 20, what: "an anchor file", hint: HINT };
 
-const HINT: &str = "save the anchors with cfclient: `0:` and below it `x: 1.0`, `y: 2.0`, `z: 0.2`";
+const HINT: &str = "save the anchors with cfclient as `0:` and, indented below it, `x: 1.0`, \
+                    `y: 2.0`, `z: 0.2`";
 
-/// The place of an anchor in the file.
+/// Position of an anchor in the file in m.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Anchor {
@@ -25,18 +26,18 @@ struct Anchor {
     z: f64,
 }
 
-/// Reads the places of the anchors, in the order of their indices.
+/// Reads the positions of the anchors, in the order of their indices.
 ///
 /// # Errors
 ///
-/// [`Error::Io`](noctograph_core::error::Error::Io) for a file that cannot be read.
+/// Returns [`Error::Io`](noctograph_core::error::Error::Io) if the file cannot be read. Returns
 /// [`Error::Input`](noctograph_core::error::Error::Input) with the line of a fault, and for indices
 /// that do not count from 0.
 pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-/// Parses the text of a file of anchors. `file` is its name in messages.
+/// Parses the text of an anchor file. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
     let anchors: BTreeMap<u8, Spanned<Anchor>> = from_yaml(yaml, file, HINT)?;
     let mut places_m: Vec<[f64; 3]> = Vec::new();
@@ -50,7 +51,12 @@ fn parse(yaml: &str, file: &str) -> Result<Vec<[f64; 3]>> {
             within(&format!("{place}, {name}"), coordinate_m, -1e4, 1e4)?;
         }
         if let Some(first) = places_m.iter().position(|other_m| *other_m == place_m) {
-            return Err(input_error!(place, "the place of key {first}", "another", "{HINT}"));
+            return Err(input_error!(
+                place,
+                "the position of anchor {first}",
+                "a different one",
+                "{HINT}"
+            ));
         }
         places_m.push(place_m);
     }
@@ -72,7 +78,7 @@ mod tests {
             (file.replacen("  x: 0.99\n", "", 1), ":", "missing field `x`"),
             (file.replacen("z: 1.8", "z: 1.8\n  w: 2", 1), ":5", "unknown field `w`"),
             (file.replace("1.49", ".nan"), ":2: anchor 0, y", "NaN"),
-            (file.replace("3.29", "1.49"), ":6: anchor 1", "the place of key 0"),
+            (file.replace("3.29", "1.49"), ":6: anchor 1", "the position of anchor 0"),
         ] {
             let error = parse(&broken, "a.yaml").unwrap_err().to_string();
             assert!(error.contains(&format!("a.yaml{place}")) && error.contains(wanted), "{error}");

@@ -1,12 +1,13 @@
 //! Base stations from a Lighthouse configuration file, as cfclient and cflib write it.
 //!
-//! `lighthouse_config_manager.py` of cflib dumps YAML, in block or in flow style by the release of
-//! its YAML library. World and station frames are those of this program.
+//! cflib's `lighthouse_config_manager.py` writes YAML in block or in flow style, depending on the
+//! release of its YAML library. The world and station frames are those of this program.
 //!
-//! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) have no
-//! effect, and a warning says so. The firmware undoes them before it uses an angle
-//! (`lighthouse_calibration.c`), and angles here are those after that. Their tilt of up to 0.05 rad
-//! would change the slant of second-generation planes by a tenth of the height's noise.
+//! The factory calibrations (`calibs`, which contain phase, tilt, curve and other values of each
+//! sweep) have no effect, and a warning says so. The firmware corrects for them before it uses an
+//! angle (`lighthouse_calibration.c`), and angles here are those after the correction. A
+//! calibration's tilt of up to 0.05 rad would change the slant of second-generation planes by a
+//! tenth of the height's noise.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,22 +23,22 @@ use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
-/// Largest file that is read. Sixteen stations take about 20 kB.
+/// Maximum size of a file. Sixteen stations take about 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
-/// Greatest error of a rotation matrix: files carry single precision, and some are rounded.
+/// Largest error of a rotation matrix, because files have single precision or are rounded.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
-const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, with the base \
-                    stations' geometry estimated";
+const HINT: &str = "estimate the base stations' geometry in cfclient's Lighthouse tab, and save \
+                    the configuration again";
 
-/// Keys of the file and of a station's geometry. Others are named in a warning.
+/// Known keys of the file and of a station's geometry. A warning names other keys.
 const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
 const GEOMETRY: [&str; 2] = ["origin", "rotation"];
 
-/// The keys of a mapping, with the lines on which their values begin.
+/// Keys of a mapping, with the lines on which their values begin.
 type Keys = BTreeMap<String, Spanned<IgnoredAny>>;
 
-/// The keys of the file that have an effect.
+/// Keys of the file that have an effect.
 #[derive(Deserialize)]
 struct Config {
     r#type: Spanned<String>,
@@ -50,7 +51,7 @@ struct Config {
     calibs: BTreeMap<u8, IgnoredAny>,
 }
 
-/// Place of a station, m, and the rotation from its frame to the world's, row by row.
+/// Position of a station in m, and the rotation from its frame to the world frame, row by row.
 #[derive(Deserialize)]
 struct Geometry {
     origin: Spanned<[f64; 3]>,
@@ -69,15 +70,15 @@ struct Geometries {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] for a file that cannot be read. [`Error::Input`] with the line for another form of
-/// file, or an impossible position or rotation of a station.
+/// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with the line for a
+/// file of another form, or for an impossible position or rotation of a station.
 pub fn read_lighthouse_config(path: &Path) -> Result<Warned<Vec<Station>>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-/// Reads the text of a configuration. `file` is its name in messages.
+/// Reads the text of a configuration. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
-    // All keys first, so that unknown keys are always named. Then the known keys.
+    // All keys are read first, so that unknown keys are always reported. The known keys follow.
     let keys: Keys = from_yaml(yaml, file, HINT)?;
     let mut unknown = unknown_keys(&keys, &KEYS);
     let config: Config = from_yaml(yaml, file, HINT)?;
@@ -104,12 +105,12 @@ fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
     unknown.extend(geometries.geos.values().flat_map(|keys| unknown_keys(keys, &GEOMETRY)));
     let mut warnings = calibration_warnings(&config);
     if !unknown.is_empty() {
-        warnings.push(format!("{file}: {} is not known and has no effect", unknown.join(", ")));
+        warnings.push(format!("{file}: unknown keys without effect: {}", unknown.join(", ")));
     }
     Ok(Warned { product, warnings: Diagnostic::warnings("base-stations", warnings) })
 }
 
-/// Checks that the value of a key is one of those wanted.
+/// Checks that the value of a key is one of the wanted values.
 fn check_value(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
     if wanted.contains(&value.value.as_str()) {
         return Ok(());
@@ -118,7 +119,7 @@ fn check_value(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) 
     Err(error.in_file(file, value.referenced.line()))
 }
 
-/// A station from its geometry. An impossible position or rotation is an error.
+/// Makes a station from its geometry. Returns an error for an impossible position or rotation.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
     let refused = |line: u64, key: &str, value: String, wanted: &str| {
         Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).in_file(file, line))
@@ -138,7 +139,7 @@ fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> R
     Ok(station_from_rotation(generation, position_m, &rotation))
 }
 
-/// A station from the rotation from its frame to the world's.
+/// Makes a station from the rotation from its frame to the world frame.
 fn station_from_rotation(
     generation: Generation,
     position_m: [f64; 3],
@@ -149,13 +150,13 @@ fn station_from_rotation(
     Station::facing(generation, position_m, &forward, roll_rad)
 }
 
-/// The keys of a mapping that are not among those known, with their lines.
+/// Returns the keys of a mapping that are unknown, with their lines.
 fn unknown_keys(keys: &Keys, known: &[&str]) -> Vec<String> {
     let unknown = keys.iter().filter(|(key, _)| !known.contains(&key.as_str()));
     unknown.map(|(key, value)| format!("{key} (line {})", value.referenced.line())).collect()
 }
 
-/// Warnings about calibrations, which have no effect, of stations with a geometry and without.
+/// Returns warnings that calibrations have no effect, for stations with a geometry and without.
 fn calibration_warnings(config: &Config) -> Vec<String> {
     let [calibrated, unplaced] = [true, false].map(|has_geometry| {
         let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == has_geometry);
@@ -170,7 +171,8 @@ fn calibration_warnings(config: &Config) -> Vec<String> {
     }
     if !unplaced.is_empty() {
         warnings.push(format!(
-            "base station {unplaced} is left out: its place is not known, only its calibration"
+            "base station {unplaced} is left out, because the file contains its calibration but \
+             not its position"
         ));
     }
     warnings
@@ -183,7 +185,8 @@ mod tests {
     use super::*;
     use crate::sensors::StationPose;
 
-    /// Block style, as cflib writes it since 5.1 of its YAML library, with a line of flow style.
+    /// Configuration in block style as cflib's YAML library writes it from 5.1 on, with one line in
+    /// flow style.
     const BLOCK: &str = "\
 calibs:
   0:
@@ -240,7 +243,7 @@ version: '1'
         let unplaced = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
         assert!(unplaced.warnings[0].message.contains("station 7 is left out"), "{unplaced:?}");
         let other = parse(&format!("{BLOCK}wind: 3\n"), "lh.yaml").unwrap();
-        assert!(other.warnings[1].message.contains("wind (line 36) is not known"), "{other:?}");
+        assert!(other.warnings[1].message.contains("effect: wind (line 36)"), "{other:?}");
     }
 
     #[test]
