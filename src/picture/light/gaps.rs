@@ -85,9 +85,10 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
         let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap.span_s[1]));
         rest = after;
         stretch.extend_from_slice(before);
-        match gap.is_bridged() {
-            true => stretch.extend(bridge(&stretch, after)),
-            false => stretches.push(Cow::Owned(std::mem::take(&mut stretch))),
+        if gap.is_bridged() {
+            stretch.extend(bridge(&stretch, after))
+        } else {
+            stretches.push(Cow::Owned(std::mem::take(&mut stretch)))
         }
     }
     stretch.extend_from_slice(rest);

@@ -67,12 +67,7 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
         let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
         let hint = "the flight or log that this light comes from is broken at that time";
         if !time_s.is_finite() || *time_s < previous_s {
-            return Err(Error::input(
-                place("time"),
-                time_s,
-                "a time not before the previous",
-                hint,
-            ));
+            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
         }
         previous_s = *time_s;
         for (what, v) in [("position", position_m), ("axis", axis)] {
