@@ -29,7 +29,7 @@ const TYPEFACE: Limit = Limit { bytes: 64 << 20, what: "a typeface", hint: SMALL
 /// Hint for a file that is too large.
 const SMALLER: &str = "name a smaller font file";
 
-/// A font that is ready to draw. Its clones use the same cache of traced characters.
+/// A font that is ready to draw. Clones of a font use the same cache of traced characters.
 #[derive(Clone)]
 pub struct Font {
     name: String,

@@ -110,7 +110,8 @@ mod tests {
         let cases = [
             ("noor", "NOOR"),
             ("NO Я", "NOЯ"),
-            // The name runs from right to left in its position, with a space to the Latin letters.
+            // The name runs from right to left in its position, and a space separates it from Latin
+            // letters.
             ("NO \u{5d0}\u{5e8} I", "NO\u{5e8}\u{5d0}I"),
             ("\u{5d0}\u{5e8} NO", "NO\u{5e8}\u{5d0}"),
             ("\u{5d0}\u{5e8}", "\u{5e8}\u{5d0}"),

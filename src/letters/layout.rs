@@ -191,8 +191,8 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
         Unset::Unshaped(_) => input_error!(
             place,
             "a word that the rules of {name} expand without end",
-            "a word that stays finite",
-            "write it with another font, or fewer of its letters in a row",
+            "a word of finite length",
+            "use another font, or write fewer of its letters in a row",
         ),
         // Letters that touch are traced as a single outline.
         Unset::TooLarge(_, n) => input_error!(
@@ -204,7 +204,8 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
     }
 }
 
-/// Returns the error for a letter that a font lacks. Its hint names a font that has the letter.
+/// Returns the error for a letter that a font lacks. The error's hint names a font that has the
+/// letter.
 fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     let single_line = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
     let hint = if is_shaped(part) {
@@ -250,7 +251,7 @@ fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64)
     let begin_m = cells.first().map_or(0.0, |cell| cell.offset_m);
     let end_m = cells.last().map_or(0.0, |cell| cell.offset_m + cell.width_m);
     let left_m = match options.align {
-        // This is a product instead of a sum because it must round as in the reference flight.
+        // The offset is a product, not a sum, because it must round as in the reference flight.
         Align::Ae483 if is_box => -0.5 * options.box_width_m() * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|cell| cell.width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,

@@ -14,15 +14,15 @@ settings! {
         /// `simplex` (a single-line alphabet), or a file `*.strokes`, `*.ttf` or `*.otf`.
         font: String = "ae483".into();
         /// Fonts for letters that the font lacks, such as a typeface of another script. The first
-        /// one that has a letter is used.
+        /// font that has a letter is used.
         fallback: Vec<String> = Vec::new(), unless "letters.drawing";
         /// Lines that are drawn from a typeface or a picture.
         trace: Trace = Trace::CenterLine;
         /// File of a drawing that replaces the word: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`,
         /// `*.gif` or `*.bmp`, or handwriting `*.json`. Empty for none.
         drawing: String = String::new();
-        /// SHA-256 that the drawing's file must have. It is not checked if empty. Commands write it
-        /// into their scene.
+        /// SHA-256 that the drawing's file must have. An empty value is not checked. Commands write
+        /// the digest into their scene.
         drawing_sha256: String = String::new(), for "letters.drawing";
         /// Corners of the sheet of paper in a picture, by which it is cropped and rectified: x and
         /// y of the upper left, upper right, lower right and lower left corner, in the picture's

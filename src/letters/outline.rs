@@ -19,7 +19,7 @@ const END_SLACK: f64 = 1e-9;
 /// Maximum number of samples of an outline. A longer outline is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. Its edges are sorted into bins by height, so that a query tests only a few.
+/// The filled area. The edges are sorted into bins by height, so that a query tests only a few.
 #[derive(Debug)]
 pub(super) struct Filled<'a> {
     budget: &'a Budget,
@@ -170,7 +170,7 @@ fn length(contours: &[Contour]) -> f64 {
     contours.iter().flat_map(|contour| edges(contour)).map(|[a, b]| distance(a, b)).sum()
 }
 
-/// Returns the area inside a closed contour. It is negative if the contour runs clockwise.
+/// Returns the area inside a closed contour. The area is negative if the contour runs clockwise.
 pub(super) fn area(contour: &[[f64; 2]]) -> f64 {
     edges(contour).map(|[a, b]| 0.5 * cross(a, b)).sum()
 }

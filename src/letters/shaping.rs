@@ -1,7 +1,7 @@
 //! Shaping: the glyphs of letters that join, change with their neighbors, carry marks or run from
 //! right to left.
 //!
-//! A line is put in visual order (Unicode Standard Annex 9). Each of its words is shaped by the
+//! A line is put in visual order (Unicode Standard Annex 9). Each word of the line is shaped by the
 //! rules of the typeface (GSUB and GPOS) for the script of its first letter.
 
 use std::ops::Range;
@@ -54,8 +54,8 @@ pub(super) enum Unset {
     Missing(usize),
     /// The rules of the face expand the rest of the word beyond the shaper's limits.
     Unshaped(usize),
-    /// The second value is the number of glyphs from there on that touch, and that have too many
-    /// points as one outline.
+    /// The number of glyphs (second value) from there on that touch, and have too many points as
+    /// one outline.
     TooLarge(usize, usize),
 }
 

@@ -13,7 +13,7 @@ const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 pub(super) const MAX_POINTS: usize = 4000;
 
 /// Returns the line resampled at `spacing`, and smoothed as much as possible without moving a point
-/// by more than `error`. Its ends stay, and a closed line stays closed.
+/// by more than `error`. The ends of the line stay, and a closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
     // A line of fewer points has no bend to smooth.
@@ -32,8 +32,8 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
     even
 }
 
-/// Returns evenly spaced points along a line with both ends. They are at most `spacing` apart,
-/// unless that takes more than [`MAX_POINTS`] pieces.
+/// Returns evenly spaced points along a line with both ends. The points are at most `spacing`
+/// apart, unless that takes more than [`MAX_POINTS`] pieces.
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
@@ -79,7 +79,7 @@ fn smooth_open(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
 }
 
 /// A symmetric matrix with two bands beside its diagonal. Two rows of the identity at either end
-/// make special cases unnecessary there.
+/// avoid special cases.
 struct Banded {
     diagonal: Vec<f64>,
     /// Entries one and two columns before the diagonal, respectively.
@@ -128,8 +128,8 @@ impl Banded {
     }
 }
 
-/// Returns the smooth line through closed points. Two rounds are solved, of which the middle half
-/// is kept, because the ends hardly affect it.
+/// Returns the smooth line through closed points. Two rounds of the points are solved, and the
+/// middle half is kept, because the ends hardly affect that.
 fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

@@ -1,7 +1,7 @@
 //! Stored strokes: faces for plotters and engravers whose contours are strokes instead of outlines.
 //!
 //! TrueType only has closed contours. A single stroke is stored as an open line, which the format
-//! closes by a straight edge, or as a line there and back. It is drawn once.
+//! closes by a straight edge, or as a line there and back. Such a stroke is drawn once.
 
 use kurbo::{BezPath, PathEl, Point, Shape as _};
 

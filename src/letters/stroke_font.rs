@@ -6,11 +6,11 @@
 //! - The letters of a box font fill their boxes: 0,0 is the lower left corner and 1,1 the upper
 //!   right one. Every move of the pen is listed, including jumps.
 //! - A font with a line `cap 21`, the height of a capital in the font's units, keeps its
-//!   proportions. An advance follows the character, x = 0 is the pen's position before it, and the
-//!   pen moves in the dark between lit runs. Points that turn by less than 60° are samples of a
-//!   curve ([`super::arcs`]), and a run too short to be visible, such as `5,1.005 5,0.995`, is a
-//!   dot. `Á = A ´` composes a character: the mark is centered over the base, a mark above it is
-//!   raised by the height of the base over a small letter, and `dx,dy` moves the mark.
+//!   proportions. An advance follows the character, x = 0 is the pen's position before the
+//!   character, and the pen moves in the dark between lit runs. Points that turn by less than 60°
+//!   are samples of a curve ([`super::arcs`]), and a run too short to be visible, such as `5,1.005
+//!   5,0.995`, is a dot. `Á = A ´` composes a character: the mark is centered over the base, a mark
+//!   above it is raised by the height of the base over a small letter, and `dx,dy` moves the mark.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

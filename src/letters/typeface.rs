@@ -30,7 +30,8 @@ use super::vector::{Lines, length, pairs, point};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 
-/// Maximum number of subtables of the kerning table that are read. Each pair is looked up in all.
+/// Maximum number of subtables of the kerning table that are read. Every pair of letters is looked
+/// up in all of these.
 const MAX_SUBTABLES: usize = 64;
 
 /// Budget steps for comparing two strokes to find the nearest.
@@ -58,7 +59,7 @@ const TOUCHING: f64 = 0.005;
 const HALF_WIDTHS: RangeInclusive<f64> = 1e-4..=0.4;
 const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 
-/// Characters as high as capitals. The first one that a face has is used.
+/// Characters as high as capitals. The first of these characters that a face has is used.
 const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
 
 /// Characters whose stroke width is typical of their script.
@@ -346,8 +347,8 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
     id.0 != 0 && face.outline(id).is_some()
 }
 
-/// Sorts lines in the order of handwriting. Each starts at its upper left end. The first one is
-/// nearest to the upper left, and each next one is nearest to the end of the previous line.
+/// Sorts lines in the order of handwriting. Each line starts at its upper left end. The first line
+/// is nearest to the upper left, and each next line is nearest to the end of the previous one.
 fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
         // Height counts twice as much as the horizontal distance.

@@ -56,8 +56,8 @@ pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// Returns the cross product, which is twice the signed area between two vectors. It is positive if
-/// `b` is to the left of `a`.
+/// Returns the cross product, which is twice the signed area between two vectors. The product is
+/// positive if `b` is to the left of `a`.
 pub(super) fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }

@@ -20,7 +20,7 @@ const N_SCALES: i32 = 7;
 const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 
 /// Blur of both pictures: 0.1 H, with which a coarse grid of shifts hits the peak, and then 0.05 H,
-/// the reader's blur. With more, a wrong letter could pull the word toward the next letter.
+/// the reader's blur. With more blur, a wrong letter could pull the word toward the next letter.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
 /// Maximum size of the cache of drawn words, in pixels: 1 MB, enough for dozens of a short word.
@@ -111,7 +111,7 @@ impl Finder {
         (best.1, best.2)
     }
 
-    /// Returns the word at a scale and rotation, from the cache or else newly drawn.
+    /// Returns the word at a scale and rotation, either from the cache or newly drawn.
     fn word_to_try(&self, pose: [f64; 2]) -> Arc<Raster> {
         let cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
         let cached = cache.iter().find(|(cached, _)| *cached == pose).map(|(_, word)| word.clone());

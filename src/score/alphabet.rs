@@ -10,7 +10,7 @@ use unicode_normalization::UnicodeNormalization;
 
 use super::net::N_CLASSES;
 
-/// The net's characters. The first one is class 1.
+/// The net's characters. The first character is class 1.
 const CHARACTERS: &[u8; 62] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
 
 /// Names of letters and digits, cases aside.

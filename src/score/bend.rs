@@ -56,7 +56,7 @@ pub(super) struct Bent {
 pub(super) struct Run {
     /// Intended points, a pixel apart.
     pub(super) intended: Vec<Point>,
-    /// The same points after they were moved onto the light.
+    /// The intended points after they were moved onto the light.
     pub(super) on_light: Vec<Point>,
     /// Indices of the points that are corners.
     corners: Vec<usize>,

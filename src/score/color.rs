@@ -44,8 +44,8 @@ fn rank(value: f32) -> i32 {
 fn luminance_of_color(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
-    // A channel that the color barely uses sets no limit, written as 0 · light + ∞. This form has
-    // no branch, so that the compiler can vectorize a row of pixels.
+    // A channel that the color barely uses sets no limit, written as 0 · light + ∞. The sum has no
+    // branch, so that the compiler can vectorize a row of pixels.
     let terms = color.map(|c| {
         let is_limit = c >= MIN_CHANNEL * strongest && c > 0.0;
         if is_limit { (scale / c, 0.0) } else { (0.0, f32::INFINITY) }

@@ -38,7 +38,7 @@ const GLOWING_PX: f64 = 0.16 * H_PX;
 const OFF_PATH_PX: f64 = 0.05 * H_PX;
 
 /// Minimum fraction of a missing part that must lie in a gap of the log for the gap to be its
-/// cause. It is less than 1, because faults of the lamps may lengthen the missing part.
+/// cause. The fraction is less than 1, because faults of the lamps may lengthen the missing part.
 const LOST_IN_LOG: f64 = 0.5;
 
 /// Maximum distance of light that belongs to a line of extra light or to a stroke: 0.12 H.

@@ -119,7 +119,8 @@ fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     weights.map(|weight| (weight / sum).max(LEAST))
 }
 
-/// Probabilities of what one position shows if all other letters are right. They add up to 1.
+/// Probabilities of what one position shows if all other letters are right. These probabilities add
+/// up to 1.
 pub(super) struct Choice {
     /// Probability of the expected letter.
     pub(super) p: f64,
@@ -203,7 +204,7 @@ impl<'a> Lattice<'a> {
             near.and_then(|near| self.word.get(near)).is_some_and(|letter| letter & set == 0)
         });
         // A path that is in the letter at a column was there before, or comes from the blank or the
-        // letter before it. It is counted when it leaves the letter, and thus only once.
+        // letter before it. A path is counted when it leaves the letter, and thus only once.
         let (mut letter, mut total) = (0.0, 0.0);
         for column in 0..self.scales.len() {
             let paths = match column.checked_sub(1).map(|before| &self.forward[before]) {
@@ -294,7 +295,7 @@ mod tests {
     use super::*;
 
     /// Returns columns that each show one character of `text` with a probability of 0.9, where ' '
-    /// is the blank. The other classes share the rest.
+    /// is the blank. The other classes divide the rest.
     fn columns(text: &str) -> Columns {
         let columns = text.chars().map(|c| {
             let mut column = [0.1 / (N_CLASSES - 1) as f64; N_CLASSES];

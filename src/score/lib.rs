@@ -6,7 +6,7 @@
 //! 1. The photo's linear light is resampled into the plane of the word. The word is located near
 //!    its expected position, and each of its lines is cut out as a strip of fixed height.
 //! 2. A small convolutional net with integer weights gives the probabilities of all characters
-//!    along the strip. It was trained on drawn and simulated words of random letters
+//!    along the strip. The net was trained on drawn and simulated words of random letters
 //!    (`examples/readings`).
 //! 3. From these probabilities follow the probability of each letter, the likeliest other word, and
 //!    the readability, which is calibrated with readers at first sight (docs/calibration.md).

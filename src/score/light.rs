@@ -42,13 +42,15 @@ const LIGHT_SIGMAS: f32 = 5.0;
 /// fraction, a single glaring spot would darken the rest of the word.
 const GLARE_RANK: f64 = 0.1;
 
-/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels cover less.
+/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels cover less of
+/// it.
 const MIN_INK_RANK: f64 = 0.05;
 
 /// Linear light above the sky in red, green and blue, where 1 is white.
 pub(super) type Rgb = [f32; 3];
 
-/// The part of a photo that shows the word, in linear light above the sky. All else is sky.
+/// The part of a photo that shows the word, in linear light above the sky. Everything outside is
+/// sky.
 pub(super) struct Light {
     /// Number of photo pixels along the side of one pixel of this picture.
     step: usize,
@@ -88,7 +90,8 @@ impl Light {
         Some((light, sky))
     }
 
-    /// Decodes the whole photo, reduced by `step`. Its letters are assumed to be `letter_px` high.
+    /// Decodes the whole photo, reduced by `step`. The photo's letters are assumed to be
+    /// `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
         let plane_px = letter_px / f64::from(super::PX_PER_H);
         let block = whole((BLOCK_PLANE_PX * plane_px / step as f64).max(1.0));

@@ -23,8 +23,8 @@ const LIT_SIGMAS: f32 = 5.0;
 /// Minimum number of lit pixels in a photo with writing.
 const MIN_LIT_PX: usize = 16;
 
-/// Quantiles of the lit pixels' levels that are tried as full light. The first suits photos with
-/// dim streaks, the second those with uneven strokes.
+/// Quantiles of the lit pixels' levels that are tried as full light. The first one suits photos
+/// with dim streaks, and the second one photos with uneven strokes.
 const FULL_RANKS: [f64; 2] = [0.95, 0.6];
 
 /// Minimum level of ink, as a fraction of full light.
@@ -142,8 +142,8 @@ impl Ink {
         lines
     }
 
-    /// Returns a single line with all of the ink. It serves for single letters, which have too few
-    /// crossings to show a line.
+    /// Returns a single line with all of the ink. This line serves for single letters, which have
+    /// too few crossings to show one.
     pub(super) fn line_of_any(&self) -> Option<Line> {
         Line::from_mask(self, &self.mask(), Band::OfAny)
     }

@@ -273,6 +273,7 @@ impl<R: Registers> NullaryFnOnce for With<'_, R> {
     #[inline(always)]
     fn call(self) {
         let Self(registers, mut sums) = self;
+        // Each size of a group has code of its own, so that the totals stay in registers.
         match sums.layer.eights {
             1 => sums.add_groups::<1>(registers),
             2 => sums.add_groups::<2>(registers),

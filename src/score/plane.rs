@@ -56,7 +56,7 @@ impl Placed {
         Self { center_m, shift_m: Vec2::ZERO, scale: 1.0, rotation_rad: 0.0 }
     }
 
-    /// Returns the first column `[x, y]` of `scale · R(rotation)`. The second is `[−y, x]`.
+    /// Returns the first column `[x, y]` of `scale · R(rotation)`. The second column is `[−y, x]`.
     fn column(&self) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.rotation_rad);
         [self.scale * cos, self.scale * sin]

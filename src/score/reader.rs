@@ -1,4 +1,4 @@
-//! A reader of one word. It is prepared once, and then reads each photo in a few milliseconds.
+//! A reader of one word, which is prepared once and then reads each photo in a few milliseconds.
 
 use rayon::prelude::*;
 
@@ -29,11 +29,12 @@ use noctograph_core::strokes::{Glyph, Strokes};
 /// its letters missing has as much ink.
 const INK_PART: f64 = 0.5;
 
-/// Minimum fraction of the light in a letter's cell that must have the color of its page. With
-/// less, the letter has its own color. White light beside an overexposed blue line still has 0.5.
+/// Minimum fraction of the light in a letter's cell that must have the color of its page. With a
+/// smaller fraction, the letter has its own color. White light beside an overexposed blue line
+/// still has 0.5.
 const LEAST_OF_COLOR: f32 = 0.25;
 
-/// Minimum probability at which a letter that is read outside the word is taken seriously.
+/// Minimum probability at which a letter that is read outside the word counts.
 const CLEAR_P: f64 = 0.6;
 
 /// Ratio between the odds in the blindly located line and those at the word's position above which
@@ -245,7 +246,7 @@ impl Reader {
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 
-    /// Words a judgment as a verdict, with its reason.
+    /// Turns a judgment into a verdict, with the reason if the word is not legible.
     fn verdict(
         &self,
         judgment: Judgment,

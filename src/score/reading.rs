@@ -3,8 +3,8 @@
 //! Lines of writing are located by their ink and cut out as strips at several sizes. The net reads
 //! each strip as capitals, small letters, capitalized words, digits, or capitals mixed with digits.
 //! The likeliest strip is read again together with its neighbors, which are slightly larger,
-//! smaller, higher, lower and darker. Their mean depends less on how the photo was scaled, exposed
-//! and compressed. Accents and punctuation are not read.
+//! smaller, higher, lower and darker. The mean over the neighbors depends less on how the photo was
+//! scaled, exposed and compressed. Accents and punctuation are not read.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -37,8 +37,8 @@ const SURE: f64 = -0.1;
 /// Probability at which a letter neither adds to nor reduces the worth of a reading.
 const NEUTRAL: f64 = 0.5;
 
-/// Maximum number of columns in all strips that are read: twice the longest word, or about a
-/// second.
+/// Maximum number of columns in all strips that are read: twice as many as in the longest word, or
+/// about one second of work.
 const MOST_COLUMNS: usize = 12_000;
 
 /// Minimum mean probability of letters that count as writing, and minimum probability of a single
@@ -110,8 +110,8 @@ struct ReadLine {
     columns: Columns,
 }
 
-/// Returns the worth of lines. It rises with the number of clear letters, and falls with the number
-/// of doubtful ones. A mean probability would not prefer readings that have all the letters.
+/// Returns the worth of lines. The worth rises with the number of clear letters, and falls with the
+/// number of doubtful ones. A mean probability would not prefer readings that have all the letters.
 fn worth(lines: &[ReadLine]) -> f64 {
     let letters = lines.iter().flat_map(|line| &line.letters);
     letters.map(|letter| letter.letter_p() - NEUTRAL).sum()
@@ -216,7 +216,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let seen: Vec<char> = text.chars().collect();
     let word: Vec<Classes> = seen.iter().map(|letter| seen_as(*letter)).collect();
 
-    // The spelling model chooses the letters. Each gets its probability and its box.
+    // The spelling model chooses the letters. Each letter gets its probability and its box.
     let choices = columns.choices(&word, &seen);
     let mut middles_px = columns.middles(&word);
     for middle in &mut middles_px {

@@ -85,7 +85,8 @@ impl Prefixes {
         (prefix != 0).then_some((symbol, parent == 0))
     }
 
-    /// Returns a prefix as text. Its first symbol is in the table `first`, the others in `rest`.
+    /// Returns a prefix as text. The first symbol is in the table `first`, and the others are in
+    /// `rest`.
     fn text(&self, mut prefix: usize, first: &Table, rest: &Table) -> String {
         let mut reversed = Vec::new();
         while let Some((symbol, is_first)) = self.last(prefix) {
@@ -96,9 +97,9 @@ impl Prefixes {
     }
 }
 
-/// Finds the likeliest words by prefix beam search (Hannun and others 2014). Their first character
-/// is one of `first`, the others are from `rest`, and `?` stands for light that no letter explains.
-/// Returns them with the logarithms of their probabilities, in descending order.
+/// Finds the likeliest words by prefix beam search (Hannun and others 2014). The words' first
+/// character is from `first`, the others are from `rest`, and `?` stands for light that no letter
+/// explains. Returns them with the logarithms of their probabilities, in descending order.
 pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<(String, f64)> {
     let [first, rest] = [first, rest].map(|symbols| Table::new(columns, symbols));
     let mut prefixes = Prefixes(vec![Prefix::default()]);

@@ -55,8 +55,8 @@ impl Reader {
         between.chain(dark.map(|step| on_page(page, step.from_m, step.to_m))).collect()
     }
 
-    /// Returns the strokes of the other letters whose cells are partly on a letter's page. These
-    /// include letters of the lines above and below.
+    /// Returns the strokes of the other letters whose cells are partly on a letter's page. Other
+    /// letters include those of the lines above and below.
     fn strokes_beside(&self, index: usize) -> Vec<Line> {
         let page = &self.pages[index];
         let others = self.strokes.glyphs.iter().enumerate().filter(|(other, _)| *other != index);

@@ -1,8 +1,8 @@
 //! Spelling model: a viewer knows words and names, and so guesses a word that is partly visible.
 //!
-//! The model is not a dictionary. It gives the probability of a letter after the four letters
-//! before it in words and names, interpolated over shorter sequences (Witten and Bell 1991). Its
-//! table holds the sequences that matter most (`examples/readings/spelling.py`).
+//! The model is not a dictionary. The model gives the probability of a letter after the four
+//! letters before it in words and names, interpolated over shorter sequences (Witten and Bell
+//! 1991). The model's table holds the sequences that matter most (`examples/readings/spelling.py`).
 
 use std::sync::LazyLock;
 
@@ -76,7 +76,8 @@ fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
     fn number(run: &[usize]) -> usize {
         run.iter().fold(0, |number, symbol| N_SYMBOLS * number + symbol)
     }
-    // The longest sequence in the table is used. Each letter that it lacks costs a backoff.
+    // The longest sequence in the table is used. Each letter that the sequence lacks costs a
+    // backoff.
     let [a, b, c, d] = before;
     let run = [a, b, c, d, next];
     let (triples, [fours, fives]) = &*TABLE;
@@ -170,7 +171,8 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     letters.collect()
 }
 
-/// Finds the likeliest spelling of the choices by beam search (Lowerre 1976). It has letters only.
+/// Finds the likeliest spelling of the choices by beam search (Lowerre 1976). The spelling has
+/// letters only.
 fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
     let mut words = vec![Spelled::default()];
     for (choice, expected) in choices.iter().zip(expected) {
@@ -199,8 +201,8 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
 mod tests {
     use super::*;
 
-    /// Returns the choices of a word whose letters have these probabilities. The rest belongs to
-    /// another letter, or to no letter for '?'.
+    /// Returns the choices of a word whose letters have these probabilities. The rest of each
+    /// probability belongs to another letter, or to no letter for '?'.
     fn choices(letters: &[(char, f64, char)]) -> Vec<Choice> {
         let choices = letters.iter().map(|&(_, p, other)| match other {
             '?' => Choice { p, none: 1.0 - p, others: Vec::new() },

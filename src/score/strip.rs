@@ -46,8 +46,8 @@ const STROKE_RANK: f64 = 0.2;
 /// Half the side of the opening's square, in stroke widths, and its minimum in pixels.
 const SOFT_REACH: (f64, usize) = (1.5, 3);
 
-/// Factor by which wide light is multiplied before it is subtracted. It exceeds 1 because part of
-/// that light was already subtracted with the sky.
+/// Factor by which wide light is multiplied before it is subtracted. The factor exceeds 1 because
+/// part of that light was already subtracted with the sky.
 const SUBTRACTED: f32 = 3.0;
 
 /// A line of writing, as light from 0 to 1.
@@ -202,8 +202,8 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
 
 /// Subtracts soft light, such as that of a lit wall or a glow. The first channel must be luminance.
 fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
-    // An opening (Serra 1982) is the maximum, over squares, of the minimum in each square. It keeps
-    // light that is wider than the square and removes the strokes.
+    // An opening (Serra 1982) is the maximum, over squares, of the minimum in each square. Opening
+    // keeps light that is wider than the square and removes the strokes.
     let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
     for light in channels {
         let soft = noctograph_core::dispatch!(|| {
@@ -216,8 +216,8 @@ fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     }
 }
 
-/// Returns the width of strokes. It is a low quantile, over all lit pixels, of the shorter of the
-/// two lit runs through the pixel, along its row and along its column.
+/// Returns the width of strokes. The width is a low quantile, over all lit pixels, of the shorter
+/// of the two lit runs through the pixel, along its row and along its column.
 fn stroke_px(light: &[f32], width: usize) -> f64 {
     let height = light.len() / width;
     // Visits the pixels of each row, and then those of each column.

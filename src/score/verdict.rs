@@ -79,8 +79,8 @@ pub struct LetterVerdict {
     /// The three likeliest other letters, in descending order of probability.
     #[serde(default)]
     pub rivals: Vec<Rival>,
-    /// Offset of the letter from its position in the word: right and up. This and the next four
-    /// fields are `None` if they were not computed.
+    /// Offset of the letter from its position in the word: right and up. Like the next four fields,
+    /// it is `None` if it was not computed.
     pub shift_m: Option<[f64; 2]>,
     /// Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights.
     pub recall: Option<f64>,
@@ -126,8 +126,9 @@ pub enum Reason {
 }
 
 impl Verdict {
-    /// Returns the probability that a viewer reads this word and no other. It is the readability,
-    /// limited by the probability against a likelier rival. Studies rank and tune by it.
+    /// Returns the probability that a viewer reads this word and no other. This probability is the
+    /// readability, limited by the probability against a likelier rival. Studies rank and tune by
+    /// it.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))

@@ -2,8 +2,8 @@
 //!
 //! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles in the
 //! ink become nodes, which are linked if their triangles have a common side. With denser samples
-//! this approaches the set of centers of all discs that touch the outline twice (Brandt and Algazi,
-//! CVGIP 55, 1992). The radius of a node's disc is half the stroke's width there.
+//! the graph approaches the set of centers of all discs that touch the outline twice (Brandt and
+//! Algazi, CVGIP 55, 1992). The radius of a node's disc is half the stroke's width there.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -26,7 +26,7 @@ pub(super) struct Axis {
 pub(super) type Path = Vec<usize>;
 
 impl Axis {
-    /// Returns the axis of the ink inside an outline. It is empty if there is no ink.
+    /// Returns the axis of the ink inside an outline. The axis is empty if there is no ink.
     pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would otherwise have samples that only differ by
         // rounding.

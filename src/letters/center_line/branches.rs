@@ -111,10 +111,11 @@ impl Branch {
     }
 }
 
-/// Returns the lines that follow connected branches from end to end. Each branch is used once.
+/// Returns the lines that follow connected branches from end to end. Every branch belongs to
+/// exactly one line.
 pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     let mut lines = Vec::new();
-    // Lines from loose ends come first. The rest are closed lines.
+    // Lines from loose ends come first, and then closed lines.
     for from_loose in [true, false] {
         for begin in 0..branches.len() {
             for tail in [false, true] {

@@ -8,7 +8,7 @@ use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
 
 /// Maximum distance between two junctions that count as one, relative to the larger radius, since a
-/// crossing appears as two. The second value is for two bends, which are one bend at a flat tip (v,
+/// crossing appears as two. The second value applies to two bends, which are one at a flat tip (v,
 /// M).
 const ONE_JUNCTION: f64 = 1.0;
 const ONE_BEND: f64 = 2.5;
@@ -27,8 +27,8 @@ const UPRIGHT: f64 = 0.05;
 /// Minimum determinant of the normal equations of lines that cross.
 const PARALLEL: f64 = 1e-3;
 
-/// Maximum distance between a crossing of lines and their junction, relative to its radius. It
-/// reaches beyond a flat tip.
+/// Maximum distance between a crossing of lines and their junction, relative to its radius. The
+/// value reaches beyond flat tips.
 const FAR: f64 = 10.0;
 
 /// Maximum distance between a meeting point and its junction, in radii of the junction.
@@ -143,7 +143,7 @@ impl Joint<'_> {
 }
 
 /// Connects the arms of a junction. Arms that go straight through are joined by a curve, on which
-/// the others end. Without any such arms, all arms meet in a point.
+/// the others end. If no arm goes straight through, all meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     // The straightest pair comes first. Each arm of a pair gets half of the curve between them.
     let mut free: Vec<usize> = (0..arms.len()).collect();
@@ -180,7 +180,7 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     for arm in arms {
         branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
     }
-    // One pair is joined, and the other arms end in the point.
+    // Joins one pair, and lets the other arms end in the point.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
         join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
@@ -196,7 +196,7 @@ fn corner(position: [f64; 2]) -> Vec<Knot> {
     vec![Knot { position, corner: true }]
 }
 
-/// Joins two arms into one line. Each is extended by its knots and continues in the other.
+/// Joins two arms into one line: each arm is extended by its knots and continues in the other arm.
 fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     for ((arm, other), knots) in [(arms[0], arms[1]), (arms[1], arms[0])].into_iter().zip(knots) {
         let next = Some((other.branch, other.tail));

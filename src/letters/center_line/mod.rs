@@ -69,7 +69,8 @@ const STEPS_PER_SAMPLE: usize = 2000;
 const STEPS_PER_POINT: usize = 500;
 const STEPS_PER_DISTANCE: usize = 5;
 
-/// Returns the center lines of an outline in cap heights. Some are missing if the budget is spent.
+/// Returns the center lines of an outline in cap heights. Some lines are missing if the budget is
+/// spent.
 pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
     // Samples the outline more densely if the strokes are thinner.
     let ink = Filled::new(contours, budget);

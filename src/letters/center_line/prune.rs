@@ -17,8 +17,8 @@ const BLUNT: f64 = 0.46;
 const SHARP: f64 = 0.45;
 
 /// Maximum length of a spur into a corner, relative to the radius at its root, or 1 / sin of half
-/// the corner's angle. This value means 32°, which is sharper than a flat end of a slanted stroke
-/// (K, X: 35° to 50°) and blunter than a tapering stroke.
+/// the corner's angle. The value 3.6 means 32°, which is sharper than a flat end of a slanted
+/// stroke (K, X: 35° to 50°) and blunter than a tapering stroke.
 const LONGEST: f64 = 3.6;
 
 /// A longer spur only belongs to a corner if it ends in a point, relative to the radius at its
@@ -30,14 +30,15 @@ const ARM: f64 = 0.6;
 const BENDS: f64 = 0.1;
 
 /// The end of a path is a tip if its radius falls below the first value, relative to the path's
-/// median radius. It is cut off up to where the radius has risen to the second value.
+/// median radius. The tip is cut off up to where the radius reaches the second value.
 const TIP: [f64; 2] = [0.6, 0.92];
 
 /// Length of a stub between a crotch and the tip above it (A, M, N, V, W), in radii at its root: a
 /// factor on the value that the angle of its arms gives, and an addend.
 const STUB: [f64; 2] = [1.3, 1.4];
 /// Above the first value, which is the cosine between stub and arm, the length is at least the
-/// second value. It increases by the third value per unit of the cosine, up to the last value.
+/// second value. The length increases by the third value per unit of the cosine, up to the last
+/// value.
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 /// Length over which the direction of an arm is measured, in radii at its root.
 const HEADING: f64 = 2.5;
@@ -51,7 +52,8 @@ const ASKEW: f64 = 0.2;
 /// belongs to a corner.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
-    // Ripples are cut first because they split branches. Each kind is cut until none is left.
+    // Ripples are cut first because they split branches. Each kind of spur is cut until none is
+    // left.
     let kinds: [fn(&Axis, &Path) -> bool; 3] =
         [|axis, spur| protrusion(axis, spur) < RIPPLE, is_spur, is_stub];
     for is_unwanted in kinds {

@@ -40,7 +40,8 @@ const LETTERS: usize = 2;
 const STEPS_PER_DISTANCE: usize = 10;
 
 /// Number of pixels in a small patch's unit of length. Smoothing has a tolerance of 0.004 units,
-/// about an edge's error between pixels. A larger patch's unit is its size, up to that of a letter.
+/// about an edge's error between pixels. The unit of a larger patch is its size, up to that of a
+/// letter.
 const SMALL_PX: f64 = 100.0;
 
 /// A patch of ink: a contour and its holes.
@@ -112,10 +113,9 @@ impl<'a> Patch<'a> {
     /// True if the patch is a letter beside others, one of which is clearly a pen's stroke.
     fn is_letter(&self, patches: &[Self]) -> bool {
         let is_beside = |other: &&Self| !std::ptr::eq(self, *other) && self.is_beside(other);
-        let mut beside = patches.iter().filter(is_beside).peekable();
-        let (n_beside, is_written) =
-            (beside.clone().count(), beside.any(|other| other.penned > PENNED[0]));
-        self.penned >= PENNED[1] && n_beside >= LETTERS && is_written
+        let beside: Vec<&Self> = patches.iter().filter(is_beside).collect();
+        let is_written = beside.iter().any(|other| other.penned > PENNED[0]);
+        self.penned >= PENNED[1] && beside.len() >= LETTERS && is_written
     }
 }
 
@@ -125,7 +125,7 @@ fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
 }
 
 /// Returns the intersection over union of the ink inside contours and what a pen along their center
-/// lines covers, estimated on a grid. It is 0 if the lines are short or the budget is spent.
+/// lines covers, estimated on a grid. Returns 0 if the lines are short or the budget is spent.
 fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
     let segments: Vec<[[f64; 2]; 2]> =
         center.lines.iter().flat_map(|line| segments(line)).collect();

@@ -31,8 +31,8 @@ const STEPS_PER_BYTE: usize = 8;
 /// Maximum fraction of soft tones in a photograph of lines.
 const SOFT: f64 = 0.04;
 
-/// Background levels for a transparent picture. The first one is used on which nearly all of the
-/// ink stands out, or white for a mostly opaque picture that is as white as paper.
+/// Background levels for a transparent picture. The first level is used on which nearly all of the
+/// ink stands out. A mostly opaque picture that is as white as paper gets white.
 const GROUNDS: [u8; 3] = [255, 0, 128];
 /// Number of levels by which ink must stand out from a background, and the maximum fraction of ink
 /// that may not.

@@ -59,7 +59,7 @@ const STRONG: f64 = 0.97;
 type Tones = (Range<f64>, Range<f64>, usize);
 /// The soft tones of a photograph.
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
-/// The soft tones of glare or a shadow on paper of one color. They exceed the noise of a JPEG.
+/// The soft tones of glare or a shadow on paper of one color, above the noise of a JPEG.
 const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
 /// Fraction of a picture in glare above which its paper does not have one color.
 const GLARING: f64 = 0.01;
@@ -197,7 +197,8 @@ fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     is_even.then_some(paper)
 }
 
-/// Returns the ink of each pixel on paper of one color. It may be darker or lighter than the paper.
+/// Returns the ink of each pixel on paper of one color. The ink may be darker or lighter than the
+/// paper.
 fn inks_on(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
     let channels = channels(picture, false);
     Vec::from_iter((0..channels[0].len()).map(|pixel| {
@@ -209,8 +210,8 @@ fn inks_on(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
     }))
 }
 
-/// Returns the ink of each pixel of a photograph relative to the paper around it. It is either all
-/// dark or all light.
+/// Returns the ink of each pixel of a photograph relative to the paper around it. Either all ink is
+/// darker than the paper, or all is lighter.
 fn inks(picture: &RgbImage) -> Vec<Inked> {
     let is_light = has_light_ink(picture);
     let channels = channels(picture, is_light);
@@ -241,7 +242,7 @@ fn paper_around(
             (0..values[0].len()).map(|pixel| [0, 1, 2].map(|c| paper[c][pixel].max(1.0))),
         )
     });
-    // An area wider than a pen is a filled shape unless it is a shadow. This includes its edge.
+    // An area wider than a pen is a filled shape, including its edge, unless it is a shadow.
     let filled = near.iter().zip(&far).map(|(near, far)| {
         let lights = [0, 1, 2].map(|c| near[c] / far[c]);
         let [least, most] =
@@ -255,8 +256,8 @@ fn paper_around(
 }
 
 /// True if ink is lighter than its paper. The blocks within a large bright area decide, because
-/// that area is paper and the rest is a desk. Without such an area, all blocks decide, or else the
-/// edge of the picture.
+/// that area is paper and the rest is a desk. If there is no such area, all blocks decide, or else
+/// the picture's edge.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];

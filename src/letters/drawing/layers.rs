@@ -23,7 +23,7 @@ const FLAT: f64 = 1e-6;
 /// Budget steps for a point of an area.
 const STEPS_PER_POINT: usize = 200;
 
-/// An element that is painted. Its colors come with their opacities.
+/// An element that is painted, with its colors and their opacities.
 pub(super) struct Painted {
     /// Path of the element (y up).
     pub(super) path: BezPath,
@@ -103,7 +103,8 @@ pub(super) struct Scale<'a> {
 }
 
 impl<'a> Scale<'a> {
-    /// Returns the area of a path. It is empty if there are too many points or the budget is spent.
+    /// Returns the area of a path. The area is empty if there are too many points or the budget is
+    /// spent.
     pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
         let Self { size, budget } = self;
         let max_points = if budget.spend_steps(1) { MAX_POINTS } else { 0 };

@@ -1,8 +1,8 @@
 //! Drawings: an SVG file, a bitmap, or handwriting as JSON becomes strokes.
 //!
-//! A drawing fills its canvas as far as its proportions allow. It is placed on the baseline and
-//! aligned like a line of text. Having no word, it is a single glyph, or one glyph for each color,
-//! with the character [`DRAWING`].
+//! A drawing fills its canvas as far as its proportions allow. The drawing is placed on the
+//! baseline and aligned like a line of text. Having no word, it is a single glyph, or one glyph for
+//! each color, with the character [`DRAWING`].
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! Notes on features of an SVG file that usvg does not support. They are named in warnings, and the
-//! file is edited so that none of them is drawn wrongly.
+//! Notes on features of an SVG file that usvg does not support. Warnings name such features, and
+//! the file is edited so that none is drawn wrongly.
 //!
 //! An element that would be drawn in the wrong position is left out. Text, pictures and other
 //! foreign content are replaced by a sign, a shape that shows whether the content would be visible.
@@ -60,7 +60,8 @@ const ANIMATIONS: &str = "animate animateTransform animateMotion animateColor se
 /// Maximum number of stops of a gradient that are read.
 const MAX_STOPS: usize = 16;
 
-/// The x coordinate of signs, and the maximum number of signs. Both are exact in single precision.
+/// The x coordinate of signs, and the maximum number of signs. Both numbers are exact in single
+/// precision.
 pub(super) const SIGN_X: f32 = 7_777_777.0;
 const MAX_SIGNS: usize = 10_000;
 
@@ -346,7 +347,7 @@ fn paint_note(name: &str, value: &str, target: &str) -> Option<(String, &'static
         "fill" | "stroke" if target == "pattern" => {
             (format!("{name} by a pattern"), "drawn as a shade")
         }
-        "fill" if is_unreadable(name, value) => (shown(name, value), "black in its place"),
+        "fill" if is_unreadable(name, value) => (shown(name, value), "drawn in black instead"),
         "stop-color" if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) => {
             ("a transparent stop-color".into(), TRANSPARENT)
         }

@@ -14,7 +14,7 @@ use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m, segment_distance};
 
 /// Maximum distance between two lines that count as one, relative to the drawing's larger side: 1
-/// mm for a drawing of 1 m. A larger value joins lines that a photograph can resolve.
+/// mm for a drawing of 1 m. A larger distance joins lines that a photograph can resolve.
 const NEAR: f64 = 1e-3;
 
 /// Number of cells of the finest index along the drawing's larger side.
@@ -102,8 +102,8 @@ impl<'a> Front<'a> {
         self.cell * libm::exp2(f64::from(level))
     }
 
-    /// Adds a line to those in front, in pieces of at most half a cell. Its level is the one whose
-    /// cells are at least twice its reach. Stops if the budget is spent.
+    /// Adds a line to those in front, in pieces of at most half a cell. The line's level is the one
+    /// with cells at least twice as wide as its reach. Stops if the budget is spent.
     fn add(&mut self, line: &[[f64; 2]], element: usize, reach: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "at most the exponent of a float")]
         let level = libm::log2(2.0 * reach / self.cell).ceil().max(0.0) as i32;
@@ -217,7 +217,7 @@ fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<V
             *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
     }
-    // Then, stretches no longer than a crossing stroke is wide become visible.
+    // Then makes stretches visible that are no longer than a crossing stroke is wide.
     let mut stretches = joined(stretches, is_closed);
     let n = stretches.len();
     for (index, (points, cover)) in stretches.iter_mut().enumerate() {

@@ -93,8 +93,7 @@ type GridEdge = (usize, bool);
 
 impl Field {
     /// Returns patches of ink, each a contour with its holes, and the number of dropped patches.
-    /// Those around the paper are dropped, and those across the edge of a photograph, such as a
-    /// hand or table.
+    /// Dropped patches surround the paper, or cross the edge of a photograph, such as a hand.
     pub(super) fn patches(&self) -> (Vec<Vec<Contour>>, usize) {
         let side = self.width.max(self.height) as f64;
         let patches = nested(self.contours(), (LEAST * side * LEAST * side).max(2.0));
@@ -183,8 +182,8 @@ impl Field {
         sides.sum()
     }
 
-    /// Returns the warnings that apply to a picture. A rectified photograph does not
-    /// need the warning that it is drawn as the camera sees it.
+    /// Returns the warnings that apply to a picture. A rectified photograph does not need the
+    /// warning that it is drawn as the camera sees it.
     pub(super) fn warnings(&self, counts: &Counts, is_rectified: bool) -> Vec<Diagnostic> {
         let Counts { n_cut, n_specks, n_rulings, n_lines } = *counts;
         let n_marks = self.marks_across_edge();

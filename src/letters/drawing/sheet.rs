@@ -47,9 +47,9 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
 pub(super) struct Map(pub(super) [[f64; 3]; 3]);
 
 impl Map {
-    /// Returns the map from the pixels of a rectified sheet to its corners in a picture. It is the
-    /// map from the unit square to a quadrilateral (Heckbert, Fundamentals of Texture Mapping and
-    /// Image Warping, 1989, section 2.2.3), scaled to the sheet.
+    /// Returns the map from the pixels of a rectified sheet to its corners in a picture. This is
+    /// the map from the unit square to a quadrilateral (Heckbert, Fundamentals of Texture Mapping
+    /// and Image Warping, 1989, section 2.2.3), scaled to the sheet.
     pub(super) fn of_sheet(corners: &Corners, (width, height): (u32, u32)) -> Self {
         let [[x0, y0], [x1, y1], [x2, y2], [x3, y3]] = *corners;
         let (dx1, dx2, sx) = (x1 - x2, x3 - x2, x0 - x1 + x2 - x3);

@@ -91,7 +91,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
             None => {}
         }
         self.known.insert(node, None);
-        // Adds up the element and the parts that usvg would repeat with it.
+        // Adds up the work of the element and of the parts that usvg would repeat with it.
         let mut work = self.single(node)?;
         let mut n_levels = 1;
         for part in self.parts(node) {
@@ -137,6 +137,8 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
     /// Returns the element that a declaration of another one makes usvg repeat, or `None` if it
     /// refers to none.
     fn linked(&self, tag: &str, name: &str, value: &str) -> Option<Node<'a, 'input>> {
+        // A link of `a` leads to another page. Of paints, usvg repeats gradients, but not patterns,
+        // whose content was removed.
         let is_paint = matches!(name, "fill" | "stroke");
         if !is_paint && !matches!(name, "clip-path" | "mask") && (name != "href" || tag == "a") {
             return None;

@@ -1,7 +1,7 @@
 //! Styles: the declarations of an SVG file's elements as usvg reads them, and the work of doing so.
 //!
-//! usvg resolves style sheets with simplecss, which silently skips parts that it does not know. The
-//! same parser runs here before usvg, so that such parts are named and the work is bounded.
+//! usvg resolves style sheets with simplecss, which silently skips parts that it does not know.
+//! simplecss runs here before usvg, so that skipped parts are named and the work is bounded.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -34,6 +34,10 @@ const SELECTOR: usize = 200;
 const WITHOUT_EFFECT: [&str; 6] =
     ["charset", "font-face", "keyframes", "-webkit-keyframes", "namespace", "media print"];
 
+/// Maximum number of names in a list of unsupported features, and maximum characters of a name.
+const MAX_NAMES: usize = 20;
+const MAX_NAME_LENGTH: usize = 80;
+
 /// Help for an unsupported feature.
 const HELP: &str = "convert it to plain paths in the editor of the drawing";
 
@@ -46,8 +50,8 @@ impl Named {
     /// Counts an element with a feature, under the name and the treatment of the feature.
     pub(super) fn add(&mut self, what: impl Into<String>, how: &'static str, node: Node<'_, '_>) {
         // Keeps the list short for a file with many unusual names.
-        let mut key = (what.into().chars().take(80).collect(), how);
-        if !self.0.contains_key(&key) && self.0.len() >= 20 {
+        let mut key = (what.into().chars().take(MAX_NAME_LENGTH).collect(), how);
+        if !self.0.contains_key(&key) && self.0.len() >= MAX_NAMES {
             key = ("other properties".to_owned(), "not followed");
         }
         self.0.entry(key).or_insert((0, node.range().start)).0 += 1;
@@ -227,7 +231,8 @@ fn declarations<'a>(
     Ok((declared, n_steps.get()))
 }
 
-/// True if quotation marks of a style sheet may be escaped. Such a sheet is not passed to usvg.
+/// True if quotation marks of a style sheet may be escaped. A sheet with escapes is not passed to
+/// usvg.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
 }
@@ -343,7 +348,7 @@ mod tests {
     fn entities_are_counted_where_they_are_put_in() {
         let small = "<!DOCTYPE svg [<!ENTITY ns 'http://ns.adobe.com/'>]><svg a='&ns;' b='&lt;'/>";
         check(small).unwrap();
-        // This is quadratic: 120 kB are inserted 40,000 times.
+        // Expanding these entities takes quadratic work: 120 kB are inserted 40,000 times.
         let wide = format!(
             "<!DOCTYPE svg [<!ENTITY a '{}'>]><svg a='{}'/>",
             "x".repeat(120_000),

@@ -8,7 +8,8 @@ use noctograph_core::geometry::{distance, polyline_length_m};
 /// Center of the page, which is 200 by 100.
 const MIDDLE: [f64; 2] = [100.0, 50.0];
 
-/// Paints that are not a single value, as definitions and attributes. Each covers the whole disc.
+/// Paints that are not a single value, as definitions and attributes. Each paint covers the whole
+/// disc.
 const PAINTS: [(&str, &str); 7] = [
     ("", "fill='teal'"),
     ("", "style='fill:currentColor' color='#08f'"),

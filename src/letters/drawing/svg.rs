@@ -258,8 +258,8 @@ fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
 }
 
 impl Drawing {
-    /// Returns the bounding box of all items: left, bottom, right and top. It is inverted if there
-    /// are no items.
+    /// Returns the bounding box of all items: left, bottom, right and top. The box is inverted if
+    /// there are no items.
     pub(super) fn bounds(&self) -> [f64; 4] {
         bounds_of(self.items.iter())
     }
@@ -284,7 +284,8 @@ impl Drawing {
     }
 }
 
-/// Returns the bounding box of items: left, bottom, right and top. It is inverted without items.
+/// Returns the bounding box of items: left, bottom, right and top. The box is inverted without
+/// items.
 fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     let bounds = items.map(|item| match item {
         Item::Whole(path, _) => {
@@ -570,7 +571,7 @@ fn dashed(
 }
 
 /// Replaces subpaths of zero length, and lines up to `shortest`, by points of light if their caps
-/// are visible. Otherwise these are removed.
+/// are visible. Other such lines are removed.
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {

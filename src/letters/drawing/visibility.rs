@@ -32,7 +32,8 @@ const STEPS_PER_PIECE: usize = 20;
 const BESIDE: f64 = 4e-4;
 
 /// Maximum distance between a clip's edge and a fill's path for the edge to be the outline,
-/// relative to that of the test points. A larger value leaves gaps where a clip touches the path.
+/// relative to that of the test points. A larger distance leaves gaps where a clip touches the
+/// path.
 const TOUCH: f64 = 0.25;
 
 /// The layers of a page.
@@ -424,7 +425,8 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// True if a cut may cut something with these bounds. A page's edge around them cannot.
+    /// True if a cut may cut something with these bounds. A page's edge outside of the bounds
+    /// cannot.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
         let (page, slack) = (edge.bounds, BESIDE * self.scale.size);
@@ -503,7 +505,7 @@ fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
             _ => kept.push((points, color)),
         }
     }
-    // The first piece may be too short, too.
+    // The first piece may also be too short.
     if kept.len() > 1 && polyline_length_m(&kept[0].0) < shortest {
         let (points, _) = kept.remove(0);
         kept[0].0.splice(..1, points);

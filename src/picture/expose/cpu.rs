@@ -2,8 +2,8 @@
 //!
 //! Each thread takes a band of rows, which is possible because sums of integers do not depend on
 //! the order. The inner loop works on [`LANES`] pixels at a time, in the widest registers of this
-//! processor (selected by pulp at run time). It goes down the columns of a box, with the curves
-//! along x in registers.
+//! processor (selected by pulp at run time). The loop goes down the columns of a box, with the
+//! curves along x in registers.
 
 #![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 

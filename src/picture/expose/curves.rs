@@ -1,10 +1,10 @@
 //! Fixed-point profiles (curves) of a record's spots. CPU and GPU multiply the same integers.
 //!
 //! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ, or a rectangle blurred by one.
-//! Both are the product of one curve along each axis of the picture. A pixel gets `Σ along[i] ×
-//! across[j]` over the spots of the record. The curve across includes the light and the scale.
-//! Curves are divided by their sums, so that a spot keeps its light at any position between pixels
-//! and after rounding.
+//! Both kinds of spots are the product of one curve along each axis of the picture. A pixel gets `Σ
+//! along[i] × across[j]` over the spots of the record. The curve across includes the light and the
+//! scale. Curves are divided by their sums, so that a spot keeps its light at any position between
+//! pixels and after rounding.
 //!
 //! The curves are computed in f32 with `+ - ×`, for rectangles also with `÷` and the error function
 //! of libm, then in integers. Eight lanes are added up in a fixed order, so that every machine
@@ -18,7 +18,7 @@ use crate::narrow;
 /// Number of pixels that are computed at once: those of a 256-bit register.
 pub(super) const LANES: usize = 8;
 
-/// Peak of the curve along. Its steps of 1.5e-5 cause an error of 7.6e-6.
+/// Peak of the curve along. Steps of 1.5e-5 of the peak cause an error of 7.6e-6.
 const ALONG: f32 = 65_535.0;
 
 /// Number of bits in the lower part of a curve across. Four products of either part with a curve
@@ -124,7 +124,7 @@ impl Curves {
         }
     }
 
-    /// Replaces a blurred rectangle's Gaussians by its curves. Those across start at `n_along`.
+    /// Replaces a blurred rectangle's Gaussians by its curves. Curves across start at `n_along`.
     fn draw_rectangles(&mut self, record: &Record, n_along: usize) {
         let axes = [(0, record.x_px, record.width), (n_along, record.y_px, record.height)];
         for (axis, (start, middles_px, pixels)) in axes.into_iter().enumerate() {
@@ -211,8 +211,8 @@ fn sum<T>(rows: &[[T; LANES]], to_integer: impl Fn(&T) -> u32) -> u32 {
     sums.iter().sum()
 }
 
-/// Unit of the sum of a curve across. It is fine enough for 1e-7 of the sum, and the widest spot
-/// stays below 2^32.
+/// Unit of the sum of a curve across. The unit is fine enough for 1e-7 of the sum, and keeps the
+/// widest spot below 2^32.
 const SUMMED: f32 = (1_u32 << 22) as f32;
 
 /// Unit of the upper part, and its reciprocal.

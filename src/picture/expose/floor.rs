@@ -256,8 +256,8 @@ impl<'a> Floor<'a> {
         Self { camera, room, trees, n_lamp_trees, feet_px, even_lx_s }
     }
 
-    /// Returns the exposure of the sensor at corners of pixels that are close together. It is 0
-    /// outside the surfaces of the room.
+    /// Returns the exposure of the sensor at corners of pixels that are close together. The
+    /// exposure is 0 outside the surfaces of the room.
     fn exposures_lx_s<const N: usize>(&self, corners_px: [[u32; 2]; N]) -> [Rgb; N] {
         let camera = self.camera;
         // For each corner: the surface, the point on it, the direction to the camera, and the
@@ -397,8 +397,8 @@ mod tests {
         }
     }
 
-    /// Compares the uneven floor with the even one, pixel by pixel. It must be as uneven as
-    /// requested, and as bright.
+    /// Compares the uneven floor with the even one, pixel by pixel. The uneven floor must be as
+    /// uneven as requested, and as bright as the even one.
     #[test]
     fn an_uneven_floor_reflects_as_much_as_an_even_one() {
         let lit = [0.1, 0.0].map(|unevenness| {

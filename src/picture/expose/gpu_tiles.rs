@@ -12,7 +12,7 @@ use super::{Latent, Tint};
 
 pub(super) const TILE_PX: u32 = 64;
 
-/// Number of curve values after which a chunk is sent: 4 MB.
+/// Number of curve values, 4 MB, after which a chunk is sent.
 const CHUNK: usize = 1 << 18;
 
 /// Maximum number of loop iterations in a workgroup. llvmpipe ends every loop after 65,535 in

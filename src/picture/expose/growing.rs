@@ -22,7 +22,7 @@ pub struct GrowingFilm {
 
 impl GrowingFilm {
     /// Adds up the light of an image on the processor. Earlier counts are kept if the scale is the
-    /// same as before. Otherwise all light is drawn again.
+    /// same as before. If the scale has changed, all light is drawn again.
     pub fn develop(&mut self, latent: Latent) -> Film {
         let mut before = self.drawn.take().filter(|drawn| drawn.counts_as(&latent));
         let kept = std::mem::take(&mut self.planes);

@@ -55,8 +55,8 @@ const UNEVENNESS: f64 = 0.2;
 /// comes from the height of the camera above the lamp, and only shows at the edge of a stroke.
 const HALF_SLACK: f64 = 4.0;
 
-/// Merges the intervals of one lamp and appends the segments. Their light is that of the brightest
-/// channel, `fraction` times the lamp's. A `tolerance_px` of 0 merges nothing.
+/// Merges the intervals of one lamp and appends the segments. The segments have the light of the
+/// brightest channel, which is `fraction` times the lamp's. A `tolerance_px` of 0 merges nothing.
 ///
 /// Each skipped sample is within `tolerance_px` of the position of its segment at that time, and
 /// its brightness and spot width are within [`UNEVENNESS`] of the segment's.
@@ -109,8 +109,8 @@ impl Merged {
         }
     }
 
-    /// Adds the interval if the run stays straight and even with it. Otherwise returns false, and
-    /// the run is complete.
+    /// Adds the interval if the run stays straight and even with it. Returns false if it would not,
+    /// and the run is then complete.
     fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
         let [first_light, last_light] = self.span.light_lx_px2;
         let slack = UNEVENNESS * tolerance_px * first_light.max(last_light);

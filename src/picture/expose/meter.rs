@@ -17,7 +17,8 @@ use noctograph_core::flight::DroneIndex;
 use noctograph_core::srgb::luminance;
 use noctograph_core::statistics::weighted_quantile;
 
-/// Tolerance for merging segments. It is coarse because the meter needs less detail than a picture.
+/// Tolerance for merging segments, which is coarse because the meter needs less detail than a
+/// picture.
 const MERGE_PX: f64 = 0.05;
 
 /// Distance along or across a segment, in σ, beyond which its light is ignored.
@@ -162,8 +163,8 @@ fn is_color(rgb: [f64; 3]) -> bool {
 }
 
 /// Returns the exposures of a lamp's brightest color and of its brightest white, for the lamp with
-/// this label. Each is the median over the trail in the strongest channel, in stops relative to
-/// saturation, or `None` if the lamp has no such light.
+/// this label. Each exposure is the median over the trail in the strongest channel, in stops
+/// relative to saturation, or `None` if the lamp has no such light.
 #[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
     [true, false].map(|colored| {
@@ -318,8 +319,8 @@ fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     light_lx_s * smear * across
 }
 
-/// Returns the exposure in lx s that a blurred rectangle leaves at a point. It is the mean over
-/// points along the segment that are a σ apart.
+/// Returns the exposure in lx s that a blurred rectangle leaves at a point. The exposure is the
+/// mean over points along the segment, one σ apart.
 fn rectangle_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, half_px, light_lx_s, .. } = *segment;
     #[expect(clippy::cast_possible_truncation, reason = "within 1 and 1000")]

@@ -118,7 +118,7 @@ settings! {
     pub enum BackendChoice {
         /// A graphics device if one works, otherwise the processor.
         "auto" => Auto,
-        /// A graphics device. It is an error if there is none.
+        /// A graphics device. Without one there is an error.
         "wgpu" => Wgpu,
         /// The processor.
         "cpu" => Cpu,

@@ -2,8 +2,8 @@
 //!
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature turns it
 //! into a sum of up to [`SPOTS`] spots, each the product of a curve along x and a curve along y.
-//! The backends add these up. The same holds for a blurred rectangle. A ramp of the brightness only
-//! changes the weights of the spots, so a fade costs no time. f64 becomes f32 here.
+//! The backends add these up. A blurred rectangle is handled in the same way. A ramp of the
+//! brightness only changes the weights of the spots, so a fade costs no time. f64 becomes f32 here.
 
 use std::ops::Range;
 
@@ -78,7 +78,7 @@ pub(super) struct Record {
     pub(super) per_px: f32,
     /// Half the width and half the height of the blurred rectangle, or 0 for a Gaussian.
     pub(super) half_px: [f32; 2],
-    /// First pixel of the box. It may be outside the picture.
+    /// First pixel of the box, which may be outside the picture.
     pub(super) x: i32,
     pub(super) y: i32,
     pub(super) width: u32,
@@ -222,8 +222,8 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     Some(record)
 }
 
-/// Returns the first dither of a segment, which is a hash of its start time. It depends on nothing
-/// else, so that films can be added up.
+/// Returns the first dither of a segment, which is a hash of its start time. The dither depends on
+/// nothing else, so that films can be added up.
 fn dither(start_s: f64) -> u32 {
     (split_mix(start_s.to_bits().wrapping_sub(GOLDEN)) >> 32) as u32
 }

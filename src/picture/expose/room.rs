@@ -98,7 +98,7 @@ impl Room {
     }
 
     /// Returns the luminance of a point on surface `on` in the light of the room, relative to that
-    /// of a wall far from the floor. It is 1 if there are no walls.
+    /// of a wall far from the floor. The luminance is 1 if there are no walls.
     ///
     /// The light is diffuse because walls and ceiling reflect it. If there is a gap at `gap_m`,
     /// half of the light comes from it.
@@ -219,7 +219,7 @@ mod tests {
             let gap_m = Some(Vector3::new(-1.9, 0.0, 2.0));
             2.0 * room.ambient(on, point_m, gap_m) - room.ambient(on, point_m, None)
         };
-        // cos / d² is 1 at the room's depth. It is checked beside the gap and at the far end.
+        // cos / d² is 1 at the room's depth. The test checks it beside the gap and at the far end.
         for (x, x_sq) in [(-1.9, 0.0), (1.9, 3.8 * 3.8)] {
             let d_sq: f64 = x_sq + 9.0;
             let wanted = 36.0 * 3.0 / (d_sq * d_sq.sqrt());

@@ -32,7 +32,7 @@ pub(super) struct Tree<'a> {
     pub(super) branches: Vec<Branch>,
 }
 
-/// A branch of a tree. Its children follow it.
+/// A branch of a tree, which is followed by its children.
 pub(super) struct Branch {
     /// All sources of the branch, combined into one.
     pub(super) source: Source,

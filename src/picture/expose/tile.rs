@@ -1,7 +1,8 @@
 //! Tiles: the light of one color on some rows of the picture, before it is counted into the film.
 //!
-//! All records of a color are added up in one plane. Its lit tiles are then counted into the three
-//! planes of the film, so the light is multiplied by the color once per pixel, not per segment.
+//! All records of a color are added up in one plane. The plane's lit tiles are then counted into
+//! the three planes of the film, so the light is multiplied by the color once per pixel, not per
+//! segment.
 
 use std::ops::Range;
 
@@ -18,7 +19,7 @@ pub(super) struct Tiles {
     pub(super) rows: Range<u32>,
     /// Distance between rows in pixels, which is at least the width of the picture.
     pub(super) stride: usize,
-    /// Counts, row by row. Those beyond the width have no meaning.
+    /// Counts, row by row. Counts beyond the width have no meaning.
     pub(super) counts: Vec<u32>,
     width: usize,
     /// True for each tile with light, row by row.

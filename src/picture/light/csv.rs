@@ -194,8 +194,8 @@ fn too_fast(instants: &[Instant]) -> Option<String> {
     let is_frequent = fast as f64 > MIN_FAST_FRACTION * moving.len() as f64;
     (fast >= MIN_FAST_STEPS && is_frequent).then(|| {
         format!(
-            "{fast} of {} steps are faster than {FASTEST_M_S} m/s: are the columns in another unit \
-             (x_cm), or the rows of several drones? Keep those of one",
+            "{fast} of {} steps are faster than {FASTEST_M_S} m/s: check whether the columns are in another \
+             unit (x_cm), and keep the rows of only one drone",
             moving.len()
         )
     })
@@ -215,7 +215,7 @@ impl Instant {
     }
 }
 
-/// Splits instants into lit runs. Each includes the dark instant before it and the one after it.
+/// Splits instants into lit runs. Each run includes the dark instants before and after it.
 fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
     let runs = instants.chunk_by(|a, b| (a.rgb_cd == [0.0; 3]) == (b.rgb_cd == [0.0; 3]));
     let mut end = 0;
@@ -227,7 +227,7 @@ fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
     })
 }
 
-/// Number of rows that allow one more stretch of a single color in a run, beyond the first
+/// Number of rows in a run that allow it one more stretch of a single color, beyond the first
 /// [`MIN_STRETCHES`].
 const ROWS_PER_STRETCH: usize = 8;
 const MIN_STRETCHES: usize = 2;
@@ -266,14 +266,14 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
 
 /// True if two rows have the same color within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
-    // This is x / a = y / b in each channel, without dividing by zero in the dark.
+    // Compares x / a with y / b in each channel, without dividing by zero in the dark.
     let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
     let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
     channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))
 }
 
-/// Returns a lamp that shines in all directions. `instant_cd` gives its intensity at each instant,
-/// which is given with its index. The maximum intensity is level 1.
+/// Returns a lamp that shines in all directions. `instant_cd` takes the index and the values of an
+/// instant, and returns the lamp's intensity. The maximum intensity becomes level 1.
 fn lamp(run: &[Instant], rgb: [f64; 3], instant_cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
     let intensities_cd: Vec<f64> =
         run.iter().enumerate().map(|(i, instant)| instant_cd(i, instant)).collect();

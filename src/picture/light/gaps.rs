@@ -13,7 +13,7 @@ use noctograph_core::geometry::Attitude;
 use noctograph_core::statistics::weighted_quantile;
 
 /// Maximum uncertainty of a bridge: about the width of an overexposed trail. A larger limit would
-/// draw strokes that were not flown, and a smaller one would leave dashes.
+/// draw strokes that were not flown, and a smaller limit would leave dashes.
 const BRIDGE_M: f64 = 0.02;
 
 /// Minimum acceleration that is assumed for a flight in m/s², that of the reference flight.

@@ -20,7 +20,7 @@ pub(super) struct Pose {
 }
 
 /// Maximum distance of a lamp from its path between two samples: 1 % of a pixel that shows one
-/// millimeter. A smaller value takes more samples without a visible gain.
+/// millimeter. A smaller distance takes more samples without a visible gain.
 pub(super) const FINE_M: f64 = 10e-6;
 
 /// Maximum distance for a lamp that cycles through several colors, such as an LED of a spinner.

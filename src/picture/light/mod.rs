@@ -17,7 +17,7 @@
 //!
 //! Not modeled: light reflected by the body, ring effects that depend on sensors, falling battery
 //! voltage, the error of the firmware's clock (1.2 % slow until 2026), and rare stalls of the radio
-//! (up to 0.7 s in the team's log). A lamp dimmed by pulse width shines with its mean.
+//! (up to 0.7 s in the team's log). A lamp dimmed by pulse width shines at its mean level.
 
 use std::cell::LazyCell;
 
@@ -98,7 +98,7 @@ fn check_emitter(emitter: &Emitter) -> Result<()> {
         diameter_m,
         depth_m,
     } = emitter;
-    // Each number, with its minimum and its maximum.
+    // Each number comes with its minimum and its maximum.
     let settings = [
         ("intensity_cd", *intensity_cd, 0.0, 1e9),
         ("rgb[0]", rgb[0], 0.0, 1e3),
@@ -200,7 +200,8 @@ impl LightSample {
 /// A light source with one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name of the row in the table. A row that changes its color is several lamps of one name.
+    /// Name of the row in the table. A row that changes its color becomes several lamps of one
+    /// name.
     pub name: String,
     /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,
@@ -227,7 +228,7 @@ impl Emitter {
     }
 
     /// Returns the intensity in a direction, given by the cosine of its angle from the axis,
-    /// relative to that on the axis. It is 0 if the body hides the lamp.
+    /// relative to that on the axis. The intensity is 0 if the body hides the lamp.
     #[must_use]
     pub fn relative_intensity(&self, cos_off_axis: f64) -> f64 {
         if cos_off_axis < self.visible_cos {
@@ -381,7 +382,7 @@ fn states(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     }
 }
 
-/// Returns levels relative to the highest one. All are 0 if the lamp is dark.
+/// Returns levels relative to the highest one. All levels are 0 if the lamp is dark.
 fn relative_levels(levels: &[f64]) -> Vec<f64> {
     let largest = largest(levels);
     levels.iter().map(|level| if largest > 0.0 { level / largest } else { 0.0 }).collect()

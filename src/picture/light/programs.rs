@@ -178,7 +178,7 @@ impl<'a> Programs<'a> {
 /// suits all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
-/// Factors on the intensity that are tried to find the best bytes. The first one is preferred.
+/// Factors on the intensity that are tried to find the best bytes. The first factor is preferred.
 const FACTORS: [f64; 17] = [
     1.0, 1.025, 0.975, 1.05, 0.95, 1.075, 0.925, 1.1, 0.9, 1.125, 0.875, 1.15, 0.85, 1.175, 0.825,
     1.2, 0.8,

@@ -1,6 +1,6 @@
 //! Radio: the times at which the commands of a plan reach the firmware, and the firmware's timer.
-//! It also has the random numbers of the lamps, as named streams of one seed whose numbers are
-//! addressed by index.
+//! The lamps' random numbers are here as well: named streams of one seed, with numbers addressed by
+//! index.
 
 use super::LightOptions;
 use noctograph_core::flight::FlightSample;
@@ -13,8 +13,8 @@ pub(super) struct Change {
     pub(super) level: f64,
 }
 
-/// A stream of random numbers. They depend only on the seed, the drone, the name and their index,
-/// so that adding a lamp or drone does not change the light of the others.
+/// A stream of random numbers. The numbers depend only on the seed, the drone, the name and their
+/// index, so that an additional lamp or drone does not change the light of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chance {
     key: u64,
@@ -41,8 +41,8 @@ impl Chance {
 }
 
 /// Returns the times at which commands arrive, in order. A command is sent at each sample whose
-/// level differs from the one before, which is `initial_level` for the first sample. It arrives
-/// after the radio's delay and a random jitter.
+/// level differs from the one before, which is `initial_level` for the first sample. The command
+/// arrives after the radio's delay and a random jitter.
 pub(super) fn arrivals(
     samples: &[FlightSample],
     levels: &[f64],

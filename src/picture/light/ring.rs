@@ -149,6 +149,7 @@ impl Ring {
             RingEffect::Off => DARK,
             RingEffect::DoubleSpin => double_spin(self.calls),
             RingEffect::Solid(_) => {
+                // As in the firmware, rounded steps may exceed 1 for one call.
                 if self.brightness < 1.0 {
                     self.brightness += BRIGHTNESS_STEP;
                 } else {
@@ -187,7 +188,8 @@ impl Fade {
     }
 }
 
-/// The two lights of the double spinner, each a head and a tail of two LEDs. All others are dark.
+/// The two lights of the double spinner, each a head and a tail of two LEDs. All other LEDs are
+/// dark.
 const WHITE_LIGHT: [[u8; 3]; 3] = [[32; 3], [8; 3], [2; 3]];
 const BLUE_LIGHT: [[u8; 3]; 3] = [[64, 64, 255], [32, 32, 64], [8, 8, 16]];
 

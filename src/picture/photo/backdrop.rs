@@ -103,8 +103,8 @@ impl Backdrop {
         }
     }
 
-    /// Returns the luminance of floor and walls along a row, relative to the middle of a wall. It
-    /// is 1 if there are no walls.
+    /// Returns the luminance of floor and walls along a row, relative to the middle of a wall. The
+    /// luminance is 1 if there are no walls.
     fn surface_luminances(&self, y: usize, width: usize) -> Vec<f32> {
         let Some((camera, room)) = &self.surfaces else { return vec![1.0; width] };
         // Computes the luminance at every eighth column, and interpolates between two columns that
@@ -144,8 +144,9 @@ impl Backdrop {
     }
 }
 
-/// Returns the albedo of floor and walls relative to its median, or `None` without a background. It
-/// is the brightness of the background in each channel, as if that was evenly lit, and 4 at most.
+/// Returns the albedo of floor and walls relative to its median, or `None` without a background.
+/// The albedo is taken from the background's brightness in each channel, as if the room had been
+/// evenly lit, and is 4 at most.
 ///
 /// # Errors
 ///

@@ -2,13 +2,13 @@
 //!
 //! Only the tags that [`taken_as`] lists change the camera. A directory without any may be broken.
 //!
-//! The sensor width of a known body is tabulated. Otherwise it follows from the resolution in
-//! pixels per unit of length, or from the focal length and its equivalent on 35 mm film, which
+//! The sensor width of a known body is tabulated. For other bodies it follows from the resolution
+//! in pixels per unit of length, or from the focal length and its equivalent on 35 mm film, which
 //! refers to diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of pixels may be
 //! newer than the resolution. Canon writes the resolution as 1000 times the pixels divided by
 //! thousandths of the unit, so that it contains both. For other makers the width is used if the
-//! film equivalent confirms it. Otherwise there is a warning, or no width if the tags show that the
-//! picture was edited.
+//! film equivalent confirms it. If nothing confirms it, there is a warning, or no width if the tags
+//! show that the picture was edited.
 
 use std::path::Path;
 
@@ -267,8 +267,8 @@ impl Photograph {
         Some(width_m)
     }
 
-    /// Returns the pixels across, the sensor width by the resolution, and true if both were
-    /// certainly written together, or `None` without the tags. Warns of an unknown unit if the
+    /// Returns the number of pixels across, the sensor width by the resolution, and true if both
+    /// were certainly written together, or `None` without the tags. Warns of an unknown unit if the
     /// width is needed.
     fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
         let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
@@ -305,13 +305,14 @@ impl Photograph {
             self.warn("film-equivalent", message);
             return None;
         }
+        // A picture of unknown size is taken to have the usual aspect ratio of 3:2.
         let [width, height] = self.tagged_size_px().or(self.size_px).unwrap_or([3.0, 2.0]);
         let aspect = width.max(height) / width.min(height);
         let film_by_sensor = film_mm / (1e3 * focal_length_m?);
         Some(film_width_m(aspect, film_by_sensor) / film_by_sensor)
     }
 
-    /// Returns the sensor width in the unit of the resolution if Canon wrote it. Its rational
+    /// Returns the sensor width in the unit of the resolution if Canon wrote it. Canon's rational
     /// number is 1000 times the sensor's pixels divided by the width in thousandths of the unit.
     fn canon_width(&self) -> Option<f64> {
         if !self.text(Tag::Make)?.to_lowercase().contains("canon") {
@@ -457,7 +458,7 @@ pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
             && signature.iter().zip(bytes).all(|(wanted, byte)| [b'.', *byte].contains(wanted))
     });
     let Some((maker, _)) = raw else { return Ok(()) };
-    let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
+    let hint = "use the JPEG that the camera wrote with it, or export one with its EXIF";
     Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint))
 }
 

@@ -261,6 +261,7 @@ fn xyz_from_opponent(color: Vec3) -> Vec3 {
 
 /// Converts XYZ to `L*a*b*` with less colorfulness at lower lightness (Hunt effect).
 fn hunt_lab(xyz: Vec3) -> Vec3 {
+    // CIE 1976: a cube root above δ³, and a straight line below.
     let delta = 6.0_f32 / 29.0;
     let Vec3 { x, y, z } = (xyz / WHITE).map(|value| match value {
         value if value > delta * delta * delta => libm::cbrtf(value),

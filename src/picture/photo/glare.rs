@@ -1,9 +1,9 @@
 //! Veiling glare and halo: the lens scatters a fraction of all light, computed in integers.
 //!
 //! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves, which are bell-shaped
-//! blurs with σ = 4, 8, 16 … px. Each has the light that the scatter puts into its ring of radii. A
-//! pyramid computes an octave as sums over cells as wide as its σ, which are blurred and spread
-//! back to pixels. Light scattered by less than 4 px stays in its pixel. No count is lost.
+//! blurs with σ = 4, 8, 16 … px. Each octave has the light that the scatter puts into its ring of
+//! radii. A pyramid computes an octave as sums over cells as wide as its σ, which are blurred and
+//! spread back to pixels. Light scattered by less than 4 px stays in its pixel. No count is lost.
 //!
 //! Ghosts are not modeled. Light that would cross the border of the picture is mirrored.
 
@@ -130,7 +130,8 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     let diagonal = within(((width * width + height * height) as f64).sqrt());
     let sigmas = std::iter::successors(Some(CELL_PX), |sigma| Some(2 * sigma));
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();
-    // Half the light of a Gaussian is within 1.18 σ. Its ring extends from 0.83 σ to 1.67 σ.
+    // Half the light of a Gaussian is within 1.18 σ. The Gaussian's ring extends from 0.83 σ to
+    // 1.67 σ.
     let edge = |sigma: usize| within(sigma as f64 * (1.18 / std::f64::consts::SQRT_2));
     Vec::from_iter((0..sigmas.len()).map(|index: usize| {
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
@@ -146,7 +147,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Goes to coarser octaves. Each takes its part of the light that remains after the finer ones.
+    // Goes to coarser octaves. Each octave takes its part of the light that finer octaves left.
     let mut remaining_fraction: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut remaining = cells;
     let mut parts = Vec::with_capacity(octaves.len());

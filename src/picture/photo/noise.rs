@@ -1,5 +1,5 @@
-//! Random numbers of the sensor. They are functions of seed, row, channel, source and column, so
-//! that the noise of a pixel depends neither on other pixels nor on order or threads.
+//! Random numbers of the sensor. The numbers are functions of seed, row, channel, source and
+//! column, so that the noise of a pixel depends neither on other pixels nor on order or threads.
 
 use std::sync::LazyLock;
 
@@ -59,8 +59,8 @@ impl Stream {
     }
 }
 
-/// Normally distributed numbers, by a piecewise linear inverse of the distribution function. Their
-/// variance is 1 to the last digits of f32, and they reach 3.8 σ.
+/// Normally distributed numbers, by a piecewise linear inverse of the distribution function. The
+/// numbers have a variance of 1 to the last digits of f32, and reach 3.8 σ.
 #[derive(Debug)]
 pub(super) struct Normal {
     /// Start of each cell, and its slope per unit of the lower bits.
@@ -175,7 +175,7 @@ const LAST_NUMBER: u32 = 63;
 const COLUMN_BITS: u32 = NUMBERS.ilog2();
 const WITHIN_BITS: u32 = 32 - COLUMN_BITS;
 
-/// Number of lowest bits that select the level. They are negligible within a column.
+/// Number of lowest bits that select the level. These bits are negligible within a column.
 const LEVEL_BITS: u32 = 12;
 
 /// Divisor of k² in the mean of level k.

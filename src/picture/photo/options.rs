@@ -26,9 +26,10 @@ settings! {
         /// left out.
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
         /// Photograph (PNG or JPEG) of the room without the flight, relative to the current folder,
-        /// which replaces the room's light. It is cropped to the photo's aspect ratio. Taken at the
-        /// same exposure, it keeps its brightness. In each channel, its brightness is the relative
-        /// albedo of floor and walls (`expose.room_m`) for the lamps' light. Empty for none.
+        /// which replaces the room's light. The photograph is cropped to the photo's aspect ratio.
+        /// A photograph taken at the same exposure keeps its brightness. In each channel, its
+        /// brightness is the relative albedo of floor and walls (`expose.room_m`) for the lamps'
+        /// light. Empty for none.
         background: String = String::new();
         /// Noise of the sensor.
         noise: Noise = Noise::default();
@@ -38,7 +39,7 @@ settings! {
             aperture_blades: u32 = 7;
             /// Core radius r0 of the scatter `1 / (1 + (r/r0)²)^s` on the sensor.
             glare_radius_m: f64 = 40e-6;
-            /// Color of the room's light in linear sRGB. Its luminance is scaled to 1.
+            /// Color of the room's light in linear sRGB. The color's luminance is scaled to 1.
             ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75];
             /// Exposure of the background in stops. At 0 its white saturates the sensor.
             background_stops: f64 = 0.0;

@@ -127,7 +127,7 @@ fn text(
     })
 }
 
-/// Converts samples in place to RGB with 8 bits per channel. They have 8 or 16 bits, with or
+/// Converts samples in place to RGB with 8 bits per channel. The samples have 8 or 16 bits, with or
 /// without color and transparency.
 fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let is_wide = depth == png::BitDepth::Sixteen;
@@ -167,7 +167,7 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// Encodes the readout as PNG with 16 bits per channel. All else is as in
+    /// Encodes the readout as PNG with 16 bits per channel. Everything else is as in
     /// [`develop`](super::develop) and [`encode_png`].
     pub fn encode_png16(
         &self,

@@ -1,8 +1,8 @@
 //! The sensor converts the light on its pixels to a readout, as in EMVA 1288.
 //!
-//! 1. Light leaks between the color channels and then becomes electrons. Their numbers are
-//!    Poisson-distributed with a mean of the light times the channel's response. Dark current and
-//!    hot photosites add more electrons.
+//! 1. Light leaks between the color channels and then becomes electrons. The numbers of electrons
+//!    are Poisson-distributed with a mean of the light times the channel's response. Dark current
+//!    and hot photosites add more electrons.
 //! 2. The well or the converter clips each channel, and reading adds noise.
 //! 3. The camera subtracts the mean dark current, clips all channels at the same light, and inverts
 //!    the leak by its matrix. Unclipped light thereby regains its color, and clipped light gets a
@@ -51,7 +51,7 @@ struct Noisy {
     hot: f64,
 }
 
-/// Mean dark current of a hot pixel. It is exponentially distributed.
+/// Mean dark current of a hot pixel, which is exponentially distributed.
 pub(super) const HOT_PIXEL_E_S: f64 = 100.0;
 /// Seed of the hot pixels, which are the same in all pictures of a camera.
 const HOT_PIXEL_SEED: u64 = 0;
@@ -113,8 +113,8 @@ impl Sensor {
 /// by contributors of github.com/butcherg/ssf-data.
 const SENSITIVITY: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
 
-/// Returns the matrix of the crosstalk, and its inverse. Its entries are the fractions of red,
-/// green and blue light that each kind of photosite receives. White light is equal in all channels.
+/// Returns the matrix of the crosstalk, and its inverse. The matrix has the fractions of red, green
+/// and blue light that each kind of photosite receives. White light is equal in all channels.
 fn crosstalk() -> [[[f32; 3]; 3]; 2] {
     let fractions = SENSITIVITY.map(|row| row.map(|light| light / row.iter().sum::<f64>()));
     let crosstalk = nalgebra::Matrix3::from_fn(|i, j| fractions[i][j]);

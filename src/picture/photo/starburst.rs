@@ -171,7 +171,7 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
         let first = (middle - 4.0 * WIDTH_PX).max(0.0);
         for side_px in (0..size[side]).skip(whole(first)).take(8) {
             let u_side = side_px as f64 + 0.5 - from[side];
-            // u is along the spike and v across it. Its light decreases with 1/u².
+            // u is along the spike and v across it. The light of a spike decreases with 1/u².
             let u = u_main * along[main] + u_side * along[side];
             let v = u_main * along[side] - u_side * along[main];
             if !(INNER_PX..=OUTER_PX).contains(&u) {

@@ -189,7 +189,7 @@ fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
     });
     for (blades, wanted) in [(7, 14), (6, 6)] {
         let changes = spikes(&dwell, blades);
-        // The light of a ring around the point, by direction. Its peaks are the spikes.
+        // The light of a ring around the point, by direction, has its peaks at the spikes.
         let mut around = [0; 120];
         for change in &changes {
             let x = (change.index % 400) as f64 - 200.0;

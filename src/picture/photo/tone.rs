@@ -37,7 +37,7 @@ const BLACK_STOPS: f64 = 8.0;
 const SHOULDER: f64 = 2.0;
 const TOE: f64 = 1.5;
 
-/// Minimum light of the camera's curve, at which it is black. It keeps the logarithm finite.
+/// Minimum light of the camera's curve, at which it is black. The limit keeps the logarithm finite.
 const MIN_LIGHT: f64 = 1e-9;
 
 impl Tone {
@@ -137,7 +137,7 @@ pub(super) struct Levels8 {
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
-    /// Returns the tables of a tone. They are computed at the first call.
+    /// Returns the tables of a tone, which are computed at the first call.
     pub(super) fn cached(tone: Tone) -> &'static Self {
         static MADE: [OnceLock<Levels8>; 3] = [const { OnceLock::new() }; 3];
         MADE[tone as usize].get_or_init(|| Self::new(tone))

@@ -5,7 +5,7 @@ use noctograph_core::strokes::StrokesData;
 use super::*;
 
 /// Words, each with words that have one letter more or less at the start, in the middle or at the
-/// end. Some of these are real words.
+/// end. Some of the longer or shorter words are real words.
 const PAIRS: [(&str, &[&str]); 10] = [
     ("PARIS", &["ARIS", "PAIS", "PARI", "SPARIS", "PARTIS", "PARISH"]),
     ("EAR", &["AR", "ER", "EA", "NEAR", "EVAR", "EARN"]),

@@ -190,7 +190,7 @@ impl Shot {
         reader.explain(&self.photo(), &(&self.camera).into(), known).unwrap().0
     }
 
-    /// Exposes and encodes the photo. Its trails are 2 cm wide and glow by another 6 mm.
+    /// Exposes and encodes the photo. The photo's trails are 2 cm wide and glow by another 6 mm.
     pub(super) fn photo(&self) -> Photo {
         let camera = &self.camera;
         let seen = |[x, y]: [f64; 2]| {

@@ -10,7 +10,7 @@ use super::super::gpu_tiles::{Part, TILE_PX};
 use super::super::record::DITHER;
 use super::*;
 
-/// Returns the device. Without one, the test fails if `NOCTOGRAPH_REQUIRE_GPU` is set.
+/// Returns the device. Without a device, the test fails if `NOCTOGRAPH_REQUIRE_GPU` is set.
 fn device() -> Option<Gpu> {
     match Gpu::open() {
         Ok(gpu) => Some(gpu),
