@@ -76,8 +76,8 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
         // A curve is tangent to a stem at both of its ends.
         (true, false) => Some(chord.direction),
         (false, true) => Some(next.direction),
-        // Tangent of the circle through three points. The direction of each chord is weighted by
-        // the length of the other one.
+        // The tangent is that of the circle through three points. The direction of each chord is
+        // weighted by the length of the other one.
         (false, false) => Some(unit(chord.direction * next.length + next.direction * chord.length)),
     }
 }

@@ -23,7 +23,7 @@ const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
 
 /// Maximum size of a glyph's charstring with its subroutines, in bytes. A Chinese glyph takes a few
-/// thousand.
+/// thousand bytes.
 const MAX_CHARSTRING_BYTES: usize = 100_000;
 
 /// Budget steps for an outline, and for each of its points or bytes of code.

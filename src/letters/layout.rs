@@ -68,7 +68,8 @@ fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]
         Fitting::Fill => f64::INFINITY,
     };
     let (mut best, mut best_scale) = (String::new(), 0.0);
-    // Tries an increasing number of line breaks. More are kept only if they let letters be larger.
+    // Tries an increasing number of line breaks. Further breaks are only kept if letters get
+    // larger.
     for n_breaks in 0..=word.matches(' ').count() {
         let text = with_line_breaks(word, n_breaks);
         let scale = canvas_scale(&lay_out(&text, fonts, options), canvas_m).min(max_scale);
@@ -282,7 +283,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let (mut cells, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        // Spaces at the ends of a part. In a part from right to left, its start is on the right.
+        // Widths of the spaces at both ends of a part. In a part from right to left, its start is
+        // on the right.
         let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
             .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {

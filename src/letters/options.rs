@@ -21,8 +21,8 @@ settings! {
         /// File of a drawing that replaces the word: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`,
         /// `*.gif` or `*.bmp`, or handwriting `*.json`. Empty for none.
         drawing: String = String::new();
-        /// SHA-256 that the drawing's file must have. An empty value is not checked. Commands write
-        /// the digest into their scene.
+        /// SHA-256 that the drawing's file must have. An empty digest is not checked. Commands
+        /// write the digest into their scene.
         drawing_sha256: String = String::new(), for "letters.drawing";
         /// Corners of the sheet of paper in a picture, by which it is cropped and rectified: x and
         /// y of the upper left, upper right, lower right and lower left corner, in the picture's

@@ -54,7 +54,7 @@ impl<'a> Filled<'a> {
         self.budget
     }
 
-    /// True if a point is inside the area. False if the budget is spent.
+    /// True if a point is inside the area. Returns false if the budget is spent.
     pub(super) fn holds(&self, point: [f64; 2]) -> bool {
         self.winding(point) != 0
     }

@@ -36,7 +36,8 @@ const MAX_FONT_POINTS: usize = 1_000_000;
 /// Height of a lowercase letter, for which marks are drawn, relative to a capital.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
-/// Combining marks, and the characters that store their shapes. Other marks are stored by code.
+/// Combining marks, and the characters that store their shapes. Other marks are stored under their
+/// own code.
 const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{30a}\u{30b}\
     \u{30c}\u{327}\u{328}";
 const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";

@@ -201,7 +201,8 @@ impl Target {
 
     /// Returns 1 divided by the product of both norms, or 0 if picture or word is uniform.
     fn inverse_norms(&self, word: &Raster) -> f32 {
-        // The picture has mean 0. The squared norm of the word's deviations is Σw² − (Σw)² / n.
+        // The picture has a mean of 0. The squared norm of the word's deviations is Σw² − (Σw)² /
+        // n.
         let ones = vec![1.0; word.values.len()];
         let [sum, squares] = dots([&ones, &word.values], &word.values);
         let norm = (squares - sum * sum / word.values.len() as f32).max(0.0).sqrt() * self.norm;

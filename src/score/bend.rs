@@ -33,7 +33,7 @@ const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
 const BESIDE_PX: f64 = 1.5 * TOLERANCE_PX;
 
 /// Minimum length of a gap without `CLOSE_PX` at each end: 0.12 H. A cut corner leaves a shorter
-/// one.
+/// gap.
 const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
 
 /// Maximum distance that the gap of a cut corner extends from the corner: 0.2 H.

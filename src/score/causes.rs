@@ -24,8 +24,8 @@ pub struct Cause {
     pub log_gap_s: Option<[f64; 2]>,
     /// The letter that this one looks like, if the fault is one of design.
     pub reads_as: Option<char>,
-    /// Gain in the letter's probability, −1 to 1, if the photo is read without the fault. `None` if
-    /// the fault cannot be removed.
+    /// Gain in the letter's probability, −1 to 1, if the photo is read without the fault. The gain
+    /// is `None` if the fault cannot be removed.
     pub gain: Option<f64>,
 }
 
@@ -87,8 +87,8 @@ pub struct Advice {
     pub kind: CauseKind,
     /// The advice as a sentence.
     pub text: String,
-    /// Gain in readability, 0 to 1, if the photo is read without any fault of this kind. `None` if
-    /// such faults cannot be removed.
+    /// Gain in readability, 0 to 1, if the photo is read without any fault of this kind. The gain
+    /// is `None` if such faults cannot be removed.
     pub gain: Option<f64>,
 }
 

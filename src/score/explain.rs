@@ -36,11 +36,12 @@ const SURE: f64 = 0.97;
 /// Minimum gain in readability for a sentence of advice.
 const LEAST_GAIN: f64 = 0.005;
 
-/// Maximum number of letters whose faults are mended, the least probable first. Each fault costs
-/// one more reading.
+/// Maximum number of letters whose faults are mended, the least probable first. Each mended fault
+/// costs one more reading.
 const MOST_MENDED: usize = 12;
 
-/// Maximum number of letters in a word whose faults are mended. Longer words have no gains.
+/// Maximum number of letters in a word whose faults are mended. In longer words, causes have no
+/// gains.
 const LONGEST_MENDED: usize = 32;
 
 /// Maximum number of sentences of advice.

@@ -215,7 +215,8 @@ impl Expected {
         columns.middles(&self.classes)
     }
 
-    /// Returns all letters and digits with their classes. In a number, ambiguous ones are digits.
+    /// Returns all letters and digits with their classes. In a number, ambiguous classes are
+    /// digits.
     fn names(&self) -> Vec<(char, Classes)> {
         names(0, self.characters.iter().all(char::is_ascii_digit))
     }

@@ -284,7 +284,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     sky
 }
 
-/// Evaluates a measure at every pixel. The processor's vector instructions give equal results.
+/// Evaluates a measure at every pixel. Vector instructions of any width give equal results.
 pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     let mut values = vec![0.0; light.len()];
     noctograph_core::dispatch!(|| {
@@ -324,7 +324,8 @@ fn code_step(level: f32) -> f32 {
     linear[code] - linear[code - 1]
 }
 
-/// Returns the linear light of each sRGB code, where white is 65535. Integers have exact sums.
+/// Returns the linear light of each sRGB code, where white is 65535. Sums of these integers are
+/// exact.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
 fn light_of_level() -> [u32; 256] {
     linear_from_level().map(|linear| (65535.0 * linear).round() as u32)

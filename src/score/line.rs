@@ -11,7 +11,8 @@ use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use noctograph_core::photo::Photo;
 
-/// Maximum side of the searched picture, in pixels. Letters half as high still have hundreds.
+/// Maximum side of the searched picture, in pixels. Letters half as high still have hundreds of
+/// pixels.
 const MAX_SIDE: u32 = 1200;
 
 /// Assumed height of the letters when the sky is subtracted, as a fraction of the photo's height.

@@ -203,7 +203,7 @@ impl Layer {
     }
 }
 
-/// The sums of a layer, eight channels per register. Every kind of register gives equal sums.
+/// The sums of a layer, with eight channels per register. All kinds of registers give equal sums.
 struct Sums<'a> {
     layer: &'a Layer,
     width: usize,

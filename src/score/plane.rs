@@ -13,7 +13,7 @@ use noctograph_core::strokes::{Cell, Strokes};
 /// Maximum shift that is searched, in cap heights: a little more than what counts as legible.
 pub(super) const SEARCH_H: f64 = 0.75;
 
-/// Maximum scale that is searched. The minimum is its inverse.
+/// Maximum scale that is searched. The minimum scale is the inverse of this.
 pub(super) const SEARCH_SCALE: f64 = 1.25;
 
 /// Maximum shift of a letter that is searched, in pixels: a quarter of a cap height.

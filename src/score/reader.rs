@@ -274,7 +274,7 @@ impl Reader {
         // If touching letters are joined into one glyph, not all of them were judged.
         let is_whole = !self.is_joined();
         let legible = is_whole && is_likeliest && readability >= self.options.legible_probability;
-        // The first reason that applies is given. Reasons that concern the photo come before those
+        // Selects the first reason that applies. Reasons that concern the photo come before those
         // that concern its letters.
         let reasons = [
             (has_few_px, Reason::TooSmall),

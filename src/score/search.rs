@@ -78,8 +78,8 @@ impl Prefixes {
         child
     }
 
-    /// Returns a prefix's last symbol, and whether it is also the first. `None` for the empty
-    /// prefix.
+    /// Returns a prefix's last symbol, and whether it is also the first. Returns `None` for the
+    /// empty prefix.
     fn last(&self, prefix: usize) -> Option<(usize, bool)> {
         let Prefix { parent, symbol, .. } = self.0[prefix];
         (prefix != 0).then_some((symbol, parent == 0))

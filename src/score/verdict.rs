@@ -24,7 +24,8 @@ pub struct Verdict {
     /// The likeliest other word, or `None` if nothing is visible.
     pub rival: Option<RivalWord>,
     /// Agreement of the light with the intended strokes, 0 to 1: the harmonic mean of the fraction
-    /// of strokes with light and the fraction of light near strokes. `None` if not computed.
+    /// of strokes with light and the fraction of light near strokes. The value is `None` if it was
+    /// not computed.
     pub faithfulness: Option<f64>,
     /// The regression from which the readability was computed.
     pub calibration: Calibration,
@@ -38,9 +39,10 @@ pub struct Verdict {
     pub reason: Option<Reason>,
     /// The text that is read without knowing the word, or `None` if nothing is visible.
     pub second_opinion: Option<String>,
-    /// Faults, in order of decreasing gain. Empty if they were not computed.
+    /// Faults, in order of decreasing gain. The list is empty if they were not computed.
     pub causes: Vec<Cause>,
-    /// At most three changes, in order of decreasing gain. Empty if they were not computed.
+    /// At most three changes, in order of decreasing gain. The list is empty if they were not
+    /// computed.
     pub advice: Vec<Advice>,
 }
 
@@ -90,7 +92,7 @@ pub struct LetterVerdict {
     pub missing_mm: Option<f64>,
     /// Length of the light's lines that are away from the intended strokes.
     pub stray_mm: Option<f64>,
-    /// Probabilities of all letters that have at least a thousandth, in descending order.
+    /// Probabilities of all letters that have a probability of at least 0.001, in descending order.
     #[serde(default)]
     pub confusion: Vec<Rival>,
 }
@@ -128,7 +130,7 @@ pub enum Reason {
 impl Verdict {
     /// Returns the probability that a viewer reads this word and no other. This probability is the
     /// readability, limited by the probability against a likelier rival. Studies rank and tune by
-    /// it.
+    /// this probability.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))

@@ -61,7 +61,7 @@ impl Branch {
         Self { points, radii, ..Self::default() }
     }
 
-    /// Reverses the branch if `tail`, which puts its tail first. Another call restores it.
+    /// Reverses the branch if `tail`, which puts its tail first. A second call restores the order.
     fn turn(&mut self, tail: bool) {
         if tail {
             self.points.reverse();

@@ -145,7 +145,7 @@ impl Joint<'_> {
 /// Connects the arms of a junction. Arms that go straight through are joined by a curve, on which
 /// the others end. If no arm goes straight through, all meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
-    // The straightest pair comes first. Each arm of a pair gets half of the curve between them.
+    // Joins the straightest pair first. Each arm of a pair gets half of the curve between them.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };

@@ -128,7 +128,8 @@ fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let cosine = dot(*a, *b);
     let away = direction(axis.middles[root], axis.middles[tip]);
     let askew = (dot(away, *a) - dot(away, *b)).abs();
-    // Sine of half the angle. The disc in the crotch touches its corner and both outer sides.
+    // `sine` is the sine of half the angle between the arms. The disc in the crotch touches its
+    // corner and both outer sides.
     let sine = ((1.0 - cosine) / 2.0).max(0.01).sqrt();
     let by_angle = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
     let [least_cosine, least, slope, most] = SHARP_STUB;

@@ -50,7 +50,7 @@ pub(super) struct Patch<'a> {
     contours: Vec<Contour>,
     unit_px: f64,
     bounds_px: [f64; 4],
-    /// Mean width relative to the larger side.
+    /// Mean width of the patch, relative to its larger side.
     width: f64,
     center: Option<CenterLines>,
     /// Half the pen's width and half its maximum width in pixels, or 0 without center lines.

@@ -48,9 +48,9 @@ const GRAYS_APART: std::ops::RangeInclusive<u8> = 8..=90;
 /// Maximum number of pixels between two squares of a checkerboard that was scaled.
 const BLENDED: usize = 2;
 
-/// The lines of a bitmap.
+/// Lines traced in a bitmap.
 pub(super) struct Traced {
-    /// Lines in pixels (y up), with their colors. Gray ink is black.
+    /// Lines in pixels (y up), with their colors. Gray ink is drawn in black.
     pub(super) lines: Vec<ColoredLine>,
     /// Corners of the sheet that is cut out, in pixels of the file.
     pub(super) corners_px: Option<Corners>,

@@ -6,9 +6,10 @@
 //!
 //! A stroke is a list of points from pen down to pen up. A point is x, y and, if known, the time in
 //! seconds. Units of length are arbitrary. `y` increases `down` (the default, as on screens) or
-//! `up`. `"colors": [[255, 0, 0], [0, 0, 255]]` contains red, green and blue of each stroke. Black
-//! keeps the lamp's own color. `"canvas": [left, top, right, bottom]` is the page that was written
-//! on: it is placed as a whole, and a single tap is a dot. All other keys of the file are ignored.
+//! `up`. `"colors": [[255, 0, 0], [0, 0, 255]]` contains red, green and blue of each stroke. A
+//! black stroke keeps the lamp's own color. `"canvas": [left, top, right, bottom]` is the page that
+//! was written on: it is placed as a whole, and a single tap is a dot. All other keys of the file
+//! are ignored.
 
 use serde::Deserialize;
 

@@ -54,8 +54,8 @@ const GRAIN: f64 = 1e-3;
 /// Quantile of the ink's contrast that is strong ink.
 const STRONG: f64 = 0.97;
 
-/// Tones between paper and strong ink, relative to the contrast of strong ink, the range of their
-/// change from one side to the other, and the number of pixels on each side.
+/// Soft tones between paper and strong ink: their range relative to the contrast of strong ink, the
+/// range of their change from one side to the other, and the number of pixels on each side.
 type Tones = (Range<f64>, Range<f64>, usize);
 /// The soft tones of a photograph.
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
@@ -290,7 +290,7 @@ fn has_light_ink(picture: &RgbImage) -> bool {
 }
 
 /// True if the few outlying pixels of blocks are brighter than the rest, and false if they are
-/// darker. `None` if both kinds are about equal.
+/// darker. Returns `None` if both kinds are about equal.
 fn is_skewed_to_bright<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> Option<bool> {
     let (mut darker, mut brighter) = (0.0, 0.0);
     for [dark, usual, bright] in blocks {

@@ -8,7 +8,7 @@ use super::MAX_POINTS;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::bounds;
 
-/// Red, green and blue (sRGB).
+/// A color as red, green and blue (sRGB).
 pub(super) type Color = [u8; 3];
 
 /// Maximum distance between an area's edge and its curves, relative to the page's larger side.

@@ -195,7 +195,7 @@ impl Detailed {
 }
 
 /// Returns the strokes of lines as one glyph, or as one glyph for each color in the order of first
-/// occurrence. Fails for more than [`MAX_COLORS`].
+/// occurrence. Fails for more than [`MAX_COLORS`] colors.
 fn by_color(
     lines: &Numbered<ColoredLine>,
     placing: &Placing,

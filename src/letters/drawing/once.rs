@@ -37,7 +37,7 @@ const HALVINGS: usize = 5;
 /// Sine of the maximum angle between two lines without width that count as one.
 const SLANT: f64 = 0.3;
 
-/// A piece of a line in front.
+/// A piece of a line that is in front.
 struct Piece {
     element: usize,
     /// Half the width of the piece's stroke, if that is opaque.
@@ -231,7 +231,7 @@ fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<V
     }
 }
 
-/// Returns the indices of the stretches before and after one of n. A closed line has no ends.
+/// Returns the indices of the stretches before and after one of n, cyclically in a closed line.
 fn neighbors(index: usize, n: usize, is_closed: bool) -> [Option<usize>; 2] {
     if is_closed && n > 1 {
         [Some((index + n - 1) % n), Some((index + 1) % n)]

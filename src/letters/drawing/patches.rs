@@ -80,11 +80,11 @@ const GRAY: f64 = 0.04;
 
 /// Numbers of what was dropped from a picture, and of its lines.
 pub(super) struct Counts {
-    /// Patches at the edge of the picture.
+    /// Number of patches at the edge of the picture.
     pub(super) n_cut: usize,
     pub(super) n_specks: usize,
     pub(super) n_rulings: usize,
-    /// Lines that are drawn.
+    /// Number of lines that are drawn.
     pub(super) n_lines: usize,
 }
 

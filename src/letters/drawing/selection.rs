@@ -90,7 +90,7 @@ pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
     if most - least < CHROMA {
         return ["black", "gray", "white"][GRAY.iter().filter(|level| most >= **level).count()];
     }
-    // Hue of the HSV model in degrees.
+    // The hue is that of the HSV model, in degrees.
     let [r, g, b] = [r, g, b].map(f64::from);
     let chroma = f64::from(most - least);
     let hue = if r >= g && r >= b {

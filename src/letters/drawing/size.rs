@@ -32,7 +32,7 @@ const ELEMENTS: usize = 0;
 const VERTICES: usize = 2;
 
 /// Checks that the elements of a document take a bounded amount of work, and charges the matching
-/// of styles to the budget. The error is the cause.
+/// of styles to the budget. The error names the cause.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
     styles: &Styles<'a, 'input>,
@@ -69,7 +69,7 @@ pub(super) fn check<'a, 'input>(
     Ok(())
 }
 
-/// Counts the work of elements.
+/// A counter of the work of elements.
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,
@@ -80,8 +80,8 @@ struct Counting<'a, 'b, 'input> {
 }
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
-    /// Returns the work of an element at a depth, and its levels of nested elements. The error is
-    /// the cause.
+    /// Returns the work of an element at a depth, and its levels of nested elements. The error
+    /// names the cause.
     fn count(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<(Work, usize), String> {
         let too_deep = format!("more than {MAX_DEPTH} levels of nested elements");
         match self.known.get(&node) {
@@ -112,7 +112,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         Ok((work, n_levels))
     }
 
-    /// Returns the work of an element without its parts. The error is the cause.
+    /// Returns the work of an element without its parts. The error names the cause.
     fn single(&self, node: Node<'a, 'input>) -> Result<Work, String> {
         let declared = self.styles.declared(node);
         let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
@@ -147,7 +147,8 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         (!is_paint || target.tag_name().name().ends_with("Gradient")).then_some(target)
     }
 
-    /// Returns the sum of the absolute coordinates of an element's curves. Fails for em or ex.
+    /// Returns the sum of the absolute coordinates of an element's curves. Fails for lengths in em
+    /// or ex.
     fn curves(&self, node: Node<'_, '_>) -> Result<f64, String> {
         let names: &[&str] = match node.tag_name().name() {
             "path" => &["d"],

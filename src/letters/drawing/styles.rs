@@ -119,7 +119,7 @@ pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 pub(super) struct Styles<'a, 'input> {
     declared: HashMap<NodeId, (Declared<'a>, usize)>,
     ids: HashMap<&'a str, Node<'a, 'input>>,
-    /// The text of all style sheets.
+    /// Text of all style sheets.
     sheets: String,
 }
 

@@ -230,7 +230,7 @@ fn refused(file: &str, cause: String) -> Error {
     Error::input(file, cause, "an SVG drawing", hint)
 }
 
-/// Checks that a root element is that of a drawing. The error is the cause.
+/// Checks that a root element is that of a drawing. The error names the cause.
 fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> {
     let (name, namespace) = (root.tag_name().name(), root.tag_name().namespace());
     match namespace {
@@ -242,7 +242,7 @@ fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> 
     }
 }
 
-/// Parses the tree of an edited file. The error is the cause.
+/// Parses the tree of an edited file. The error names the cause.
 fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
     // Pictures are not drawn, so they are not opened.
     let image_href_resolver = ImageHrefResolver {
@@ -539,7 +539,7 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
 
 /// Returns the dashes of a path, or the path itself if it has no pattern, and the maximum length of
 /// a dash that represents a point. Under an uneven transform dashes get their mean length. Fails if
-/// no points are left.
+/// the drawing has too many points.
 fn dashed(
     drawn: BezPath,
     style: &kurbo::Stroke,

@@ -262,7 +262,7 @@ impl<'a> Page<'a> {
     /// Returns the visible outline of an element's fill, or nothing if it has no fill.
     fn outline(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
         let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
-        // A line encloses no area.
+        // A path without a fill layer encloses no area.
         let Some(fill) = fill else { return Visible::Parts(Vec::new()) };
         let closed = self.lines(&item.closed());
         let (mut parts, is_whole) = self.parts(&closed, item, near, &mut |place, sides| {
@@ -448,7 +448,7 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// Returns the contours of a clip or a mask. The page's edge has none.
+    /// Returns the contours of a clip or a mask. The page's edge has no contours.
     fn contours(&self, cut: usize) -> impl Iterator<Item = &Vec<[f64; 2]>> {
         let mut areas = Vec::new();
         if !matches!(self.cuts[cut], Cut::Page(_)) {

@@ -25,7 +25,8 @@ const ALONG: f32 = 65_535.0;
 /// along stay below 2^32.
 pub(super) const LOW_BITS: u32 = 14;
 
-/// Number of bits in the sum of a pixel, in counts times `2^shift`. Upper parts stay below 2^31.
+/// Number of bits in the sum of a pixel, in counts times `2^shift`. The upper parts stay below
+/// 2^31.
 const SUM_BITS: i32 = 30;
 
 /// Number of values in one step of the long loops: enough to fill the registers of any processor,
@@ -124,7 +125,8 @@ impl Curves {
         }
     }
 
-    /// Replaces a blurred rectangle's Gaussians by its curves. Curves across start at `n_along`.
+    /// Replaces a blurred rectangle's Gaussians by its curves. The curves across start at
+    /// `n_along`.
     fn draw_rectangles(&mut self, record: &Record, n_along: usize) {
         let axes = [(0, record.x_px, record.width), (n_along, record.y_px, record.height)];
         for (axis, (start, middles_px, pixels)) in axes.into_iter().enumerate() {

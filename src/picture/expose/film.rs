@@ -67,7 +67,7 @@ impl FilmData {
     ///
     /// # Panics
     ///
-    /// If the film has no such channel or pixel.
+    /// Panics if the film has no such channel or pixel.
     #[must_use]
     pub fn exposure_lx_s(&self, channel: usize, index: usize) -> f64 {
         libm::ldexp(f64::from(self.plane(channel)[index]), self.scale_log2)
@@ -77,7 +77,7 @@ impl FilmData {
     ///
     /// # Panics
     ///
-    /// If the film has no such channel.
+    /// Panics if the film has no such channel.
     #[must_use]
     pub fn light_lx_s_px2(&self, channel: usize) -> f64 {
         let sum: u64 = self.plane(channel).iter().map(|&count| u64::from(count)).sum();

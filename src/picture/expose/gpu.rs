@@ -181,7 +181,7 @@ impl Gpu {
             // If the receiver no longer exists, an error was already reported.
             let _ = sender.send(mapped);
         });
-        // The error in the handler names the cause. Later errors are its consequences.
+        // The error in the handler names the cause. Later errors are consequences of that one.
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         if let Some(first_error) = self.first_error.lock().ok().and_then(|mut e| e.take()) {
             return Err(self.fail(first_error));

@@ -34,7 +34,7 @@ const STREAK_SPEED: f64 = 2.0;
 /// 12232) and refer to luminance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LampReading {
-    /// The drone, which is part of the name in JSON. `None` if there is only one.
+    /// The drone, which is part of the name in JSON. `None` if there is only one drone.
     #[serde(skip)]
     pub drone: Option<DroneIndex>,
     /// Label of the lamp ([`Lamp::label`]).
@@ -66,7 +66,8 @@ pub struct HotSpot {
     pub stops: f64,
 }
 
-/// Settings that would each give a trail the wanted exposure on its own. `None` if it cannot.
+/// Settings that would each give a trail the wanted exposure on its own. A setting is `None` if it
+/// cannot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ExposureAdvice {
     /// Aperture number.

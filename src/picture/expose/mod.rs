@@ -14,7 +14,7 @@
 //!    of the film. The glow of the floor is added last.
 //!
 //! Up to the segments, vectors are nalgebra's in f64. Records are scalars in f32, and everything
-//! after them is integers. The conversion is in `record`.
+//! after them is integers. The conversion from f64 to f32 is in `record`.
 //!
 //! Accuracy: 1e-6 for the light of a spot, and for a pixel 2e-5 of the brightest pixel without
 //! merging or 1e-3 with merging at 0.005 px. No pixel can overflow, because a bound on the
@@ -118,7 +118,7 @@ settings! {
     pub enum BackendChoice {
         /// A graphics device if one works, otherwise the processor.
         "auto" => Auto,
-        /// A graphics device. Without one there is an error.
+        /// A graphics device. If none works, exposing is an error.
         "wgpu" => Wgpu,
         /// The processor.
         "cpu" => Cpu,
@@ -293,7 +293,7 @@ pub struct Developer {
 }
 
 impl Developer {
-    /// Starts the backend in a separate thread. The processor needs no start.
+    /// Starts the backend in a separate thread. The processor needs no such start.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
         let device = match choice {

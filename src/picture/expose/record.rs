@@ -2,8 +2,9 @@
 //!
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature turns it
 //! into a sum of up to [`SPOTS`] spots, each the product of a curve along x and a curve along y.
-//! The backends add these up. A blurred rectangle is handled in the same way. A ramp of the
-//! brightness only changes the weights of the spots, so a fade costs no time. f64 becomes f32 here.
+//! The backends add up these products. A blurred rectangle is handled in the same way. A ramp of
+//! the brightness only changes the weights of the spots, so a fade costs no time. f64 becomes f32
+//! here.
 
 use std::ops::Range;
 

@@ -20,7 +20,8 @@ use noctograph_core::flight::timestamps::unit_of;
 
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 
-/// Resolution of an intensity. Rows whose colors differ by at most this much have the same color.
+/// Resolution of an intensity in a table, in cd. Rows whose colors differ by at most this much have
+/// the same color.
 const DIGIT_CD: f64 = 1e-5;
 
 /// Usual titles of each column, in lower case and without a unit.
@@ -153,7 +154,8 @@ fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>,
     (units, others)
 }
 
-/// Returns the unit of the timestamps in s, by the steps between them. Warns if it is not 1 s.
+/// Returns the unit of the timestamps in s, by the steps between them. Warns if the unit is not 1
+/// s.
 fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
     let timestamps = unit_of(table.column("t")?);
     let (unit_s, step) = (timestamps.unit_s, timestamps.step);
@@ -164,7 +166,7 @@ fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
 }
 
 /// Returns the unit of the colors in cd. Whole numbers up to 255 are levels, except in a light
-/// trace. Warns of such numbers.
+/// trace. Warns of numbers that look like levels.
 fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
     let largest = colors.clone().copied().fold(0.0, f64::max);

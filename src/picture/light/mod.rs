@@ -1,7 +1,7 @@
 //! Light: from the commands to the drone's lamps to the light that these emit.
 //!
-//! Input: [`Flight`]. Output: [`LightTrace`], which has lamps moving through the world. Pixels and
-//! cameras do not occur here.
+//! Input: [`Flight`]. Output: [`LightTrace`], which has lamps moving through the world. This module
+//! knows neither pixels nor cameras.
 //!
 //! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, the power
 //!    supply, a sequence of the firmware, or the effect of the LED ring. Commands are delayed by
@@ -200,8 +200,8 @@ impl LightSample {
 /// A light source with one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name of the row in the table. A row that changes its color becomes several lamps of one
-    /// name.
+    /// Name of the row in the table. A row that changes its color becomes several lamps with the
+    /// same name.
     pub name: String,
     /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,

@@ -1,6 +1,7 @@
 //! Reads a camera's sensor, lens and exposure from the EXIF of a photograph (EXIF 2.32).
 //!
-//! Only the tags that [`taken_as`] lists change the camera. A directory without any may be broken.
+//! Only the tags that [`taken_as`] lists change the camera. A directory without any of these tags
+//! may be broken.
 //!
 //! The sensor width of a known body is tabulated. For other bodies it follows from the resolution
 //! in pixels per unit of length, or from the focal length and its equivalent on 35 mm film, which
@@ -228,7 +229,7 @@ impl Photograph {
     }
 
     /// Returns the sensor width of an unknown camera from tags that were written together, or
-    /// `None` if there are none. Warns if it is a guess.
+    /// `None` if there are none. Warns if the width is a guess.
     fn sensor_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_width_m = self.equivalent_width_m(focal_length_m);
         let resolution = self.resolution_width_m(film_width_m.is_none());

@@ -92,7 +92,7 @@ impl Difference {
 ///
 /// # Panics
 ///
-/// If the sizes differ.
+/// Panics if the sizes differ.
 #[must_use]
 pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];

@@ -5,7 +5,8 @@
 //! radii. A pyramid computes an octave as sums over cells as wide as its σ, which are blurred and
 //! spread back to pixels. Light scattered by less than 4 px stays in its pixel. No count is lost.
 //!
-//! Ghosts are not modeled. Light that would cross the border of the picture is mirrored.
+//! Ghost images of bright lights are not modeled. Light that would cross the border of the picture
+//! is mirrored.
 
 use rayon::prelude::*;
 

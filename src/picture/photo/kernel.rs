@@ -12,7 +12,8 @@ pub(super) struct Plane {
     pub(super) values: Vec<u64>,
 }
 
-/// Kernel that spreads the light of a cell over finer positions along an axis. Values are < 2^58.
+/// Kernel that spreads the light of a cell over finer positions along an axis. Values stay below
+/// 2^58.
 #[derive(Debug)]
 pub(super) struct Kernel<const PARTS: usize> {
     /// Number of positions per cell.

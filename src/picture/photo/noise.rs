@@ -13,7 +13,7 @@ const CELLS: usize = 2048;
 /// distribution replaces it (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
-/// What a random number is used for.
+/// The use of a random number.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// All noise of a bright pixel, or only the photons of a dark pixel.
@@ -82,7 +82,8 @@ impl Normal {
         let tail = libm::exp(-0.5 * z * z) / (std::f64::consts::TAU.sqrt() * p);
         nodes[CELLS] = 2.0 * tail - z;
         nodes[0] = -nodes[CELLS];
-        // Scales to a variance of 1. A cell from a to b contributes (a² + ab + b²) / 3.
+        // Scales the distribution to a variance of 1. A cell from a to b contributes (a² + ab + b²)
+        // / 3.
         let squares = nodes.windows(2).map(|n| (n[0] * n[0] + n[0] * n[1] + n[1] * n[1]) / 3.0);
         let scale = 1.0 / (squares.sum::<f64>() * p).sqrt();
         let lower = f64::from(1_u32 << LOWER_BITS);

@@ -22,8 +22,8 @@ settings! {
         /// Luminance of the room. 0 means a dark room.
         ambient_cd_m2: f64 = 0.02, in 0.0..=1e6;
         /// Position where half of the room's light enters, such as the gap of a door. In a room
-        /// with walls, surfaces near this position and facing it are brighter. The light is even if
-        /// left out.
+        /// with walls, surfaces near this position and facing it are brighter. The room's light is
+        /// even if this is left out.
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
         /// Photograph (PNG or JPEG) of the room without the flight, relative to the current folder,
         /// which replaces the room's light. The photograph is cropped to the photo's aspect ratio.
@@ -41,7 +41,8 @@ settings! {
             glare_radius_m: f64 = 40e-6;
             /// Color of the room's light in linear sRGB. The color's luminance is scaled to 1.
             ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75];
-            /// Exposure of the background in stops. At 0 its white saturates the sensor.
+            /// Exposure of the background in stops. At 0, white in the background saturates the
+            /// sensor.
             background_stops: f64 = 0.0;
             /// Lets light of one color reach the photosites of the other colors, as through a
             /// camera's filters. Overexposed blue lamps then have cyan centers.

@@ -252,7 +252,7 @@ mod tests {
         let sixteen = readout.encode_png16(linear, (&camera, print), &[], Some("seed = 7"));
         for file in [eight, sixteen] {
             let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
-            // 150 dots per 25.4 mm.
+            // The print has 150 dots per 25.4 mm.
             let dims = reader.info().pixel_dims.unwrap();
             assert_eq!((dims.xppu, dims.yppu, dims.unit), (5906, 5906, png::Unit::Meter));
             let exif = reader.info().exif_metadata.clone().unwrap();

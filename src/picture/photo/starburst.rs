@@ -23,7 +23,7 @@ const WAVELENGTH_M: [f64; 3] = [620e-9, 525e-9, 465e-9];
 /// Minimum light of a point with visible spikes, in units of a saturated pixel.
 const BRIGHT_PX: f64 = 1000.0;
 
-/// Maximum number of points with spikes. The brightest are chosen.
+/// Maximum number of points with spikes. The brightest points are chosen.
 const MAX_POINTS: usize = 64;
 
 /// Number of cells on each side of a point's cell that contain its light: 3 × 3 cells of 4 px.
@@ -53,7 +53,8 @@ pub(super) struct Change {
     pub(super) counts: [i64; 3],
 }
 
-/// Returns the changes that spikes make to a film, sorted by pixel. No blades, no changes.
+/// Returns the changes that spikes make to a film, sorted by pixel. Without blades there are no
+/// changes.
 pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change> {
     if blades == 0 {
         return Vec::new();

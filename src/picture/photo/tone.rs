@@ -6,7 +6,8 @@ use noctograph_core::settings::settings;
 use noctograph_core::srgb;
 
 settings! {
-    /// Tone curve from light on the sensor to levels of the picture. Light 1 saturates the sensor.
+    /// Tone curve from light on the sensor to levels of the picture. A light of 1 saturates the
+    /// sensor.
     pub enum Tone {
         /// An S-curve of the logarithm of light in each channel, as cameras use for JPEGs.
         ///
