@@ -1,35 +1,35 @@
-//! Arcs: the curve behind the sampled points of a stroke font.
+//! Arcs: restores the curve from the sampled points of a stroke font.
 //!
-//! Between corners, a vertex has the tangent of the circle through it and its neighbors, and two
-//! vertices are joined by a cubic with these tangents (Hermite), cut into short moves.
+//! A vertex that is no corner has the tangent of the circle through it and its neighbors. Two
+//! vertices are joined by a cubic with these tangents (Hermite), which is split into short moves.
 
 use kurbo::{Point, Vec2};
 
 use super::vector::{integers_below, length, unit};
 
-/// Cosine of the turn from which a vertex is a corner. The curves of the Hershey fonts turn by up
-/// to 53° at a vertex (s), their corners by 63° (?) and more.
+/// Cosine of the minimum turn at a corner. The curves of the Hershey fonts turn by up to 53° at a
+/// vertex (s), and their corners by at least 63° (?).
 const CORNER_COS: f64 = 0.5;
 
-/// Least length of a stem in cap heights, and by the shorter of its neighbors: the stem of J. The
-/// longest pieces of a curve are 0.24 cap heights (O).
+/// Minimum length of a stem, in cap heights and relative to the shorter of its neighbors, as in J.
+/// The longest pieces of a curve have 0.24 cap heights (O).
 const STEM_LENGTH: f64 = 5.5 / 21.0;
 const STEM_RATIO: f64 = 1.8;
 
-/// Largest turn between two moves of a curve: one of the O lies within 0.3 mm a meter of its
-/// height.
+/// Maximum turn between two moves of a curve, with which an O deviates by less than 0.3 mm per
+/// meter of its height.
 const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 
 /// A move between two points of the font.
 struct Chord {
     direction: Vec2,
     length: f64,
-    /// Indices of the chords before and after it.
+    /// Indices of the previous and the next chord.
     neighbors: [Option<usize>; 2],
 }
 
-/// The polyline of a run of samples with arcs inserted between them, except at corners and along
-/// stems. It passes through all samples. A closed run stays closed.
+/// Returns the polyline of a run of samples with arcs inserted between them, except at corners and
+/// along stems. The polyline passes through all samples, and is closed if the run is.
 pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     let (n, closed) = (points.len() - 1, points[0] == points[points.len() - 1]);
     let chords = Vec::from_iter((0..n).map(|index| {
@@ -49,7 +49,8 @@ pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     let tangents = Vec::from_iter((0..n).map(|index| tangent(index, &chords, &is_stem)));
     let mut curve = vec![points[0]];
     for (index, chord) in chords.iter().enumerate() {
-        // A corner gets the tangent of the other end, mirrored at the chord: a circular arc.
+        // A corner gets the tangent of the chord's other end, mirrored at the chord, which gives a
+        // circular arc.
         let begin = chord.neighbors[0].and_then(|before| tangents[before]);
         let end = tangents[index];
         let mirrored = [begin, end]
@@ -63,7 +64,7 @@ pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     curve
 }
 
-/// The unit tangent at the end of a chord. `None` at a corner and at the end of the run.
+/// Returns the unit tangent at the end of a chord, or `None` at a corner and at the end of the run.
 fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     let (chord, after) = (&chords[index], chords[index].neighbors[1]?);
     let next = &chords[after];
@@ -72,26 +73,26 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     match (is_stem[index], is_stem[after]) {
         _ if is_corner => None,
         (true, true) => None,
-        // A curve begins and ends along a stem.
+        // A curve is tangent to a stem at both of its ends.
         (true, false) => Some(chord.direction),
         (false, true) => Some(next.direction),
-        // The circle through three points. Each chord's direction is weighted by the length of the
-        // other chord.
+        // The tangent is that of the circle through three points. The direction of each chord is
+        // weighted by the length of the other one.
         (false, false) => Some(unit(chord.direction * next.length + next.direction * chord.length)),
     }
 }
 
-/// Adds the inner points of the cubic over the next chord, given the tangents at its ends.
+/// Appends the inner points of the cubic over the next chord, given the tangents at its ends.
 fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
     let from = curve[curve.len() - 1];
     let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));
     let turn = turns[0] + turns[1];
-    // The slack keeps rounding from adding a piece.
+    // The slack prevents an additional piece due to rounding.
     let n_pieces = (turn / STEP_RAD - 1e-6).ceil();
-    // Tangents of this length give the cubic the middle of an arc.
+    // With tangents of this length, the middle of the cubic is that of an arc.
     let tangent_length = chord.length / libm::pow(libm::cos(0.25 * turn), 2.0);
     for t in integers_below(n_pieces).skip(1).map(|k| k / n_pieces) {
-        // The Hermite basis: h01 of the end, h10 and h11 of the tangents.
+        // The Hermite basis functions: h01 for the end, h10 and h11 for the tangents.
         let (h01, h10, h11) =
             (t * t * (3.0 - 2.0 * t), t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0));
         let on_chord = from + chord.direction * (h01 * chord.length);
@@ -113,7 +114,7 @@ mod tests {
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
         let radial_error = |p: &Point| (length(p.to_vec2()) - 0.4).abs();
         assert!(curve.iter().map(radial_error).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
-        // Four of its points are an arc: an open end goes on as the curve does.
+        // Four of the points form an arc, whose open ends continue like the curve.
         assert!(with_arcs(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
     }
 
@@ -125,7 +126,7 @@ mod tests {
         assert_eq!(with_arcs(&y), y, "a bend of two long strokes");
         let dot = [(0.1, 0.01), (0.1, 0.0)].map(Point::from);
         assert_eq!(with_arcs(&dot), dot);
-        // J: a straight stem, then a hook.
+        // J has a straight stem followed by a hook.
         let j =
             [(0.57, 1.0), (0.57, 0.24), (0.52, 0.1), (0.48, 0.05), (0.38, 0.0)].map(Point::from);
         let curve = with_arcs(&j);

@@ -1,4 +1,4 @@
-//! Curves: Bézier paths become polylines.
+//! Curves: converts Bézier paths to polylines.
 
 use std::collections::BTreeSet;
 
@@ -6,8 +6,8 @@ use kurbo::{BezPath, PathEl, Point};
 
 use super::vector::{Lines, coordinates, pairs};
 
-/// A polyline along each subpath, within a tolerance of its curves. A closed line repeats its first
-/// point. `None` if they have more than `max_points`, or a point is not finite.
+/// Returns a polyline along each subpath, within a tolerance of its curves. A closed line repeats
+/// its first point. Returns `None` if they have more than `max_points` or a point is not finite.
 pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     if !path.is_finite() {
         return None;
@@ -28,7 +28,7 @@ pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Op
                 if line[line.len() - 1] != first {
                     line.push(first);
                 }
-                // Without a move the next subpath begins where the closed one began.
+                // If no move follows, the next subpath starts where the closed one started.
                 lines.push(vec![first]);
             }
             PathEl::QuadTo(..) | PathEl::CurveTo(..) => unreachable!("flattened"),
@@ -38,13 +38,12 @@ pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Op
     (n_points <= max_points).then_some(lines)
 }
 
-/// The polylines of a path with their points rounded to a grid, except the path's own. Kurbo
-/// divides curves by the platform's `pow`, whose last bits differ: a browser would have other
-/// strokes.
+/// Rounds the points of a path's polylines to a grid, except the path's own points. kurbo splits
+/// curves by the platform's `pow`, whose last bits differ, so a browser would get other strokes.
 pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<Vec<[f64; 2]>> {
     let end_points = path.elements().iter().filter_map(PathEl::end_point);
     let exact: BTreeSet<[u64; 2]> = end_points.map(bits).collect();
-    // A thousandth of the tolerance: far above the last bits, and too small to see.
+    // The step is about a thousandth of the tolerance: far above the last bits, and invisible.
     let step = tolerance / 1024.0;
     for point in lines.iter_mut().flatten().filter(|point| !exact.contains(&bits(**point))) {
         let [x, y] = coordinates(*point).map(|value| (value / step).round() * step);
@@ -53,13 +52,13 @@ pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<V
     pairs(lines)
 }
 
-/// The bits of a point's coordinates, which have an order.
+/// Returns the bits of a point's coordinates, which can be sorted.
 fn bits(point: Point) -> [u64; 2] {
     coordinates(point).map(f64::to_bits)
 }
 
-/// The subpaths of a path: the first point and the other elements of each. After a closed subpath
-/// without a move, the next begins at the same first point.
+/// Splits a path into subpaths, each with its first point and its other elements. If no move
+/// follows a closed subpath, the next one starts at the same first point.
 pub(super) fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
     let mut subpaths: Vec<(Point, Vec<PathEl>)> = Vec::new();
     for element in path.elements() {
@@ -97,7 +96,7 @@ mod tests {
     fn points_of_curves_lie_on_a_grid_and_ends_stay() {
         let path = BezPath::from_svg("M0.1,0 L0.3,0.7 C1,2 3,4 5.5,0.9").unwrap();
         let lines = polylines(&path, 1e-3, 1000).unwrap();
-        // The last bit of a point on the curve, as another platform has it.
+        // Changes the last bit of a point on the curve, as another platform might.
         let mut other = lines.clone();
         other[0][5].x = other[0][5].x.next_up();
         assert_ne!(lines, other);

@@ -1,4 +1,4 @@
-//! Faces: what a font of strokes and a typeface have in common.
+//! Faces: the common interface of stroke fonts and typefaces.
 
 use std::sync::Arc;
 
@@ -6,19 +6,19 @@ use super::shape::{Fit, Shape};
 use super::shaping::Unset;
 use noctograph_core::error::Result;
 
-/// Letters that touch, as one shape: the byte of its first character in the line, its left edge and
-/// its strokes, in cap heights.
+/// Letters that touch, as one shape: the byte of the first character in the line, the left edge,
+/// and the strokes, in cap heights.
 pub(super) type Joined = (usize, f64, Arc<Shape>);
 
-/// Letters of a line, or why it cannot be set.
+/// The letters of a line, or the reason why it cannot be set.
 pub(super) type ShapedLine = std::result::Result<Vec<Joined>, Unset>;
 
-/// The characters of a font: strokes as they are stored, or a typeface.
+/// The characters of a font, from stored strokes or from a typeface.
 pub(super) trait Face {
-    /// All characters that the font has, in the order of their codes.
+    /// Returns all characters of the font, sorted by code.
     fn characters(&self) -> Box<dyn Iterator<Item = char> + '_>;
 
-    /// The strokes of a character. `None` if the font lacks it.
+    /// Returns the strokes of a character, or `None` if the font lacks it.
     fn shape(&self, character: char) -> Option<Arc<Shape>>;
 
     /// True if the font has a character.
@@ -26,23 +26,24 @@ pub(super) trait Face {
         self.shape(character).is_some()
     }
 
-    /// How the characters are placed in their cells.
+    /// Returns how the characters are placed in their cells.
     fn fit(&self) -> Fit {
         Fit::Proportional
     }
 
-    /// A letter with another combining mark. `None` if the font lacks it, or shapes marks itself.
+    /// Returns a letter with another combining mark, or `None` if the font lacks the mark or shapes
+    /// marks itself.
     fn with_mark(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
         None
     }
 
-    /// The shaped letters of a text from left to right, with `space` as the advance of a space that
-    /// the font lacks. `None` for a font that shapes none.
+    /// Returns the shaped letters of a text from left to right, or `None` for a font that does no
+    /// shaping. `space` is the advance of a space that the font lacks.
     fn shaped_line(&self, _text: &str, _space: f64) -> Option<ShapedLine> {
         None
     }
 
-    /// Kerning of two characters, in cap heights.
+    /// Returns the kerning of two characters in cap heights.
     fn kern(&self, _pair: [char; 2]) -> f64 {
         0.0
     }

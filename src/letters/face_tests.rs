@@ -1,14 +1,14 @@
-//! Faces for tests: glyphs of straight contours in the tables of TrueType.
+//! Faces for tests, whose glyphs have straight contours in TrueType tables.
 
 /// Contours of a glyph in font units.
 pub(super) type Contours<'a> = &'a [&'a [[i16; 2]]];
 
-/// Numbers as a table has them.
+/// Encodes numbers as they are stored in a table.
 pub(super) fn words(numbers: impl IntoIterator<Item = u16>) -> Vec<u8> {
     numbers.into_iter().flat_map(u16::to_be_bytes).collect()
 }
 
-/// A face of these tables.
+/// Returns a face with these tables.
 pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     let number = |n: usize| u32::try_from(n).unwrap().to_be_bytes();
     let n_tables = u16::try_from(tables.len()).unwrap().to_be_bytes();
@@ -22,8 +22,8 @@ pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     file
 }
 
-/// A face of 1000 units of these glyphs, from 1 on, each of a character or none, with their advance
-/// and tables of rules.
+/// Returns a face with 1000 units per em and these glyphs, numbered from 1, each with its character
+/// (or none) and advance, and with tables of rules.
 pub(super) fn face(
     glyphs: &[(Option<char>, Contours<'_>)],
     advance: u16,
@@ -79,8 +79,8 @@ pub(super) fn face(
     face_of(&[rules, &tables].concat())
 }
 
-/// A face of H, three Hebrew letters, and two Arabic ones that reach for each other where they
-/// join.
+/// Returns a face with H, three Hebrew letters, and two Arabic letters that extend toward each
+/// other to join.
 pub(super) fn small_face() -> Vec<u8> {
     // Left and right side, and height.
     let glyphs = [

@@ -1,4 +1,4 @@
-//! Font: characters drawn with a font of the program or a file.
+//! Font: draws characters with a font of the program or from a file.
 
 use std::fmt;
 use std::path::Path;
@@ -13,14 +13,14 @@ use super::{Cell, Glyph, Trace};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, ending};
 
-/// The fonts that come with the program, by name.
+/// The fonts that the program contains, by name.
 const FONTS: [(&str, &str); 3] = [
     ("ae483", include_str!("../../fonts/ae483.strokes")),
     ("ae483-fixed", include_str!("../../fonts/ae483-fixed.strokes")),
     ("simplex", include_str!("../../fonts/simplex.strokes")),
 ];
 
-/// Largest stroke font that is read from a file.
+/// Maximum size of a stroke font that is read from a file.
 const STROKES: Limit = Limit { bytes: 4 << 20, what: "a stroke font", hint: SMALLER };
 
 #[cfg(not(target_family = "wasm"))]
@@ -29,7 +29,7 @@ const TYPEFACE: Limit = Limit { bytes: 64 << 20, what: "a typeface", hint: SMALL
 /// Hint for a file that is too large.
 const SMALLER: &str = "name a smaller font file";
 
-/// A font, ready to draw. Its clones draw from one cache of traced characters.
+/// A font that is ready to draw. Clones of a font use the same cache of traced characters.
 #[derive(Clone)]
 pub struct Font {
     name: String,
@@ -38,22 +38,24 @@ pub struct Font {
 
 impl Font {
     /// Opens a font: `ae483`, `ae483-fixed`, `simplex`, a file `*.strokes`, or a typeface `*.ttf`,
-    /// `*.otf`, `*.ttc`, whose lines `trace` selects.
+    /// `*.otf`, `*.ttc`, for which `trace` selects the lines.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for an unknown name, or a file of another kind. [`Error::Io`] if it cannot
-    /// be read.
+    /// Returns [`Error::Input`] for an unknown name or a file of another kind, and [`Error::Io`] if
+    /// the file cannot be read.
     #[cfg_attr(target_family = "wasm", expect(unused_variables, reason = "no typeface, no trace"))]
     pub fn open(name: &str, trace: Trace) -> Result<Self> {
         let path = Path::new(name);
         let face: Arc<dyn Face + Send + Sync> = match check_name("letters.font", name)? {
             Kind::Shipped(text) => Arc::new(StrokeFont::parse(text, name)?),
             Kind::Strokes => Arc::new(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
-            // Shaping would be a third of a page's module, and no typeface comes into a page.
+            // Shaping would make a web page's module larger by a third, and a page cannot use
+            // typefaces.
             #[cfg(target_family = "wasm")]
             Kind::Outlines => {
-                let (wanted, hint) = ("a font of the program", "take a picture by the program");
+                let (wanted, hint) =
+                    ("a font of the program", "use the program, which reads font files");
                 return Err(Error::input("letters.font", name, wanted, hint));
             }
             #[cfg(not(target_family = "wasm"))]
@@ -62,24 +64,24 @@ impl Font {
         Ok(Self { name: name.to_owned(), face })
     }
 
-    /// The name by which it was opened.
+    /// Returns the name by which the font was opened.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its characters, in the order of their codes.
+    /// Returns the font's characters, sorted by code.
     pub fn characters(&self) -> String {
         self.face.characters().collect()
     }
 
-    /// Draws a character, if the font has it, into a cell. Letters of a box font (the team's) fill
-    /// it. Those of other fonts have its height, keep their proportions and are centered in it.
+    /// Draws a character into a cell, if the font has it. Letters of a box font (the team's) fill
+    /// the cell. Other letters have its height, keep their proportions and are centered in it.
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
         Some(self.face.shape(character)?.glyph(character, cell, self.face.fit()))
     }
 
-    /// Width of the cell of a character in [`super::write()`], by its cap height. `None` if the
-    /// font lacks it, and for a box font, whose cells may have any width.
+    /// Returns the width of a character's cell in [`super::write()`], relative to its cap height.
+    /// Returns `None` if the font lacks it, and for a box font, whose cells may have any width.
     pub fn aspect(&self, character: char) -> Option<f64> {
         match self.face.fit() {
             Fit::Box => None,
@@ -91,12 +93,12 @@ impl Font {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the limit.
+    /// Returns [`Error::Input`] with the limit.
     pub fn check_work(&self) -> Result<()> {
         self.face.check_work()
     }
 
-    /// True if the font has a character, or its capital.
+    /// True if the font has a character or its capital.
     pub(super) fn draws(&self, character: char) -> bool {
         [Some(character), capital(character)].into_iter().flatten().any(|c| self.face.has(c))
     }
@@ -108,7 +110,7 @@ impl fmt::Debug for Font {
     }
 }
 
-/// The capital of a letter. `None` if it is more than one character.
+/// Returns the capital of a letter, or `None` if that is more than one character.
 pub(super) fn capital(letter: char) -> Option<char> {
     let mut upper = letter.to_uppercase();
     upper.next().filter(|_| upper.len() == 0)
@@ -121,12 +123,12 @@ pub(super) enum Kind {
     Outlines,
 }
 
-/// True if a font comes with the program.
+/// True if the program contains a font.
 pub(super) fn is_shipped(name: &str) -> bool {
     FONTS.iter().any(|(shipped, _)| *shipped == name)
 }
 
-/// The source of a font by its name, without opening it. The error names the setting `key`.
+/// Returns the source of a font by its name, without opening it. The error names the setting `key`.
 pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(shipped, _)| *shipped == name) {
         return Ok(Kind::Shipped(text));

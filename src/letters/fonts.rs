@@ -1,7 +1,7 @@
-//! Fonts: the font of a text, and its substitutes for letters that it lacks.
+//! Fonts: the font of a text, and the substitutes for letters that it lacks.
 //!
-//! A line is cut into parts of one font, which are put in visual order (Unicode Standard Annex 9):
-//! a name in Hebrew within a line of Latin letters runs from right to left in its place.
+//! A line is split into parts of one font each, which are put in visual order (Unicode Standard
+//! Annex 9). For example, a Hebrew name in a line of Latin letters runs from right to left.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use noctograph_core::error::Result;
 
 pub(super) struct Fonts(Vec<Font>);
 
-/// A part of a line in one font, by its bytes.
+/// A part of a line in one font, as a range of bytes.
 pub(super) type Part<'a> = (&'a Font, Range<usize>);
 
 impl Fonts {
@@ -22,7 +22,7 @@ impl Fonts {
         Ok(Self(names.map(|name| Font::open(name, options.trace)).collect::<Result<_>>()?))
     }
 
-    /// The font that the options name first.
+    /// Returns the main font of the options.
     pub(super) fn main(&self) -> &Font {
         &self.0[0]
     }
@@ -32,14 +32,15 @@ impl Fonts {
         self.0.iter().try_for_each(Font::check_work)
     }
 
-    /// Length of a stroke that tracing a character lost, in cap heights. `None` if it lost none.
+    /// Returns the length in cap heights of a stroke that tracing a character lost, or `None` if it
+    /// lost none.
     pub(super) fn lost_length(&self, character: char) -> Option<f64> {
         let shape = self.0.iter().find(|font| font.face.has(character))?.face.shape(character)?;
         Some(shape.lost_length).filter(|length| *length > 0.0)
     }
 
-    /// The parts of a line in one font each, in reading order. A character goes to the first font
-    /// that draws it, or to the main font if none does.
+    /// Splits a line into parts of one font each, in reading order. A character gets the first font
+    /// that draws it, or the main font if none does.
     pub(super) fn parts(&self, line: &str) -> Vec<Part<'_>> {
         let mut parts: Vec<(usize, Range<usize>)> = Vec::new();
         for (start, character) in line.char_indices() {
@@ -48,7 +49,7 @@ impl Fonts {
             let chosen =
                 fonts.position(|font| character != ' ' && font.draws(character)).unwrap_or(0);
             match parts.last_mut() {
-                // Spaces, marks and signs go with the letters before them.
+                // Spaces, marks and signs join the letters before them.
                 Some((font, part))
                     if character == ' '
                         || is_mark(character)
@@ -57,7 +58,7 @@ impl Fonts {
                 {
                     part.end = end;
                 }
-                // Spaces at the beginning go with the first letter.
+                // Spaces at the start join the first letter.
                 Some((font, part)) if line[part.clone()].trim().is_empty() => {
                     (*font, part.end) = (chosen, end);
                 }
@@ -67,12 +68,13 @@ impl Fonts {
         parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()
     }
 
-    /// The parts of a line from left to right, each with true if it is read from right to left.
+    /// Returns the parts of a line from left to right, with true if they are read from right to
+    /// left.
     pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
         let parts = self.parts(line);
         let mut ordered = Vec::new();
         for (run, leftward) in visual_runs(line) {
-            // The parts of the run in reading order, which is reversed from right to left.
+            // The parts of the run in reading order, which is reversed in a run from right to left.
             let parts_in_run = parts.iter().filter_map(|(font, part)| {
                 let overlap = part.start.max(run.start)..part.end.min(run.end);
                 (overlap.start < overlap.end).then_some(((*font, overlap), leftward))
@@ -108,7 +110,8 @@ mod tests {
         let cases = [
             ("noor", "NOOR"),
             ("NO Я", "NOЯ"),
-            // From right to left, in the place of the name. A space parts them from Latin letters.
+            // The name runs from right to left in its position, and a space separates it from Latin
+            // letters.
             ("NO \u{5d0}\u{5e8} I", "NO\u{5e8}\u{5d0}I"),
             ("\u{5d0}\u{5e8} NO", "NO\u{5e8}\u{5d0}"),
             ("\u{5d0}\u{5e8}", "\u{5e8}\u{5d0}"),

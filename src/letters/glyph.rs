@@ -1,7 +1,7 @@
 //! Glyphs of a TrueType or OpenType face as Bézier paths, within a budget.
 //!
 //! read-fonts stops endless composite glyphs and charstrings. The code of a CFF or CFF2 face is
-//! counted here besides: a kilobyte of subroutines can be much work without a point.
+//! counted here as well, because a kilobyte of subroutines can mean much work without a point.
 
 use std::cell::Cell;
 
@@ -18,30 +18,31 @@ use read_fonts::ps::charstring::{CharstringContext, CharstringKind, TransformSin
 use super::shaping::MAX_POINTS;
 use noctograph_core::files::Budget;
 
-/// Tables of outlines, the first that a face has.
+/// Tables of outlines, of which the first one that a face has is used.
 const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
 
-/// Most bytes of a glyph's charstring with its subroutines. A Chinese glyph needs a few thousand.
+/// Maximum size of a glyph's charstring with its subroutines, in bytes. A Chinese glyph takes a few
+/// thousand bytes.
 const MAX_CHARSTRING_BYTES: usize = 100_000;
 
-/// Budget steps of an outline, and of each of its points or bytes of code.
+/// Budget steps for an outline, and for each of its points or bytes of code.
 const STEPS_PER_OUTLINE: usize = 20_000;
 const STEPS_PER_POINT: usize = 100;
 
-/// The outline of a glyph in font units, y up, every contour closed. `None` if the glyph has none
-/// or too many points, or the budget is spent.
+/// Returns the outline of a glyph in font units (y up), with every contour closed. Returns `None`
+/// if the glyph has none or too many points, or if the budget is spent.
 pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<BezPath> {
     spend(budget, STEPS_PER_OUTLINE)?;
     let mut elements: Vec<PathElement> = Vec::new();
     match face.outline_glyphs_with(SOURCES).get(glyph)? {
         OutlineGlyph::Cff(cff) => {
-            // Known only afterward. A charstring that fails counts as the longest.
+            // The size is only known afterward. A charstring that fails counts as the longest.
             let n_bytes = draw_charstring(&cff, &mut elements);
             spend(budget, STEPS_PER_POINT * n_bytes.unwrap_or(MAX_CHARSTRING_BYTES))?;
             n_bytes?;
         }
-        // The points of a composite glyph are known before they are drawn.
+        // The number of points of a composite glyph is known before it is drawn.
         OutlineGlyph::Glyf(glyf) if glyf.plan().num_points as usize <= MAX_POINTS => {
             spend(budget, STEPS_PER_POINT * glyf.plan().num_points as usize)?;
             let options = DrawOptions::new().with_contour_start(PathContourStart::ScanForward);
@@ -54,13 +55,13 @@ pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<Be
     ((1..=MAX_POINTS).contains(&n_elements) && path.is_finite()).then_some(path)
 }
 
-/// Takes steps off a budget. `None` once it is spent.
+/// Charges steps to a budget. Returns `None` if the budget is spent.
 fn spend(budget: &Budget, n_steps: usize) -> Option<()> {
     budget.spend_steps(n_steps).then_some(())
 }
 
-/// Draws a glyph's charstring into `elements`. Returns the bytes of the code that it ran, called
-/// subroutines included. `None` if it is broken or longer than [`MAX_CHARSTRING_BYTES`].
+/// Draws a glyph's charstring into `elements`, and returns how many bytes of code it ran, including
+/// called subroutines. Returns `None` if it is malformed or longer than [`MAX_CHARSTRING_BYTES`].
 fn draw_charstring(glyph: &CffGlyph<'_>, elements: &mut Vec<PathElement>) -> Option<usize> {
     let (face, subfont) = (glyph.cff_font(), glyph.subfont());
     let local = match subfont.subrs_offset() as usize {
@@ -77,7 +78,7 @@ fn draw_charstring(glyph: &CffGlyph<'_>, elements: &mut Vec<PathElement>) -> Opt
     Some(subroutines.n_bytes.get())
 }
 
-/// The subroutines of a face, and the bytes of code that were run so far.
+/// The subroutines of a face, and the number of bytes of code that were run so far.
 struct Subroutines<'a> {
     global: &'a Index<'a>,
     local: Index<'a>,
@@ -85,8 +86,8 @@ struct Subroutines<'a> {
 }
 
 impl<'a> Subroutines<'a> {
-    /// The code of a subroutine by its number, to which a bias is added (Adobe Technical Note
-    /// 5177). Fails if there is none, or all code run so far is too long.
+    /// Returns the code of a subroutine by its number, to which a bias is added (Adobe Technical
+    /// Note 5177). Fails if there is none or if the code run so far is too long.
     fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
         let place = number.checked_add(index.subr_bias());
         let place = place.and_then(|place| usize::try_from(place).ok());
@@ -101,7 +102,7 @@ impl CharstringContext for Subroutines<'_> {
         CharstringKind::Type2
     }
 
-    /// Letters composed by the obsolete `endchar` of four numbers have no outline.
+    /// Letters composed by the obsolete `endchar` with four numbers have no outline.
     fn seac_components(&self, _base: i32, _accent: i32) -> Result<[&[u8]; 2], Error> {
         Err(Error::InvalidOperation)
     }
@@ -115,7 +116,7 @@ impl CharstringContext for Subroutines<'_> {
     }
 }
 
-/// The same element of a path, in the type of kurbo.
+/// Converts an element of a path to kurbo's type.
 fn to_kurbo(element: PathElement) -> PathEl {
     match element {
         PathElement::MoveTo { x, y } => PathEl::MoveTo((x, y).into()),
@@ -133,7 +134,7 @@ mod tests {
     use super::super::face_tests::{face_of, words};
     use super::*;
 
-    /// Of A, which calls subroutines without end, H in lines and O in curves.
+    /// A face with A, which calls subroutines without end, H made of lines, and O made of curves.
     const CALLS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/calls.otf");
     const POINTS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/points.otf");
 
@@ -158,7 +159,7 @@ mod tests {
         }
     }
 
-    /// A face of 12 composites, each of ten times the next, and a glyph of three points.
+    /// A face of 12 composite glyphs, each with ten of the next, and a glyph of three points.
     #[test]
     fn composites_within_composites_end() {
         let mut glyf: Vec<u8> = Vec::new();

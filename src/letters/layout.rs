@@ -1,4 +1,4 @@
-//! Layout: characters side by side, lines below each other.
+//! Layout: characters side by side, and lines below each other.
 
 use super::font::{Font, capital};
 use super::fonts::Fonts;
@@ -13,25 +13,25 @@ use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
 use unicode_normalization::char::is_combining_mark;
 
-/// Longest text, in characters: an hour of flight at 14 s a letter.
+/// Maximum number of characters in a text: an hour of flight at 14 s per letter.
 const MAX_LETTERS: usize = 256;
 
-/// Most characters of a font that an error lists.
+/// Maximum number of a font's characters that an error lists.
 const MOST_LISTED: usize = 40;
 
-/// The font that writes most scripts in single lines.
+/// The font that writes the most scripts in single lines.
 const SINGLE_LINE: &str = "simplex";
 
-/// Advance of a space in cap heights for a font without one: Hershey's.
+/// Advance of a space in cap heights for a font that has none, taken from Hershey's fonts.
 const SPACE: f64 = 16.0 / 21.0;
 
-/// Lays out a text: lines from top to bottom, separated by `\n`, characters from left to right. A
-/// space leaves a gap. A letter that the font lacks in lower case is drawn in upper case.
+/// Lays out a text: lines from top to bottom, separated by `\n`, and characters from left to right.
+/// A space leaves a gap. If the font lacks a lower-case letter, its capital is drawn.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an empty or overlong text, an unknown or broken font, or a character that
-/// it lacks, with its position. [`Error::Io`] for a font that cannot be read.
+/// Returns [`Error::Input`] for an empty or overlong text, an unknown or broken font, or a
+/// character that it lacks, with its position. Returns [`Error::Io`] for an unreadable font.
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;
@@ -49,9 +49,10 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
             "split the text into several words",
         ));
     }
-    // Composed characters (NFC) are those that fonts have.
+    // The text is composed (NFC), because fonts contain composed characters.
     let drawn = drawable(&word.nfc().collect::<String>(), &fonts);
-    // An exhausted budget makes characters missing: name the budget, not the character.
+    // If the budget is spent, characters seem to be missing. The error must name the budget then,
+    // not the character.
     fonts.check_work()?;
     let word = drawn?;
     Ok(match options.canvas_m {
@@ -60,14 +61,15 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     })
 }
 
-/// Lays out a text scaled to its canvas, with more line breaks if that keeps its letters larger.
+/// Lays out a text scaled to its canvas. Line breaks are added if they let the letters be larger.
 fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]) -> Strokes {
     let max_scale = match options.fit {
         Fitting::Shrink => 1.0,
         Fitting::Fill => f64::INFINITY,
     };
     let (mut best, mut best_scale) = (String::new(), 0.0);
-    // From few line breaks to many: more of them have to leave the letters larger.
+    // Tries an increasing number of line breaks. Further breaks are only kept if letters get
+    // larger.
     for n_breaks in 0..=word.matches(' ').count() {
         let text = with_line_breaks(word, n_breaks);
         let scale = canvas_scale(&lay_out(&text, fonts, options), canvas_m).min(max_scale);
@@ -81,13 +83,13 @@ fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]
     lay_out(&best, fonts, &options.scaled(best_scale))
 }
 
-/// The text with each white space other than a line end replaced by a space.
+/// Returns the text with a space in place of all white space other than line ends.
 fn with_plain_spaces(text: &str) -> String {
     text.chars().map(|c| if c.is_whitespace() && c != '\n' { ' ' } else { c }).collect()
 }
 
-/// A pasted text as it is seen: white space other than line ends becomes spaces, and format
-/// characters are dropped.
+/// Returns a pasted text as it looks: all white space other than line ends becomes spaces, and
+/// format characters are dropped.
 pub fn plain(text: &str) -> String {
     let mut previous = ' ';
     let mut plain = with_plain_spaces(text);
@@ -95,7 +97,7 @@ pub fn plain(text: &str) -> String {
         if is_format(c) {
             return false;
         }
-        // Joiners shape the letters of joining scripts, from Arabic to the scripts of India.
+        // Joiners affect the letters of joining scripts, from Arabic to the scripts of India.
         let joins = matches!(previous, '\u{600}'..='\u{1cff}');
         previous = c;
         joins || !matches!(c, '\u{200c}' | '\u{200d}')
@@ -103,7 +105,7 @@ pub fn plain(text: &str) -> String {
     plain
 }
 
-/// True for the format characters of Unicode 16 that change no letter's shape.
+/// True for the format characters of Unicode 16 that do not change the shape of any letter.
 fn is_format(character: char) -> bool {
     matches!(character,
         '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}' | '\u{200e}' | '\u{200f}'
@@ -111,19 +113,19 @@ fn is_format(character: char) -> bool {
         | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
 }
 
-/// Scale at which strokes fill a canvas.
+/// Returns the scale at which strokes fill a canvas.
 fn canvas_scale(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     let [left, bottom, right, top] = strokes.bounds_m();
-    // The slack for rounding keeps a text that fits exactly at its size.
+    // The slack for rounding lets a text that fits exactly keep its size.
     (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
 }
 
-/// Returns the text with up to `n_breaks` spaces replaced by line ends. Each break divides the
+/// Returns the text with up to `n_breaks` spaces replaced by line ends. Each break splits the
 /// longest line at the space nearest to its middle.
 fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
     for _ in 0..n_breaks {
-        // The longest line with a space, the first one if several are as long.
+        // Selects the longest line that has a space, or the first of several.
         let breakable = (0..lines.len()).filter(|index| lines[*index].trim().contains(' '));
         let longest =
             breakable.max_by_key(|index| (lines[*index].chars().count(), lines.len() - index));
@@ -140,7 +142,7 @@ fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     lines.join("\n")
 }
 
-/// The text with letters that no font has replaced by their capitals. Fails without these, too.
+/// Returns the text with capitals in place of letters that no font has, which may be missing, too.
 fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     let mut drawn = String::new();
     for (index, line) in word.split('\n').enumerate() {
@@ -153,8 +155,8 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     Ok(drawn)
 }
 
-/// A part of a line with letters that its font lacks replaced by their capitals. It is preceded by
-/// `n_before` characters of the text, for the positions in errors.
+/// Returns a part of a line with capitals in place of letters that its font lacks. `n_before` is
+/// the number of characters before it in the text, which errors need for positions.
 fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
     // A typeface shapes the part as a whole, so no character is replaced by its capital.
     if is_shaped(part)
@@ -178,7 +180,7 @@ fn is_drawn(font: &Font, character: char) -> bool {
     character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
 }
 
-/// The error of a part that its typeface cannot shape.
+/// Returns the error for a part that its typeface cannot shape.
 fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
     let (Unset::Missing(byte) | Unset::Unshaped(byte) | Unset::TooLarge(byte, _)) = unset;
     let position = n_before + part[..byte].chars().count() + 1;
@@ -189,31 +191,35 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
         }
         Unset::Unshaped(_) => input_error!(
             place,
-            "a word that the rules of {name} make endless",
-            "letters that end",
-            "write it with another font, or fewer of its letters in a row",
+            "a word that the rules of {name} expand without end",
+            "a word of finite length",
+            "use another font, or write fewer of its letters in a row",
         ),
-        // Letters that touch are traced as one outline.
+        // Letters that touch are traced as a single outline.
         Unset::TooLarge(_, n) => input_error!(
             place,
             "{n} letters in a row that touch each other",
             "fewer: they are one outline, of at most {MAX_POINTS} points",
-            "put a space or a line end among them",
+            "put a space or a line end between them",
         ),
     }
 }
 
-/// The error of a letter that a font lacks. Its hint names a font that has the letter.
+/// Returns the error for a letter that a font lacks. The error's hint names a font that has the
+/// letter.
 fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     let single_line = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
     let hint = if is_shaped(part) {
-        format!("name a typeface of this script in letters.fallback: {} has none", font.name())
+        format!(
+            "name a typeface for this script in letters.fallback, since {} has none",
+            font.name()
+        )
     } else if single_line.is_some_and(|font| font.face.shape(letter).is_some()) {
-        format!("name the font {SINGLE_LINE}, which has it, or have it in letters.fallback")
+        format!("name the font {SINGLE_LINE}, which has it, or add it to letters.fallback")
     } else {
         "name a typeface that has it in letters.fallback, such as one of the Noto fonts".to_owned()
     };
-    // A short font is listed, without its characters that draw nothing.
+    // The characters of a small font are listed, except those that draw nothing.
     let characters = font.characters();
     let wanted = match characters.chars().count() {
         ..=MOST_LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),
@@ -222,7 +228,7 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     Error::Letter { position, letter, wanted, hint }
 }
 
-/// Lays out the lines of a text below each other, the last one on the baseline.
+/// Lays out the lines of a text below each other, with the last one on the baseline.
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let lines: Vec<&str> = word.split('\n').collect();
     let mut glyphs = Vec::new();
@@ -238,15 +244,15 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     Strokes::made(StrokesData { word, font, lost, glyphs, order, ..StrokesData::default() })
 }
 
-/// The glyphs of a line on a baseline, aligned as the options say.
+/// Returns the glyphs of a line on a baseline, aligned by the options.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
-    // A space at an end takes no room unless the box is empty.
+    // A space at an end of the line takes no room, except in a font with boxes.
     let cells = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
     let begin_m = cells.first().map_or(0.0, |cell| cell.offset_m);
     let end_m = cells.last().map_or(0.0, |cell| cell.offset_m + cell.width_m);
     let left_m = match options.align {
-        // A product, not a sum: rounded as in the reference flight.
+        // The offset is a product, not a sum, because it must round as in the reference flight.
         Align::Ae483 if is_box => -0.5 * options.box_width_m() * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|cell| cell.width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,
@@ -262,10 +268,10 @@ fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64)
     glyphs.collect()
 }
 
-/// The characters of a line from left to right, placed from the line's beginning on.
+/// Returns the characters of a line from left to right, placed relative to the start of the line.
 fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let parts = fonts.parts(line);
-    // One font sets the whole line, spaces included.
+    // A single font sets the whole line, including its spaces.
     if parts.len() < 2 {
         let font = parts.first().map_or(fonts.main(), |(font, _)| font);
         return cells_in(line, font, options).0;
@@ -277,7 +283,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let (mut cells, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        // Spaces at the ends of a part. From right to left its beginning is on the right.
+        // Widths of the spaces at both ends of a part. In a part from right to left, its start is
+        // on the right.
         let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
             .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {
@@ -293,12 +300,13 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     cells
 }
 
-/// The characters of a part of a line in one font, placed from its beginning on, and its end.
+/// Returns the characters of a part of a line in one font, placed relative to its start, and the
+/// position of its end.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     if is_shaped(line)
         && let Some(letters) = font.face.shaped_line(line, SPACE)
     {
-        // The line ends with its rightmost letter: marks may come after it.
+        // The line ends at its rightmost letter, because marks may come after that letter.
         let (letters, size_m) = (letters.expect("the text is drawable"), options.cap_height_m);
         let right_edges = letters.iter().map(|(_, pen, shape)| pen + shape.ink_bounds()[2]);
         let end = right_edges.fold(0.0, f64::max);
@@ -313,7 +321,7 @@ fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
     }
 }
 
-/// A character, the offset of its box from the beginning of the line, and the width of the box. A
+/// A character, the offset of its box from the start of the line, and the width of that box. A
 /// space has no shape.
 struct Placed {
     character: char,
@@ -323,14 +331,14 @@ struct Placed {
     fit: Fit,
 }
 
-/// A proportional character whose pen begins at a place in cap heights.
+/// Returns a proportional character whose pen starts at a position given in cap heights.
 fn proportional(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
     let (left, width) = shape.cell();
     let (offset_m, width_m) = ((pen + left) * size_m, width * size_m);
     Placed { character, shape: Some(shape), offset_m, width_m, fit: Fit::Proportional }
 }
 
-/// The characters of a part in boxes of equal width and distance, and the end of the part.
+/// Returns the characters of a part in boxes of equal width and spacing, and the part's end.
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, step_m) = (options.box_width_m(), options.box_width_m() + options.box_gap_m());
     let cells = Vec::from_iter(line.chars().enumerate().map(|(index, character)| {
@@ -341,13 +349,13 @@ fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64)
     (cells, end_m)
 }
 
-/// The characters of a part side by side by their advances and kerning, and the end of the part.
+/// Returns the characters of a part, placed by their advances and kerning, and the part's end.
 fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let size_m = options.cap_height_m;
     let (mut pen, mut base_pen, mut previous) = (0.0, 0.0, None);
     let mut cells: Vec<Placed> = Vec::new();
     for character in line.chars() {
-        // A mark without a composed letter in Unicode goes on the letter previous it.
+        // A mark that Unicode cannot compose with the previous letter is put on that letter.
         let last = cells.last_mut().filter(|_| is_combining_mark(character));
         if let Some(last) = last
             && let Some(base) = &last.shape
@@ -383,7 +391,7 @@ mod tests {
             ("A\u{a0}B\tC\u{2003}D\u{3000}E\u{202f}F", "A B C D E F"),
             ("A\nB", "A\nB"),
             ("\u{202e}A\u{200b}B\u{feff}\u{2066}C\u{ad}", "ABC"),
-            // Joiners shape Persian and Hindi, and nothing else.
+            // Joiners only change Persian and Hindi text.
             ("می\u{200c}خواهم", "می\u{200c}خواهم"),
             ("A\u{200d}B", "AB"),
         ] {
@@ -453,14 +461,15 @@ mod tests {
 
     #[test]
     fn hershey_letters_are_an_advance_apart() {
-        // Roman Simplex: N is 22 units wide with 4 before its stem, O 22 with 3, cap height 21.
+        // In Roman Simplex, N is 22 units wide with its stem at 4, O is 22 wide and starts at 3,
+        // and capitals are 21 units high.
         let options = LetterOptions { align: Align::Left, ..simplex() };
         let strokes = write("NO", &options).unwrap();
         let unit_m = 0.5 / 21.0;
         let [n, o] = [&strokes.glyphs[0].cell, &strokes.glyphs[1].cell];
         assert!((n.left_m).abs() < 1e-12 && (n.width_m - 14.0 * unit_m).abs() < 1e-12, "{n:?}");
         let wanted_m = (22.0 - 4.0 + 3.0) * unit_m;
-        // Between its points the O is a little wider.
+        // Between its points, the O bulges by a little.
         assert!((o.left_m - wanted_m).abs() < 0.3 * unit_m, "{o:?}, {wanted_m}");
         assert!((0.0..0.6 * unit_m).contains(&(o.width_m - 16.0 * unit_m)), "{o:?}");
         let wide = write("NO", &LetterOptions { spacing_m: 0.1, ..options }).unwrap();

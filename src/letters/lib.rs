@@ -1,8 +1,7 @@
 //! Letters: a word or a drawing becomes [`Strokes`] in the plane of the word.
 //!
-//! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves
-//! of the pen, lit or dark. The plane of the word has x to the viewer's right and y up from the
-//! floor, in meters.
+//! Input: a word, or a file with a drawing. Output: placed glyphs, each a list of pen moves, lit or
+//! dark. In the plane of the word, x is to the viewer's right and y up from the floor, in meters.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -1,4 +1,4 @@
-//! Outline: closed contours, filled by the nonzero rule as typefaces are.
+//! Outline: closed contours, filled by the nonzero rule as in typefaces.
 
 use std::ops::RangeInclusive;
 
@@ -6,36 +6,36 @@ use super::vector::{between, cross, integers_below, minus};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, distance};
 
-/// A closed contour without its first point repeated.
+/// A closed contour, whose first point is not repeated.
 pub(super) type Contour = Vec<[f64; 2]>;
 
-/// Budget steps of testing an edge, and the edges that finding a bin costs as much as.
+/// Budget steps for testing an edge, and number of edges that cost as much as finding a bin.
 const STEPS_PER_EDGE: usize = 2;
 const EDGES_PER_BIN: usize = 10;
 
-/// Slack of the ends of segments that cross, as a fraction of their length, for rounding.
+/// Slack for rounding at the ends of segments that cross, as a fraction of their length.
 const END_SLACK: f64 = 1e-9;
 
-/// Most samples of an outline. A longer outline is sampled more coarsely.
+/// Maximum number of samples of an outline. A longer outline is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. Edges are sorted into bins by height, so that a query tests few of them.
+/// The filled area. The edges are sorted into bins by height, so that a query tests only a few.
 #[derive(Debug)]
 pub(super) struct Filled<'a> {
     budget: &'a Budget,
     bottom: f64,
     bin_height: f64,
     edges: Vec<[[f64; 2]; 2]>,
-    /// Indices of edges. An edge as tall as the outline is in every bin.
+    /// Indices of edges in each bin. An edge as tall as the outline is in every bin.
     bins: Vec<Vec<u32>>,
 }
 
 impl<'a> Filled<'a> {
-    /// The area within contours. Once the budget is spent, edges are missing from it.
+    /// Returns the area inside contours. If the budget is spent, it lacks some edges.
     pub(super) fn new(contours: &[Contour], budget: &'a Budget) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
         let edges: Vec<_> = contours.iter().flat_map(|contour| edges(contour)).collect();
-        // About four edges begin in a bin.
+        // About four edges start in each bin.
         let n_bins = (edges.len() / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
         let mut ink = Self { budget, bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
@@ -49,24 +49,24 @@ impl<'a> Filled<'a> {
         ink
     }
 
-    /// The budget that queries take their steps from.
+    /// Returns the budget to which queries charge their steps.
     pub(super) fn budget(&self) -> &Budget {
         self.budget
     }
 
-    /// True if a point is inside the area. False once the budget is spent.
+    /// True if a point is inside the area. Returns false if the budget is spent.
     pub(super) fn holds(&self, point: [f64; 2]) -> bool {
         self.winding(point) != 0
     }
 
-    /// Winding number of the contours about a point. 0 once the budget is spent.
+    /// Returns the winding number of the contours about a point, or 0 if the budget is spent.
     pub(super) fn winding(&self, [x, y]: [f64; 2]) -> i32 {
         let mut winding = 0;
         let bin = &self.bins[self.bin(y)];
         if !self.budget.spend_steps(STEPS_PER_EDGE * (bin.len() + EDGES_PER_BIN)) {
             return 0;
         }
-        // Edges that cross the ray to the right. Upward edges are positive (Sunday 2001).
+        // Counts edges that cross the ray to the right. Upward edges are positive (Sunday 2001).
         for index in bin {
             let [[ax, ay], [bx, by]] = &self.edges[*index as usize];
             if (*ay <= y) != (*by <= y) {
@@ -79,8 +79,8 @@ impl<'a> Filled<'a> {
         winding
     }
 
-    /// Adds the crossings of edges with a segment, as fractions of its length. An edge in several
-    /// bins adds its crossing several times.
+    /// Appends the crossings of edges with a segment, as fractions of its length. An edge in
+    /// several bins appends its crossing several times.
     pub(super) fn crossings(&self, segment: [[f64; 2]; 2], fractions: &mut Vec<f64>) {
         let along = minus(segment[1], segment[0]);
         let bins = &self.bins[self.bins_of(segment)];
@@ -100,25 +100,25 @@ impl<'a> Filled<'a> {
         }
     }
 
-    /// The indices of the bins that a segment spans.
+    /// Returns the indices of the bins that a segment spans.
     fn bins_of(&self, [from, to]: [[f64; 2]; 2]) -> RangeInclusive<usize> {
         self.bin(from[1].min(to[1]))..=self.bin(from[1].max(to[1]))
     }
 
-    /// The index of the bin of a height, the nearest bin outside of the outline.
+    /// Returns the index of the bin at a height, or the nearest bin outside of the outline.
     #[expect(clippy::cast_possible_truncation, reason = "bins are few")]
     fn bin(&self, y: f64) -> usize {
         (((y - self.bottom) / self.bin_height).max(0.0) as usize).min(self.bins.len() - 1)
     }
 }
 
-/// The edges of a contour, including the one from its last point to its first.
+/// Returns the edges of a contour, including the one from its last point to its first.
 fn edges(contour: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
     (0..contour.len()).map(|i| [contour[i], contour[(i + 1) % contour.len()]])
 }
 
-/// Returns the edges of the ink: runs of samples along the contours, at most `spacing` apart, with
-/// ink on only one side. Closed runs repeat their first point.
+/// Returns the edges of the ink, which are runs of samples along the contours, at most `spacing`
+/// apart, that have ink on only one side. Closed runs repeat their first point.
 pub(super) fn ink_edges(
     contours: &[Contour],
     ink: &Filled<'_>,
@@ -131,7 +131,7 @@ pub(super) fn ink_edges(
         if samples.len() < 3 {
             continue;
         }
-        // Edges within the ink, at which contours overlap, are dropped.
+        // Edges inside the ink, where contours overlap, are dropped.
         let n = samples.len();
         let is_edge = Vec::from_iter(edges(&samples).map(|edge| has_ink_on_one_side(edge, ink)));
         let Some(first_gap) = is_edge.iter().position(|is_edge| !is_edge) else {
@@ -139,7 +139,7 @@ pub(super) fn ink_edges(
             runs.push(samples);
             continue;
         };
-        // Starting at a gap, no run crosses the contour's beginning.
+        // The cycle starts at a gap, so that no run crosses the start of the contour.
         let cycle: Vec<usize> = (first_gap..first_gap + n).map(|edge| edge % n).collect();
         for run in cycle.chunk_by(|a, b| is_edge[*a] == is_edge[*b]).filter(|run| is_edge[run[0]]) {
             let indices = run.iter().copied().chain([run[run.len() - 1] + 1]);
@@ -149,7 +149,7 @@ pub(super) fn ink_edges(
     runs
 }
 
-/// Points along a closed contour, at most `spacing` apart, without its first point repeated.
+/// Returns points along a closed contour, at most `spacing` apart, without repeating the first one.
 fn sampled(contour: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let pieces = edges(contour).filter(|[a, b]| a != b).flat_map(|[a, b]| {
         let n_pieces = (distance(a, b) / spacing).ceil().max(1.0);
@@ -158,24 +158,24 @@ fn sampled(contour: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     pieces.collect()
 }
 
-/// True if there is ink a hundredth of an edge beside its middle, on one side only.
+/// True if there is ink on only one side of an edge's middle, at a hundredth of its length.
 fn has_ink_on_one_side([a, b]: [[f64; 2]; 2], ink: &Filled<'_>) -> bool {
     let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
     let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));
     ink.holds([x - dy, y + dx]) != ink.holds([x + dy, y - dx])
 }
 
-/// Length of all contours, including their closing edges.
+/// Returns the length of all contours, including their closing edges.
 fn length(contours: &[Contour]) -> f64 {
     contours.iter().flat_map(|contour| edges(contour)).map(|[a, b]| distance(a, b)).sum()
 }
 
-/// The area within a closed contour, negative if it runs clockwise.
+/// Returns the area inside a closed contour. The area is negative if the contour runs clockwise.
 pub(super) fn area(contour: &[[f64; 2]]) -> f64 {
     edges(contour).map(|[a, b]| 0.5 * cross(a, b)).sum()
 }
 
-/// Mean width of an outline's strokes: twice its area by its length.
+/// Returns the mean width of an outline's strokes: twice its area divided by its length.
 pub(super) fn mean_stroke_width(contours: &[Contour]) -> f64 {
     let edges = contours.iter().flat_map(|contour| edges(contour));
     let area: f64 = edges.map(|[a, b]| 0.5 * cross(a, b)).sum();
@@ -212,7 +212,8 @@ mod tests {
         let contours = [square(0.0, 3.0), square(2.0, 3.0)];
         let ink_edges = ink_edges(&contours, &Filled::new(&contours, &budget()), 0.1);
         let length: f64 = ink_edges.iter().map(|run| polyline_length_m(run)).sum();
-        // Two squares of 12, less a side of 3 of each. The shared bottom and top count twice.
+        // The outline consists of two squares of side 12, each without 3 of one side. The bottom
+        // and top that they have in common count twice.
         assert!((length - 18.0).abs() < 0.5, "{length}");
         assert_eq!(mean_stroke_width(&[square(0.0, 2.0)]), 1.0);
     }

@@ -1,4 +1,4 @@
-//! Shape: the strokes of a character before it has a place or a size.
+//! Shape: the strokes of a character before it has a position or a size.
 
 use kurbo::Point;
 
@@ -6,16 +6,16 @@ use super::vector::coordinates;
 use super::{Cell, Glyph, Move};
 use noctograph_core::geometry::bounds;
 
-/// Narrowest cell of a character that keeps its proportions, in cap heights: a single stroke, such
-/// as I, gets room on both sides, so that a reader has an area to look at.
+/// Minimum width of the cell of a proportional character, in cap heights. A single stroke, such as
+/// I, gets room on both sides, so that readers have an area to look at.
 const NARROWEST: f64 = 0.3;
 
 /// How characters are placed in their cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fit {
-    /// They fill it: x in cell widths, y in cap heights.
+    /// Characters fill their cell: x is in cell widths, and y in cap heights.
     Box,
-    /// They keep their proportions and stand in its middle: x and y in cap heights.
+    /// Characters keep their proportions, centered in their cell: x and y are in cap heights.
     Proportional,
 }
 
@@ -23,46 +23,46 @@ pub(super) enum Fit {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Run {
     pub(super) lit: bool,
-    /// At least two, with y up from the baseline.
+    /// At least two points, with y up from the baseline.
     pub(super) points: Vec<Point>,
 }
 
-/// A character as its font has it.
+/// A character as its font stores it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Shape {
-    /// Distance from the pen's place before it to the pen's place after it.
+    /// Distance between the pen's positions before and after the character.
     pub(super) advance: f64,
-    /// None for a space.
+    /// Runs of the pen, of which a space has none.
     pub(super) runs: Vec<Run>,
     /// Length in cap heights of a stroke of the face that the center lines lost, or 0.
     pub(super) lost_length: f64,
 }
 
 impl Shape {
-    /// The bounds of its points, or those of the advance of a space: left, bottom, right, top.
+    /// Returns the bounds of the points, or of a space's advance: left, bottom, right and top.
     pub(super) fn ink_bounds(&self) -> [f64; 4] {
         let ink = bounds(self.runs.iter().flat_map(|run| &run.points).copied().map(coordinates));
         if ink[0] <= ink[2] { ink } else { [0.0, 0.0, self.advance, 0.0] }
     }
 
-    /// Number of points of all runs.
+    /// Returns the number of points of all runs.
     pub(super) fn n_points(&self) -> usize {
         self.runs.iter().map(|run| run.points.len()).sum()
     }
 
-    /// Left edge and width of a proportional character's cell, in cap heights.
+    /// Returns the left edge and the width of a proportional character's cell, in cap heights.
     pub(super) fn cell(&self) -> (f64, f64) {
         let [left, _, right, _] = self.ink_bounds();
         let width = (right - left).max(NARROWEST);
         (0.5 * (left + right - width), width)
     }
 
-    /// The glyph of the character in a cell.
+    /// Returns the glyph of the character in a cell.
     pub(super) fn glyph(&self, character: char, cell: Cell, fit: Fit) -> Glyph {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = cell;
         let y_m = |p: Point| baseline_m + p.y * cap_height_m;
         let moves = match fit {
-            // A box font lists its dark moves, too.
+            // A box font lists its dark moves as well.
             Fit::Box => {
                 let place = |p: Point| Point::new(left_m + p.x * width_m, y_m(p));
                 self.runs.iter().flat_map(|run| moves(run, place)).collect()
@@ -78,8 +78,8 @@ impl Shape {
     }
 }
 
-/// The moves along lit runs, with dark moves to the first one and from each to the next. `place`
-/// maps a point of a run to the plane of the word.
+/// Returns the moves along lit runs, with dark moves to the first one and from each to the next.
+/// `place` maps a point of a run to the plane of the word.
 pub(super) fn pen_moves(runs: &[Run], place: impl Fn(Point) -> Point) -> Vec<Move> {
     let mut all_moves: Vec<Move> = Vec::new();
     for run in runs {
@@ -93,7 +93,7 @@ pub(super) fn pen_moves(runs: &[Run], place: impl Fn(Point) -> Point) -> Vec<Mov
     all_moves
 }
 
-/// The moves along one run.
+/// Returns the moves along one run.
 fn moves(run: &Run, place: impl Fn(Point) -> Point) -> impl Iterator<Item = Move> {
     run.points.windows(2).map(move |pair| {
         let [from_m, to_m] = [pair[0], pair[1]].map(|point| coordinates(place(point)));

@@ -1,8 +1,8 @@
-//! Shaping: the glyphs of letters that join, change with their neighbors, bear marks or run from
+//! Shaping: the glyphs of letters that join, change with their neighbors, carry marks or run from
 //! right to left.
 //!
-//! A line is put in visual order (Unicode Standard Annex 9), and each word of it is shaped by the
-//! rules of the typeface (GSUB and GPOS) in the script of its first letter.
+//! A line is put in visual order (Unicode Standard Annex 9). Each word of the line is shaped by the
+//! rules of the typeface (GSUB and GPOS) for the script of its first letter.
 
 use std::ops::Range;
 
@@ -11,10 +11,10 @@ use harfrust::{Buffer, Direction, Font, GlyphId, ShapeOptions, ShaperFont, shape
 use unicode_bidi::BidiInfo;
 use unicode_normalization::char::is_combining_mark;
 
-/// Most points of a character's outline: the time of tracing grows with the square.
+/// Maximum number of points of a character's outline. The time of tracing grows with its square.
 pub(super) const MAX_POINTS: usize = 8_000;
 
-/// Blocks of the scripts that are shaped, and of characters without width.
+/// Unicode blocks of scripts that are shaped, and of characters without width.
 const SHAPED: [std::ops::RangeInclusive<char>; 8] = [
     '\u{0590}'..='\u{0DFF}',
     '\u{0E00}'..='\u{109F}',
@@ -28,22 +28,22 @@ const SHAPED: [std::ops::RangeInclusive<char>; 8] = [
 /// Skin tones of emoji.
 const SKIN: std::ops::RangeInclusive<char> = '\u{1F3FB}'..='\u{1F3FF}';
 
-/// True if a composed text has characters that must be shaped, not only placed side by side.
+/// True if a composed text has characters that must be shaped, not just placed side by side.
 pub(super) fn is_shaped(text: &str) -> bool {
     text.chars().any(|c| is_mark(c) || SHAPED.iter().any(|block| block.contains(&c)))
 }
 
-/// True for a combining mark or a skin tone, which belong to the character before them.
+/// True for a combining mark or a skin tone, which belongs to the character before it.
 pub(super) fn is_mark(character: char) -> bool {
     is_combining_mark(character) || SKIN.contains(&character)
 }
 
-/// A glyph of a face, and its place in font units from the beginning of its line.
+/// A glyph of a face, and its position in font units relative to the start of its line.
 #[cfg(not(target_family = "wasm"))]
 pub(super) struct Placed {
     pub(super) glyph: GlyphId,
     pub(super) units: [i32; 2],
-    /// The first character of the glyph, by its byte in the line.
+    /// Byte in the line at which the first character of the glyph starts.
     pub(super) byte: usize,
 }
 
@@ -52,19 +52,20 @@ pub(super) struct Placed {
 pub(super) enum Unset {
     /// The face lacks the character.
     Missing(usize),
-    /// The rules of the face make more of the word from there on than the shaper's limits allow.
+    /// The rules of the face expand the rest of the word beyond the shaper's limits.
     Unshaped(usize),
-    /// The number of glyphs from there on that touch and are too many points as one outline.
+    /// The number of glyphs (second value) from there on that touch, and have too many points as
+    /// one outline.
     TooLarge(usize, usize),
 }
 
-/// The placed glyphs of a line from left to right. `space` is the advance between two words.
+/// Returns the placed glyphs of a line from left to right. `space` is the advance between words.
 #[cfg(not(target_family = "wasm"))]
 pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
-        // Words from left to right, each with its first byte.
+        // The words from left to right, each with its first byte.
         let mut next_start = run.start;
         let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
             let start = next_start;
@@ -79,7 +80,7 @@ pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Plac
                 pen = pen.saturating_add(space);
             }
             let buffer = shape_word(&face, word, leftward).ok_or(Unset::Unshaped(start))?;
-            // The shaper lists the glyphs from left to right, too.
+            // The shaper lists the glyphs from left to right as well.
             for (info, position) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
                 let (glyph, byte) = (GlyphId::new(info.glyph_id), start + info.cluster as usize);
                 if glyph == GlyphId::NOTDEF {
@@ -94,22 +95,19 @@ pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Plac
     Ok(placed)
 }
 
-/// The shaped glyphs of a word, which is read from right to left if `leftward`. `None` if it
-/// exceeds the limits of the shaper.
+/// Returns the shaped glyphs of a word, which is read from right to left if `leftward`. Returns
+/// `None` if the word exceeds the limits of the shaper.
 #[cfg(not(target_family = "wasm"))]
 fn shape_word(face: &ShaperFont<'_, '_>, word: &str, leftward: bool) -> Option<Buffer> {
     let mut buffer = Buffer::new();
     buffer.push_str(word);
-    buffer.set_direction(match leftward {
-        true => Direction::RightToLeft,
-        false => Direction::LeftToRight,
-    });
+    buffer.set_direction(if leftward { Direction::RightToLeft } else { Direction::LeftToRight });
     buffer.guess_segment_properties();
     let result = shape(face, &mut buffer, ShapeOptions::new());
     (result.is_ok() && buffer.allocation_successful()).then_some(buffer)
 }
 
-/// The runs of a line from left to right, each with true if it is read from right to left.
+/// Returns the runs of a line from left to right, each with true if it is read from right to left.
 pub(super) fn visual_runs(line: &str) -> Vec<(Range<usize>, bool)> {
     let info = BidiInfo::new(line, None);
     Vec::from_iter(info.paragraphs.iter().flat_map(|paragraph| {
@@ -143,7 +141,7 @@ mod tests {
     #[test]
     fn letters_that_touch_and_are_too_many_points_are_not_missing() {
         let face = Typeface::read(small_face(), Trace::CenterLine, "small.ttf").unwrap();
-        // A letter has four points.
+        // Each letter has four points.
         assert_eq!(face.shape_line(&"ש".repeat(20), 0.5).unwrap().len(), 1, "one shape");
         let error = face.shape_line(&"ש".repeat(2001), 0.5).unwrap_err();
         assert_eq!(error, Unset::TooLarge(0, 2001));

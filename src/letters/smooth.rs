@@ -1,22 +1,22 @@
-//! Smoothing: a wobbling line made smooth by penalized least squares.
+//! Smooths a wobbling line by penalized least squares.
 //!
 //! The line z through evenly spaced points p minimizes Σ |z − p|² + λ Σ |z″|² (Whittaker 1923,
-//! Eilers 2003). λ is the largest of a ladder that moves no point farther than the error allows.
+//! Eilers 2003). λ is the largest value tried that moves no point farther than the error allows.
 
 use super::vector::{ahead, between, integers_below};
 use noctograph_core::geometry::{arc_lengths, distance, simplify};
 
-/// Ladder of λ, from stiff to loose.
+/// Values of λ that are tried, from stiff to loose.
 const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 
-/// Most pieces into which a line is divided.
+/// Maximum number of pieces into which a line is divided.
 pub(super) const MAX_POINTS: usize = 4000;
 
-/// The line resampled at `spacing` and smoothed as far as no point moves by more than `error`. Its
-/// ends stay, and a closed line stays closed.
+/// Returns the line resampled at `spacing`, and smoothed as much as possible without moving a point
+/// by more than `error`. The ends of the line stay, and a closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
-    // Fewer points have no bend to smooth.
+    // A line of fewer points has no bend to smooth.
     if even.len() < 5 {
         return even;
     }
@@ -32,7 +32,8 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
     even
 }
 
-/// Even points along a line with both ends, at most `spacing` apart, up to [`MAX_POINTS`] pieces.
+/// Returns evenly spaced points along a line with both ends. The points are at most `spacing`
+/// apart, unless that takes more than [`MAX_POINTS`] pieces.
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
@@ -40,8 +41,7 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let mut points = Vec::new();
     let mut index = 0;
     for k in integers_below(if line.len() > 1 { n_pieces } else { 0.0 }) {
-        // Arc lengths rise, so that a point's segment is never before the segment of the preceding
-        // point.
+        // Arc lengths increase, so a point's segment is never before that of the previous point.
         let arc_length = length * k / n_pieces;
         while index + 2 < line.len() && along[index + 1] < arc_length {
             index += 1;
@@ -54,42 +54,42 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// A line without the points that are within `error` of the line through the others.
+/// Returns a line without the points that are within `error` of the line through the others.
 pub(super) fn simplified(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
     simplify(line, error).into_iter().map(|index| line[index]).collect()
 }
 
-/// The minimizer z of Σ |z − p|² + λ Σ |z″|² for evenly spaced points p and a stiffness λ, with its
-/// ends fixed.
+/// Returns the minimizer z of Σ |z − p|² + λ Σ |z″|² for evenly spaced points p and a stiffness λ,
+/// with fixed ends.
 fn smooth_open(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len();
     let mut matrix = Banded::normal_matrix(n, stiffness);
     let mut z = [&[[0.0; 2]; 2], points, &[[0.0; 2]; 2]].concat();
-    // A weight far above the others pins the ends.
+    // A weight far above all others fixes the ends.
     let pin = 1e9 * (1.0 + stiffness);
     for end in [2, n + 1] {
         matrix.diagonal[end] += pin;
         z[end] = z[end].map(|x| x * (1.0 + pin));
     }
     matrix.solve(&mut z);
-    // Without the rounding error that the weight leaves at the ends.
+    // Removes the rounding error that the weight causes at the ends.
     let mut z = z[2..n + 2].to_vec();
     (z[0], z[n - 1]) = (points[0], points[n - 1]);
     z
 }
 
 /// A symmetric matrix with two bands beside its diagonal. Two rows of the identity at either end
-/// spare the cases at the ends.
+/// avoid special cases.
 struct Banded {
     diagonal: Vec<f64>,
-    /// Entries beside the diagonal, one and two columns before it.
+    /// Entries one and two columns before the diagonal, respectively.
     first: Vec<f64>,
     second: Vec<f64>,
 }
 
 impl Banded {
-    /// The matrix of the normal equations (I + λ D'D) z = p of n points with second differences D.
-    /// D'D has rows 1 −4 6 −4 1.
+    /// Returns the matrix of the normal equations (I + λ D'D) z = p for n points with second
+    /// differences D. D'D has rows 1 −4 6 −4 1.
     fn normal_matrix(n: usize, stiffness: f64) -> Self {
         let mut diagonal = vec![1.0; n + 4];
         let (mut first, mut second) = (vec![0.0; n + 4], vec![0.0; n + 4]);
@@ -104,11 +104,11 @@ impl Banded {
         Self { diagonal, first, second }
     }
 
-    /// Solves the equations for a right-hand side `z`, which becomes the solution.
+    /// Solves the equations for a right-hand side `z`, which is replaced by the solution.
     fn solve(self, z: &mut [[f64; 2]]) {
         let Self { mut diagonal, mut first, mut second } = self;
         let inner = 2..z.len() - 2;
-        // Factors L D L' in place, and the solution of L with each row.
+        // Factors the matrix as L D L' in place, and solves L row by row.
         for k in inner.clone() {
             second[k] /= diagonal[k - 2];
             first[k] = (first[k] - second[k] * diagonal[k - 2] * first[k - 1]) / diagonal[k - 1];
@@ -117,7 +117,7 @@ impl Banded {
             z[k] = ahead(z[k], z[k - 1], -first[k]);
             z[k] = ahead(z[k], z[k - 2], -second[k]);
         }
-        // Then D, and L' backward.
+        // Solves D, and then L' backward.
         for k in inner.clone() {
             z[k] = z[k].map(|x| x / diagonal[k]);
         }
@@ -128,8 +128,8 @@ impl Banded {
     }
 }
 
-/// The smooth line through closed points. It is solved over two rounds, and the middle half is
-/// kept, because the ends hardly affect it.
+/// Returns the smooth line through closed points. Two rounds of the points are solved, and the
+/// middle half is kept, because the ends hardly affect that.
 fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

@@ -1,21 +1,21 @@
-//! Stored strokes: faces for plotters and engravers, whose contours are strokes, not outlines.
+//! Stored strokes: faces for plotters and engravers whose contours are strokes instead of outlines.
 //!
-//! TrueType has only closed contours. A single stroke is stored as an open line, which the format
-//! closes by a straight edge, or as a line there and back again. It is drawn once.
+//! TrueType only has closed contours. A single stroke is stored as an open line, which the format
+//! closes by a straight edge, or as a line there and back. Such a stroke is drawn once.
 
 use kurbo::{BezPath, PathEl, Point, Shape as _};
 
 use super::curves::{polylines, subpaths};
 use super::vector::{Lines, length, unit};
 
-/// Characters of straight strokes: of a face of outlines, none of them has a contour without area.
-/// In a script face the letters may be curves.
+/// Characters with straight strokes. In a face of outlines, none of them has a contour without
+/// area. The letters of a script face may be curves.
 pub(super) const SIGNS: [&str; 2] = ["HTIXLEFKANMVYZl|-/+=_", "|-/_"];
 
-/// Largest mean width of a contour without area, by the larger side of its box.
+/// Maximum mean width of a contour without area, relative to the larger side of its box.
 const THIN: f64 = 1e-3;
 
-/// Largest difference of the lengths there and back, by the length there.
+/// Maximum difference between the lengths there and back, relative to the length there.
 const LENGTHS_APART: f64 = 0.01;
 
 /// Cosine of the turn at which a line goes back.
@@ -27,7 +27,7 @@ pub(super) fn are_strokes(outlines: &[BezPath]) -> bool {
     2 * outlines.iter().filter(has_thin).count() > outlines.len()
 }
 
-/// True if a contour, closed, has hardly any mean width: twice its area by its length.
+/// True if a closed contour has almost no mean width: twice its area divided by its length.
 fn is_thin(contour: &BezPath) -> bool {
     let mut closed = contour.clone();
     closed.close_path();
@@ -36,7 +36,8 @@ fn is_thin(contour: &BezPath) -> bool {
     length > 0.0 && 2.0 * area <= THIN * length * bounds.width().max(bounds.height())
 }
 
-/// The strokes of a path, one for each contour. `None` if they have more than `max_points`.
+/// Returns the strokes of a path, one for each contour, or `None` if they have more than
+/// `max_points`.
 pub(super) fn strokes(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     let mut strokes = Lines::new();
     let mut n_points_left = max_points;
@@ -52,7 +53,7 @@ pub(super) fn strokes(path: &BezPath, tolerance: f64, max_points: usize) -> Opti
     Some(strokes)
 }
 
-/// The contours of a path as open paths, without their closing edges.
+/// Returns the contours of a path as open paths, without their closing edges.
 fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     let contours = subpaths(path).into_iter().map(|(first, mut elements)| {
         elements.retain(|element| *element != PathEl::ClosePath);
@@ -61,9 +62,10 @@ fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     contours.filter(|contour| contour.elements().len() > 1)
 }
 
-/// The half of a line that runs there and back, between its two turns. Any other line stays.
+/// Returns the half of a line that runs there and back, between its two turns. Any other line is
+/// returned unchanged.
 fn without_return(line: Vec<Point>) -> Vec<Point> {
-    // The points in a circle, each once.
+    // The points in cyclic order, each once.
     let mut cycle = line.clone();
     if cycle[0] == cycle[cycle.len() - 1] {
         cycle.pop();
@@ -76,7 +78,7 @@ fn without_return(line: Vec<Point>) -> Vec<Point> {
     let [from, to] = turns[..] else { return line };
     let (there, back) = (&cycle[from..=to], [&cycle[to..], &cycle[..=from]].concat());
     let [there_length, back_length] = [there, &back].map(line_length);
-    // An open line may go back only along a part of it.
+    // An open line may go back along only a part of itself.
     if (there_length - back_length).abs() <= LENGTHS_APART * there_length {
         there.to_vec()
     } else {

@@ -1,16 +1,16 @@
-//! Stroke fonts: letters as runs of the pen, kept as text.
+//! Stroke fonts: letters as runs of the pen, stored as text.
 //!
-//! A line is a letter: the character, or its code point (`U+0023` for `#`), then its runs, each `+`
-//! (lit) or `-` (dark) and its points `x,y`, y up from the baseline. `#` begins a comment line.
-//! There are two kinds:
-//! - The letters of a box font fill their boxes: 0,0 is the lower left corner, 1,1 the upper right
-//!   one, and every move of the pen is listed, jumps included.
+//! Each line has a letter: the character or its code point (`U+0023` for `#`), followed by its
+//! runs, each `+` (lit) or `-` (dark) and its points `x,y` (y up from the baseline). A line that
+//! starts with `#` is a comment. There are two kinds of fonts:
+//! - The letters of a box font fill their boxes: 0,0 is the lower left corner and 1,1 the upper
+//!   right one. Every move of the pen is listed, including jumps.
 //! - A font with a line `cap 21`, the height of a capital in the font's units, keeps its
-//!   proportions: an advance follows the character, x = 0 is the pen's place before it, and between
-//!   lit runs the pen moves in the dark. Points that turn by less than 60° are samples of a curve
-//!   ([`super::arcs`]), and a run too short to be seen, such as `5,1.005 5,0.995`, is a dot.
-//!   `Á = A ´` composes a character: the mark is centered over the base, a mark above it is raised
-//!   by the base's height over a small letter, and `dx,dy` moves it.
+//!   proportions. An advance follows the character, x = 0 is the pen's position before the
+//!   character, and the pen moves in the dark between lit runs. Points that turn by less than 60°
+//!   are samples of a curve ([`super::arcs`]), and a run too short to be visible, such as `5,1.005
+//!   5,0.995`, is a dot. `Á = A ´` composes a character: the mark is centered over the base, a mark
+//!   above it is raised by the height of the base over a small letter, and `dx,dy` moves the mark.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -24,19 +24,20 @@ use super::shape::{Fit, Run, Shape};
 use noctograph_core::error::Result;
 use noctograph_core::input_error;
 
-/// Largest coordinate of a point, in boxes or cap heights.
+/// Maximum coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Most points of a letter. Composed letters could double from line to line.
+/// Maximum number of points of a letter. Composed letters could double from line to line.
 const MAX_POINTS: usize = 20_000;
 
-/// Most points of a font.
+/// Maximum number of points of a font.
 const MAX_FONT_POINTS: usize = 1_000_000;
 
 /// Height of a lowercase letter, for which marks are drawn, relative to a capital.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
-/// Combining marks, and the signs of their shapes. A font has others by their code.
+/// Combining marks, and the characters that store their shapes. Other marks are stored under their
+/// own code.
 const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{30a}\u{30b}\
     \u{30c}\u{327}\u{328}";
 const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
@@ -52,13 +53,13 @@ pub(super) struct StrokeFont {
 }
 
 impl StrokeFont {
-    /// Reads a font from its text. The error names the line that is broken.
+    /// Parses a font from its text. The error names the line that is malformed.
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
         let lines = (1..).zip(text.lines().map(str::trim_end));
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
         let mut units = 1.0;
         for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
-            // The height of a capital precedes all letters.
+            // The line with the height of a capital precedes all letters.
             let read = match line.strip_prefix("cap ").filter(|_| font.letters.is_empty()) {
                 Some(height) => {
                     font.fit = Fit::Proportional;
@@ -82,8 +83,8 @@ impl StrokeFont {
         Ok(font)
     }
 
-    /// Reads the line of a letter and adds it. `None` if the line is malformed, the letter is there
-    /// already, or there are too many points.
+    /// Parses the line of a letter and adds the letter. Returns `None` if the line is malformed,
+    /// the letter already exists, or there are too many points.
     fn parse_letter(&mut self, line: &str, units: f64) -> Option<()> {
         let mut words = line.split_ascii_whitespace().peekable();
         let character = parse_name(words.next()?)?;
@@ -98,19 +99,19 @@ impl StrokeFont {
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
 
-    /// The shape of a base with a mark, from the words after `=`: base, mark, and optionally
-    /// `dx,dy`. `None` if they are malformed, or have too many points.
+    /// Parses a base with a mark from the words after `=`: base, mark, and optionally `dx,dy`.
+    /// Returns `None` if they are malformed or have too many points.
     fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let base = self.letters.get(&parse_name(words.next()?)?)?;
         let mark = self.letters.get(&parse_name(words.next()?)?)?;
         let offset = words.next().map_or(Some(Point::ZERO), |word| parse_point(word, units))?;
-        // Checked before it is composed, so that no line allocates without bound.
+        // The size is checked before the letter is composed: no line allocates without bound.
         let is_small = base.n_points() + mark.n_points() <= MAX_POINTS;
         (is_small && words.next().is_none()).then(|| compose(base, mark, offset.to_vec2()))
     }
 
-    /// The shape of a letter from its words: the advance, unless it is of a box font, then each
-    /// run, `+` (lit) or `-` (dark) and its points. `None` if they are malformed.
+    /// Parses a letter's shape from words: the advance (omitted in box fonts), followed by the
+    /// runs, each a `+` (lit) or `-` (dark) and its points. Returns `None` if they are malformed.
     fn parse_runs(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let advance = match self.fit {
             Fit::Box => 1.0,
@@ -126,7 +127,7 @@ impl StrokeFont {
         if runs.iter().any(|run| run.points.len() < 2) {
             return None;
         }
-        // Points of a proportional font are samples of curves. Points of a box font are corners.
+        // Points of a proportional font are samples of curves, and those of a box font corners.
         if self.fit == Fit::Proportional {
             runs.iter_mut().for_each(|run| run.points = with_arcs(&run.points));
         }
@@ -139,12 +140,12 @@ impl Face for StrokeFont {
         Box::new(self.letters.keys().copied())
     }
 
-    /// A stored letter, or one that is composed of a letter and its marks.
+    /// Returns a stored letter, or one composed of a letter and its marks.
     fn shape(&self, character: char) -> Option<Arc<Shape>> {
         let mut signs = MARKS.chars().zip(SIGNS.chars());
         let sign = signs.find(|(mark, _)| *mark == character).map_or(character, |(_, sign)| sign);
         self.letters.get(&sign).cloned().or_else(|| {
-            // Canonical decomposition (NFD): the base, then the marks from the inside out.
+            // Canonical decomposition (NFD): the base, followed by the marks from the inside out.
             let mut parts = std::iter::once(character).nfd();
             let base = parts.next().filter(|base| *base != character)?;
             // A mark above replaces the dot.
@@ -167,8 +168,8 @@ impl Face for StrokeFont {
     }
 }
 
-/// The shape of a base with a mark centered over it, moved by an offset. A mark above small letters
-/// is raised by the base's height over them.
+/// Returns the shape of a base with a mark centered over it and moved by an offset. A mark above
+/// small letters is raised by the height of the base over these.
 fn compose(base: &Shape, mark: &Shape, offset: Vec2) -> Shape {
     let ([left, _, right, top], [mark_left, mark_bottom, mark_right, _]) =
         (base.ink_bounds(), mark.ink_bounds());
@@ -182,7 +183,7 @@ fn compose(base: &Shape, mark: &Shape, offset: Vec2) -> Shape {
     Shape { advance: base.advance, runs, lost_length: 0.0 }
 }
 
-/// The character that a word is, or whose code point it has (`U+0023`). `None` for another word.
+/// Parses a character or its code point (`U+0023`). Returns `None` for any other word.
 fn parse_name(word: &str) -> Option<char> {
     if let Some(code) = word.strip_prefix("U+").filter(|code| !code.is_empty()) {
         return u32::from_str_radix(code, 16).ok().and_then(char::from_u32);
@@ -192,13 +193,14 @@ fn parse_name(word: &str) -> Option<char> {
     Some(character)
 }
 
-/// The point `x,y` of a word, divided by the font's units. `None` if it is malformed or too far.
+/// Parses a point `x,y`, and divides it by the font's units. Returns `None` if it is malformed or
+/// too far away.
 fn parse_point(word: &str, units: f64) -> Option<Point> {
     let (x, y) = word.split_once(',')?;
     Some(Point::new(parse_number(x, units)?, parse_number(y, units)?))
 }
 
-/// A number divided by the font's units. `None` if it is malformed or too large.
+/// Parses a number and divides it by the font's units. `None` if it is malformed or too large.
 fn parse_number(word: &str, units: f64) -> Option<f64> {
     let value = word.parse::<f64>().ok()? / units;
     (value.abs() <= MAX_COORDINATE).then_some(value)

@@ -1,12 +1,12 @@
-//! Typefaces: a TrueType or OpenType face's outlines become strokes.
+//! Typefaces: the outlines of a TrueType or OpenType face become strokes.
 //!
-//! Center lines end half a stroke's width before the outline. So a face's capitals are measured
-//! between the center lines of a horizontal stroke at the top and one at the bottom: these are a
-//! cap height apart, the lower one on the baseline.
+//! A center line ends half a stroke's width inside the outline. A face's capitals are therefore
+//! measured between the center lines of a horizontal stroke at the top and one at the bottom, which
+//! are one cap height apart, with the lower one on the baseline.
 //!
-//! Glyphs that touch are traced together, so that joined letters are one line. A glyph that is an
-//! area, such as a heart, is its outline. Not supported: variations. In text that is not shaped,
-//! also ligatures and kerning outside the table `kern`.
+//! Glyphs that touch are traced together, so that joined letters become one line. A glyph that is
+//! an area, such as a heart, becomes its outline. Variations are not supported. In text that is not
+//! shaped, ligatures and kerning outside the table `kern` are not supported either.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -30,52 +30,52 @@ use super::vector::{Lines, length, pairs, point};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 
-/// Largest number of parts of the kerning table that are read. Each part is searched for every
-/// pair.
+/// Maximum number of subtables of the kerning table that are read. Every pair of letters is looked
+/// up in all of these.
 const MAX_SUBTABLES: usize = 64;
 
-/// Budget steps of comparing two strokes to find the nearest.
+/// Budget steps for comparing two strokes to find the nearest.
 const STEPS_PER_PAIR: usize = 5;
 
-/// Most characters that are searched for an outline in a face without known letters.
+/// Maximum number of characters that are searched for an outline in a face without known letters.
 const MAX_SEARCHED: usize = 300;
 
-/// Largest coordinate of an outline, in cap heights.
+/// Maximum coordinate of an outline, in cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Largest distance of an outline's polyline from its curves, in cap heights.
+/// Maximum distance between an outline's polyline and its curves, in cap heights.
 const FLATNESS: f64 = 2e-4;
 
-/// Least thickness of an area in those of the face's letters, and greatest length of its center
-/// lines in its own thicknesses. A bold I has 4, but it is as thick as a letter.
+/// Minimum thickness of an area relative to the face's letters, and maximum length of its center
+/// lines relative to its own thickness. A bold I has 4, but is only as thick as a letter.
 const AREA_THICKNESS: f64 = 2.5;
 const AREA_LENGTH: f64 = 6.0;
 
-/// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some
-/// faces meet at a common edge.
+/// Maximum gap between the boxes of two glyphs that touch, in cap heights. In some faces, joined
+/// letters meet at a common edge.
 const TOUCHING: f64 = 0.005;
 
-/// Possible half widths of strokes, and possible heights of a capital in font units.
+/// Possible half widths of strokes, and possible cap heights in font units.
 const HALF_WIDTHS: RangeInclusive<f64> = 1e-4..=0.4;
 const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 
-/// Characters as high as capitals. The first that a face has counts.
+/// Characters as high as capitals. The first of these characters that a face has is used.
 const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
 
 /// Characters whose stroke width is typical of their script.
 const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
 
-/// A face with a cache of its traced characters.
+/// A face, with a cache of its traced characters.
 pub(super) struct Typeface {
     face: Font,
     trace: Trace,
-    /// Font units of a capital's height.
+    /// Cap height in font units.
     cap: f64,
-    /// Half the width of its strokes in cap heights, or 0 if outlines are traced.
+    /// Half the width of the strokes in cap heights, or 0 if outlines are traced.
     half_width: f64,
-    /// True if known letters have the width.
+    /// True if the width is that of known letters.
     has_stems: bool,
-    /// True if its contours are strokes.
+    /// True if the face's contours are strokes.
     is_stored: bool,
     traced: Mutex<Traced>,
 }
@@ -86,11 +86,11 @@ struct Traced {
     budget: Budget,
 }
 
-/// A glyph, and its place in font units.
+/// A glyph, and its position in font units.
 type Part = (GlyphId, [i32; 2]);
 
 impl Typeface {
-    /// Reads a face, the first one of a collection.
+    /// Reads a face. Of a collection, the first face is read.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let budget = Budget::new(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
@@ -101,7 +101,7 @@ impl Typeface {
             let outlines = signs.chars().filter_map(|character| typeface.outline(character));
             stored::are_strokes(&outlines.collect::<Vec<BezPath>>())
         });
-        // The cap height comes first, because it is the unit of the strokes' width.
+        // The cap height comes first because it is the unit of the stroke width.
         typeface.cap = typeface.known_outline().map_or(0.0, |path| path.control_box().y1);
         if !CAP_HEIGHTS.contains(&typeface.cap) {
             return Err(refused(file, "no letters"));
@@ -114,14 +114,14 @@ impl Typeface {
         Ok(typeface)
     }
 
-    /// The outline of a capital, or of the first character in a face without letters (emoji).
+    /// Returns the outline of a capital, or of the first character of a face without letters.
     fn known_outline(&self) -> Option<BezPath> {
         let mut candidates = CAPITALS.chars().chain(self.characters().take(MAX_SEARCHED));
         candidates.find_map(|character| self.outline(character))
     }
 
-    /// True if the face has a letter of [`STEMS`], and half the width of its strokes in cap
-    /// heights. `None` for a face without strokes. Fails once the budget is spent.
+    /// Returns true if the face has a letter of [`STEMS`], and half the width of its strokes in cap
+    /// heights. Returns `None` for a face without strokes. Fails if the budget is spent.
     fn stem_half_width(&self) -> Result<Option<(bool, f64)>> {
         let budget = &self.traced().budget;
         let stems = STEMS.chars().map(|c| (true, c));
@@ -135,18 +135,18 @@ impl Typeface {
         Ok(stem)
     }
 
-    /// The glyph of a character. `None` if the face lacks it.
+    /// Returns the glyph of a character, or `None` if the face lacks it.
     fn glyph(&self, character: char) -> Option<GlyphId> {
         self.face.charmap().map_unicode(character)
     }
 
-    /// The outline of a character in font units. `None` if the face lacks it.
+    /// Returns the outline of a character in font units, or `None` if the face lacks it.
     fn outline(&self, character: char) -> Option<BezPath> {
         outline(&self.face, self.glyph(character)?, &self.traced().budget)
     }
 
-    /// The strokes of glyphs traced together, from the cache if they were traced before. `None` if
-    /// they cannot be traced, or the budget is spent.
+    /// Returns the strokes of glyphs that are traced together, from the cache if they were traced
+    /// before. Returns `None` if they cannot be traced or the budget is spent.
     fn traced_shape(&self, parts: &[Part]) -> Option<Arc<Shape>> {
         let Traced { shapes, budget } = &mut *self.traced();
         let shape = shapes.entry(parts.to_vec()).or_insert_with(|| {
@@ -155,7 +155,7 @@ impl Typeface {
         shape.clone()
     }
 
-    /// The shaped letters of a text. `space` is the advance of a space in a face without one.
+    /// Shapes a text into letters. `space` is the advance of a space in a face without one.
     pub(super) fn shape_line(&self, text: &str, space: f64) -> ShapedLine {
         let unit = self.advance(1.0);
         let space_units =
@@ -165,13 +165,13 @@ impl Typeface {
         self.touching(glyphs, unit).iter().map(|group| self.joined(group, unit)).collect()
     }
 
-    /// Groups of glyphs that touch, from left to right. `unit` is a font unit in cap heights.
+    /// Returns groups of touching glyphs from left to right. `unit` is a font unit in cap heights.
     fn touching(&self, glyphs: Vec<Placed>, unit: f64) -> Vec<Vec<Placed>> {
         let mut boxes = Vec::from_iter(glyphs.into_iter().filter_map(|placed| {
             let bounds = outline(&self.face, placed.glyph, &self.traced().budget)?.control_box();
             Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
         }));
-        // Boxes from left to right, so that only the last group can touch the next one.
+        // The boxes go from left to right, so that only the last group can touch the next one.
         boxes.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<Vec<Placed>> = Vec::new();
         let mut group_right = f64::NEG_INFINITY;
@@ -185,7 +185,7 @@ impl Typeface {
         groups
     }
 
-    /// The strokes of glyphs that touch, as one shape.
+    /// Returns the strokes of glyphs that touch as one shape.
     fn joined(&self, group: &[Placed], unit: f64) -> std::result::Result<Joined, Unset> {
         let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
         let start = group[0].units[0];
@@ -194,7 +194,7 @@ impl Typeface {
             (placed.glyph, [x - start, y])
         });
         let shape = self.traced_shape(&parts.collect::<Vec<_>>()).ok_or_else(|| {
-            // A glyph that fails by itself is missing. Otherwise all of them are too much.
+            // A glyph that fails by itself is missing. Otherwise the glyphs together are too large.
             let mut glyphs = group.iter();
             match glyphs.find(|placed| self.traced_shape(&[(placed.glyph, [0; 2])]).is_none()) {
                 Some(placed) => Unset::Missing(placed.byte),
@@ -204,12 +204,12 @@ impl Typeface {
         Ok((byte, unit * f64::from(start), shape?))
     }
 
-    /// The cache and the budget, locked.
+    /// Returns the cache and the budget, locked.
     fn traced(&self) -> MutexGuard<'_, Traced> {
         self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    /// Kerning of a pair of letters by the table `kern`, in font units. `None` if it has none.
+    /// Returns the kerning of a pair of letters by the table `kern`, in font units, if it has any.
     fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
         let (left, right) = (self.glyph(left)?, self.glyph(right)?);
         let table = self.face.tables().kern().ok()?;
@@ -223,24 +223,24 @@ impl Typeface {
         })
     }
 
-    /// The shape of glyphs: the advance of the first one, and the strokes of all. `None` if they
-    /// have no strokes, or are too large.
+    /// Returns the shape of glyphs, with the advance of the first one and the strokes of all.
+    /// Returns `None` if they have no strokes or are too large.
     fn draw(&self, parts: &[Part], budget: &Budget) -> Option<Shape> {
         let advance = self.advance(self.face.glyph_metrics().h_advance(parts[0].0));
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }
-        let (lines, lost_length) = match self.is_stored {
-            true => (stored::strokes(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?, 0.0),
-            false => self.lines(parts, budget)?,
+        let (lines, lost_length) = if self.is_stored {
+            (stored::strokes(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?, 0.0)
+        } else {
+            self.lines(parts, budget)?
         };
         let runs: Vec<Run> = lines.into_iter().map(|points| Run { lit: true, points }).collect();
         (!runs.is_empty()).then_some(Shape { advance, runs, lost_length })
     }
 
-    /// The center lines or outlines of glyphs in reading order, in cap heights between center
-    /// lines, and the length of a stroke that was lost. `None` without an outline, or beyond the
-    /// budget.
+    /// Returns the center lines or outlines of glyphs in reading order, in cap heights between
+    /// center lines, and a lost stroke's length. `None` without an outline or beyond the budget.
     fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Lines, f64)> {
         let contours = self.contours(parts, budget)?;
         let center = match self.trace {
@@ -254,7 +254,7 @@ impl Typeface {
         budget.spend_steps(STEPS_PER_PAIR * lines.len() * lines.len()).then_some(())?;
         let lines = lines.into_iter().map(|line| line.into_iter().map(point).collect());
         let mut lines = in_reading_order(lines.collect());
-        // From cap heights of the outline to those between center lines.
+        // Converts cap heights of the outline to cap heights between center lines.
         let scale = 1.0 / (1.0 - 2.0 * self.half_width);
         for point in lines.iter_mut().flatten() {
             *point = Point::new(point.x * scale, (point.y - self.half_width) * scale);
@@ -262,18 +262,18 @@ impl Typeface {
         Some((lines, lost_length))
     }
 
-    /// True for an area: thicker than the face's letters, and short for its thickness.
+    /// True for an area, which is thicker than the face's letters and short for its thickness.
     fn is_area(&self, center: &CenterLines) -> bool {
         let is_thick = !self.has_stems || center.thickest > AREA_THICKNESS * self.half_width;
         is_thick && center.length() < 2.0 * AREA_LENGTH * center.thickest
     }
 
-    /// A length in font units, in cap heights between center lines.
+    /// Converts a length in font units to cap heights between center lines.
     fn advance(&self, units: f32) -> f64 {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// The contours of glyphs in cap heights. `None` if there are none, or too many points.
+    /// Returns the contours of glyphs in cap heights. `None` for no contours or too many points.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
         let mut contours = pairs(polylines(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?);
         for contour in &mut contours {
@@ -285,7 +285,8 @@ impl Typeface {
         (!contours.is_empty()).then_some(contours)
     }
 
-    /// The outlines of glyphs as one path, in cap heights. `None` if one has none or is too large.
+    /// Returns the outlines of glyphs as one path in cap heights, or `None` if one of them has none
+    /// or is too large.
     fn path(&self, parts: &[Part], budget: &Budget) -> Option<BezPath> {
         let mut path = BezPath::new();
         for (id, [x, y]) in parts {
@@ -300,13 +301,13 @@ impl Typeface {
 }
 
 impl Face for Typeface {
-    /// The face's characters in the Basic Multilingual Plane, and its emoji.
+    /// Returns the face's characters in the Basic Multilingual Plane, and its emoji.
     fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
         let codes = ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}');
         Box::new(codes.filter(|c| !c.is_whitespace() && self.has(*c)))
     }
 
-    /// The shape of a letter. A space has only an advance.
+    /// Returns the shape of a letter. A space only has an advance.
     fn shape(&self, character: char) -> Option<Arc<Shape>> {
         let glyph = self.glyph(character)?;
         if character.is_whitespace() {
@@ -333,30 +334,30 @@ impl Face for Typeface {
     }
 }
 
-/// The error of a file that has `content` instead of letters.
+/// Returns the error for a file that contains `content` instead of letters.
 fn refused(file: &str, content: &str) -> Error {
     let wanted = "a TrueType or OpenType face with outlines";
     Error::input(file, content, wanted, "name another font file")
 }
 
-/// True if the first face of a file has an outline of a character.
+/// True if the first face of a file has an outline for a character.
 pub fn has_outline(file: &[u8], character: char) -> bool {
     let Ok(face) = FontRef::try_from_slice(file) else { return false };
     let id = face.glyph_id(character);
     id.0 != 0 && face.outline(id).is_some()
 }
 
-/// Lines in the order of handwriting. Each begins at its upper left end. The first is the nearest
-/// to the upper left, and each next line is the nearest to the end of the line before.
+/// Sorts lines in the order of handwriting. Each line starts at its upper left end. The first line
+/// is nearest to the upper left, and each next line is nearest to the end of the previous one.
 fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
-        // Height counts twice as much as the distance to the left.
+        // Height counts twice as much as the horizontal distance.
         let [first, last] = [line[0], line[line.len() - 1]].map(|p| p.x - 2.0 * p.y);
         if last < first {
             line.reverse();
         }
     }
-    // The pen begins at the upper left of a capital.
+    // The pen starts at the upper left of a capital.
     let mut ordered = Lines::new();
     let mut pen = Point::new(0.0, 1.0);
     while !lines.is_empty() {

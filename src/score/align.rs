@@ -1,7 +1,8 @@
-//! Alignment: shift, scale and rotation at which the intended word correlates most with the photo.
+//! Alignment: the shift, scale and rotation at which the intended word correlates best with a
+//! photo.
 //!
-//! A viewer does not care about the position of a word, so within limits it costs nothing. Not
-//! modeled: shear and perspective (the camera is known).
+//! Within limits the position of a word costs nothing, because a viewer does not care about it.
+//! Shear and perspective are not modeled, because the camera is known.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,38 +13,38 @@ use super::raster::{Page, Raster, dots, whole};
 use super::{PEN_H, PX_PER_H};
 use noctograph_core::strokes::Strokes;
 
-/// Scales tried first, from the smallest to the largest.
+/// Number of scales in the coarse search.
 const N_SCALES: i32 = 7;
 
-/// First step of the search for the rotation. Halving it again and again sums to twice as much.
+/// First step of the rotation search. Together with its repeated halves it covers twice as much.
 const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 
-/// Blur of both pictures: 0.1 H, so that a coarse grid of shifts catches the peak, then 0.05 H like
-/// the reader. More would let a wrong letter pull the word toward the next letter.
+/// Blur of both pictures: 0.1 H, with which a coarse grid of shifts hits the peak, and then 0.05 H,
+/// the reader's blur. With more blur, a wrong letter could pull the word toward the next letter.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
-/// Largest cache of words at scales and rotations, in pixels: 1 MB, some dozens of a short word.
+/// Maximum size of the cache of drawn words, in pixels: 1 MB, enough for dozens of a short word.
 const MAX_CACHED_PX: usize = 1 << 18;
 
 /// Width of the pen, in pixels.
 #[expect(clippy::cast_possible_truncation, reason = "a constant")]
 const PEN_PX: f32 = PEN_H as f32 * PX_PER_H as f32;
 
-/// Search for one word.
+/// A search for one word.
 pub(super) struct Finder {
-    /// The grid that pictures must have.
+    /// The grid that a searched picture must have.
     pub(super) grid: Grid,
     strokes: Strokes,
     home: Placed,
-    /// The word at each of the scales tried first, at quarter resolution.
+    /// The word at each scale of the coarse search, at quarter resolution.
     coarse: Vec<(f64, Raster)>,
-    /// The word by scale and rotation, since most photos try the same ones.
+    /// Drawings of the word by scale and rotation, which are kept because most photos try the same.
     cache: Mutex<Vec<([f64; 2], Arc<Raster>)>>,
 }
 
-/// The picture that is searched for the word.
+/// A picture in which the word is searched.
 pub(super) struct Target {
-    /// The picture minus its mean.
+    /// The picture after its mean was subtracted.
     raster: Raster,
     norm: f32,
 }
@@ -61,20 +62,20 @@ impl Finder {
         finder
     }
 
-    /// Returns the placement at which the word correlates most with a picture on the grid.
+    /// Returns the placement at which the word correlates most with a picture of the grid.
     pub(super) fn place(&self, picture: &Raster) -> Placed {
         let picture = picture.half();
         let coarse = Target::new(picture.blur(0.5 * BLURS_PX[0]).half());
         let (mut scale, coarse_shift) = self.coarse_placement(&coarse);
         let half = Target::new(picture.blur(0.5 * BLURS_PX[1]));
-        // From there at half resolution, pattern search (Hooke and Jeeves 1961): a step to either
-        // side in scale and in rotation, each with its best shift, then half the step.
+        // Pattern search (Hooke and Jeeves 1961) at half resolution: it tries a step to either side
+        // in scale and in rotation, each with its best shift, and then halves the step.
         let mut rotation_rad = 0.0;
         let word = self.word_to_try([scale, rotation_rad]);
         let (mut similarity, mut shift, mut fraction_px) =
             half.peak(&word, half.best_shift(&word, coarse_shift, 2).1);
         let (mut scale_ratio, mut rotation_step_rad) = (scale_step(), 2.0 * ROTATION_STEP_RAD);
-        // Until the ends of the word move by less than a pixel.
+        // The search ends when a step would move the ends of the word by less than a pixel.
         while (scale_ratio - 1.0).max(rotation_step_rad) * 0.5 * self.grid.width as f64 > 1.0 {
             (scale_ratio, rotation_step_rad) = (scale_ratio.sqrt(), 0.5 * rotation_step_rad);
             let scales =
@@ -89,17 +90,17 @@ impl Finder {
                 }
             }
         }
-        // A pixel at half resolution is two of the grid.
+        // One pixel at half resolution is two pixels of the grid.
         let [right, down] = [0, 1].map(|axis| {
             2.0 * (shift[axis] as f64 + f64::from(fraction_px[axis])) * self.grid.pitch_m
         });
         Placed { shift_m: Vec2::new(right, -down), scale, rotation_rad, ..self.home }
     }
 
-    /// Returns the best of all scales without rotation, and its shift in pixels at half resolution.
+    /// Returns the best scale without rotation, and its shift in pixels at half resolution.
     fn coarse_placement(&self, quarter: &Target) -> (f64, [isize; 2]) {
         let mut best = (f32::NEG_INFINITY, 1.0, [0, 0]);
-        // The farthest shift at quarter resolution.
+        // Maximum shift in pixels at quarter resolution.
         let reach = whole(SEARCH_H * f64::from(PX_PER_H) / 4.0).cast_signed();
         for (scale, word) in &self.coarse {
             let (similarity, [dx, dy]) = quarter.best_shift(word, [0, 0], reach);
@@ -110,11 +111,11 @@ impl Finder {
         (best.1, best.2)
     }
 
-    /// Returns the word at a scale and rotation, from the cache or, if there is room, added to it.
+    /// Returns the word at a scale and rotation, either from the cache or newly drawn.
     fn word_to_try(&self, pose: [f64; 2]) -> Arc<Raster> {
         let cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
         let cached = cache.iter().find(|(cached, _)| *cached == pose).map(|(_, word)| word.clone());
-        // Other threads go on while this one draws.
+        // The lock is released while this thread draws, so that other threads continue.
         drop(cache);
         cached.unwrap_or_else(|| {
             let word = Arc::new(self.word(pose[0], pose[1], BLURS_PX[1]));
@@ -126,7 +127,7 @@ impl Finder {
         })
     }
 
-    /// Draws the intended word at half the grid's resolution, blurred by `blur_px` of the grid.
+    /// Draws the intended word at half the grid's resolution, blurred by `blur_px` grid pixels.
     fn word(&self, scale: f64, rotation_rad: f64, blur_px: f32) -> Raster {
         let mut page = Page::blank(self.grid.width / 2, self.grid.height / 2);
         let placed = Placed { scale, rotation_rad, ..self.home };
@@ -138,13 +139,13 @@ impl Finder {
     }
 }
 
-/// Returns the ratio of neighbors among the scales tried first.
+/// Returns the ratio between neighboring scales of the coarse search.
 fn scale_step() -> f64 {
     libm::pow(SEARCH_SCALE, 2.0 / f64::from(N_SCALES - 1))
 }
 
 impl Target {
-    /// Subtracts the mean of a picture.
+    /// Prepares a picture for the search by subtracting its mean.
     pub(super) fn new(mut raster: Raster) -> Self {
         let mean = raster.values.iter().sum::<f32>() / raster.values.len() as f32;
         raster.values.iter_mut().for_each(|value| *value -= mean);
@@ -152,7 +153,7 @@ impl Target {
         Self { raster, norm }
     }
 
-    /// Returns the best correlation and its shift, at most `reach` pixels from `around` on each
+    /// Returns the greatest correlation and its shift, at most `reach` pixels from `around` on each
     /// axis.
     pub(super) fn best_shift(
         &self,
@@ -174,8 +175,8 @@ impl Target {
         best
     }
 
-    /// Returns the peak of the correlation within a pixel of a shift: its height, its shift in
-    /// whole pixels, and the fraction of a pixel by the vertex of a parabola along each axis.
+    /// Returns the peak of the correlation within one pixel of a shift: its height, its shift in
+    /// whole pixels, and the fraction of a pixel at the vertex of a parabola along each axis.
     fn peak(&self, word: &Raster, around: [isize; 2]) -> (f32, [isize; 2], [f32; 2]) {
         let (similarity, shift) = self.best_shift(word, around, 1);
         let inverse_norms = self.inverse_norms(word);
@@ -186,7 +187,7 @@ impl Target {
                 beside[axis] += step;
                 self.sum_of_products(word, beside) * inverse_norms
             });
-            // Twice the first difference, and minus the second one, at the best shift.
+            // `slope` is twice the first difference at the best shift, and `bend` minus the second.
             let (slope, bend) = (beside[1] - beside[0], 2.0 * similarity - beside[0] - beside[1]);
             if bend <= 0.0 {
                 return 0.0;
@@ -198,18 +199,19 @@ impl Target {
         (top, shift, fraction_px)
     }
 
-    /// Returns 1 over the product of the norms of picture and word, or 0 if one of them is uniform.
+    /// Returns 1 divided by the product of both norms, or 0 if picture or word is uniform.
     fn inverse_norms(&self, word: &Raster) -> f32 {
-        // The picture has mean 0. The word's norm is that of its deviations: Σw² − (Σw)² / n.
+        // The picture has a mean of 0. The squared norm of the word's deviations is Σw² − (Σw)² /
+        // n.
         let ones = vec![1.0; word.values.len()];
         let [sum, squares] = dots([&ones, &word.values], &word.values);
         let norm = (squares - sum * sum / word.values.len() as f32).max(0.0).sqrt() * self.norm;
         if norm > 0.0 { 1.0 / norm } else { 0.0 }
     }
 
-    /// Returns the sum of products with the word moved right and down, where both have pixels.
+    /// Returns the sum of the products of the picture and the moved word where they overlap.
     fn sum_of_products(&self, word: &Raster, [right, down]: [isize; 2]) -> f32 {
-        // On each axis: first pixel of the picture, first pixel of the word, number of pixels.
+        // For each axis: first pixel of the picture, first pixel of the word, and number of pixels.
         let width = word.width;
         let overlaps = [(right, width), (down, word.height)].map(|(shift, side)| {
             let length = side.saturating_sub(shift.unsigned_abs());

@@ -1,31 +1,31 @@
-//! Characters and classes of the net: which classes count as a character.
+//! The characters and classes of the net, and which classes count as a character.
 //!
-//! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the
-//! cases of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and
-//! Cyrillic and Greek letters of the shape of a Latin one. A Latin letter that the net was not
-//! trained on (Ł, ø, æ, þ) also counts as the letter that the net takes a faultless drawing of it
-//! for ([`super::judge::Expected::learn`]).
+//! The net has 62 characters: A–Z, a–z and 0–9. Characters that look alike count as one: the two
+//! cases of a letter, O and 0, I, i, l and 1, a letter with and without its accent, and Cyrillic
+//! and Greek letters that look like Latin ones. For a Latin letter that the net was not trained on
+//! (Ł, ø, æ, þ), the letter that the net reads in a faultless drawing of it counts as well
+//! ([`super::judge::Expected::learn`]).
 
 use unicode_normalization::UnicodeNormalization;
 
 use super::net::N_CLASSES;
 
-/// The net's characters, from class 1 on.
+/// The net's characters. The first character is class 1.
 const CHARACTERS: &[u8; 62] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
 
 /// Names of letters and digits, cases aside.
 pub(super) const NAMES: &[u8; 36] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
 
-/// A set of classes, one bit for each.
+/// A set of classes, with one bit for each class.
 pub(super) type Classes = u64;
 
-/// The blank between two letters.
+/// The class of the blank between two letters.
 pub(super) const BLANK: Classes = 1;
 
-/// Light that no letter explains.
+/// The class of light that no letter explains.
 pub(super) const NO_LETTER: Classes = 1 << (N_CLASSES - 1);
 
-/// Latin capitals, each followed by the capitals that look like it: with accents, Cyrillic, Greek.
+/// Latin capitals, each followed by the accented, Cyrillic and Greek capitals that look like it.
 const SHAPES: &str = "AÀÁÂÃÄÅĀĂĄǍАΑ BВΒƁ CÇĆĈĊČСϹ DĎĐÐƊ EÈÉÊËĒĔĖĘĚЕЁΕ GĜĞĠĢ HĤĦНΗ IÌÍÎÏĨĪĬĮİІЇΙ \
                       JĴЈ KĶКΚƘ LĹĻĽĿŁ MМΜ NÑŃŅŇΝ OÒÓÔÕÖØŌŎŐОΟ PРΡ RŔŖŘ SŚŜŞŠȘЅ TŢŤŦȚТΤ \
                       UÙÚÛÜŨŪŬŮŰŲ VѴ WŴ XХΧ YÝŶŸУΥƳ ZŹŻŽΖ";
@@ -34,23 +34,23 @@ const SHAPES: &str = "AÀÁÂÃÄÅĀĂĄǍАΑ BВΒƁ CÇĆĈĊČСϹ DĎĐÐ�
 const LATIN_WITH_MARKS: [core::ops::RangeInclusive<char>; 3] =
     ['\u{c0}'..='\u{259}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
 
-/// True of a Latin letter with a mark, such as an accent, or another letter of these blocks.
+/// True for a Latin letter with a mark, such as an accent, and for other letters of these blocks.
 fn has_mark(character: char) -> bool {
     LATIN_WITH_MARKS.iter().any(|block| block.contains(&character))
 }
 
-/// Further Latin letters, and the letters whose shape is near theirs, the nearest first.
+/// Further Latin letters, each with the letters that look like it, the most similar first.
 const OTHER_LETTERS: &str = "ßẞ:B ÆæǼǽ:AE Œœ:OE Ĳĳ:IJ Þþ:P Ŋŋ:N Əə:E Ŧŧ:T ĸ:K";
 
-/// Sharp s, small and capital.
+/// The sharp s as a small letter and as a capital.
 const SHARP_S: [char; 2] = ['ß', 'ẞ'];
 
-/// Returns the Latin letter or digit that a character looks like, in the character's case.
+/// Returns the Latin letter or digit that a character looks like, in the case of that character.
 pub(super) fn latin(character: char) -> Option<char> {
     if character.is_ascii_alphanumeric() {
         return Some(character);
     }
-    // Small Greek nu looks like v, not like its capital.
+    // A small Greek nu looks like v, although its capital looks like N.
     if character == 'ν' {
         return Some('v');
     }
@@ -59,7 +59,7 @@ pub(super) fn latin(character: char) -> Option<char> {
         let is_sharp_s = SHARP_S.contains(&character);
         return Some(if is_sharp_s { nearest } else { with_case_of(nearest, character) });
     }
-    // Letters of another script by their capitals, other marks by Unicode's decomposition.
+    // Letters of other scripts are looked up by their capitals, other marks decomposed by Unicode.
     let capital = character.to_uppercase().next()?;
     let Some(shape) = SHAPES.split(' ').find(|shape| shape.contains(capital)) else {
         let base = has_mark(character).then(|| character.nfd().next())??;
@@ -68,24 +68,24 @@ pub(super) fn latin(character: char) -> Option<char> {
     Some(with_case_of(shape.chars().next()?, character))
 }
 
-/// Returns the letters that a letter of [`OTHER_LETTERS`] looks like, `None` for other characters.
+/// Returns the letters that a letter of [`OTHER_LETTERS`] looks like, or `None` for any other.
 fn near_shapes(character: char) -> Option<&'static str> {
     let mut rows = OTHER_LETTERS.split(' ').filter_map(|row| row.split_once(':'));
     rows.find_map(|(letters, near)| letters.contains(character).then_some(near))
 }
 
-/// Returns the two letters of a ligature, in its case, or `None` for other characters.
+/// Returns the two letters of a ligature in the ligature's case, or `None` for other characters.
 pub(super) fn ligature(character: char) -> Option<[char; 2]> {
     let mut letters = near_shapes(character)?.chars().map(|near| with_case_of(near, character));
     Some([letters.next()?, letters.next()?])
 }
 
-/// True of a Latin letter that the net was not trained on.
+/// True for a Latin letter that the net was not trained on.
 pub(super) fn is_untrained(character: char) -> bool {
     has_mark(character) || near_shapes(character).is_some()
 }
 
-/// Returns the class of a character, or `None` if it is not one of the net's.
+/// Returns the class of a character, or `None` if the net lacks it.
 pub(super) fn class_of(character: char) -> Option<usize> {
     CHARACTERS.iter().position(|listed| char::from(*listed) == character).map(|index| index + 1)
 }
@@ -94,7 +94,7 @@ pub(super) fn class_of(character: char) -> Option<usize> {
 pub(super) fn classes_of(character: char) -> Option<Classes> {
     let mark = if is_untrained(character) { NO_LETTER } else { 0 };
     let classes = match latin(character)? {
-        // Readers who do not know the sharp s take it for one of these.
+        // People who do not know the sharp s read it as one of these.
         _ if SHARP_S.contains(&character) => set_of("Bb38"),
         _ if let Some(near) = near_shapes(character) => {
             set_of(near) | set_of(&near.to_ascii_lowercase())
@@ -107,13 +107,13 @@ pub(super) fn classes_of(character: char) -> Option<Classes> {
     Some(classes | mark)
 }
 
-/// True of a letter or digit without classes. A modifier letter, as in Uzbek, is punctuation.
+/// True for a letter or digit without classes. A modifier letter, as in Uzbek, is punctuation.
 pub(super) fn is_foreign(character: char) -> bool {
     let is_modifier = ('\u{2b0}'..='\u{2ff}').contains(&character);
     character.is_alphanumeric() && !is_modifier && classes_of(character).is_none()
 }
 
-/// Returns the classes with the shape of a character, whatever their size.
+/// Returns the classes of all characters with the shape of a character, whatever their size.
 pub(super) fn alike(character: char) -> Classes {
     match character {
         'O' | 'o' | '0' => set_of("Oo0"),
@@ -130,8 +130,8 @@ pub(super) fn with_case_of(letter: char, other: char) -> char {
     if other.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
 }
 
-/// Returns letters and digits with their classes. A class in `taken`, or of an earlier name, is
-/// left out, and so is a name without classes.
+/// Returns the letters and digits with their classes. A class that is in `taken` or belongs to an
+/// earlier name is left out, and a name that keeps no class is left out as well.
 pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classes)> {
     let (letters, digits) = NAMES.split_at(26);
     let order = if digits_first { [digits, letters] } else { [letters, digits] };
@@ -146,8 +146,8 @@ pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classe
     names
 }
 
-/// True if a reading spells a word. Characters of equal shape are equal. Cases, marks, punctuation
-/// and spaces are ignored. A small l equals both I and L.
+/// True if a reading spells a word. Characters of the same shape are equal, and a small l equals
+/// both I and L. Case, marks, punctuation and spaces are ignored.
 pub(super) fn spells(reading: &str, word: &str) -> bool {
     let read = reading.chars().filter(|c| !c.is_whitespace()).map(shape);
     let wanted = word.chars().filter(|c| classes_of(*c).is_some()).map(shape);
@@ -155,7 +155,7 @@ pub(super) fn spells(reading: &str, word: &str) -> bool {
         && read.zip(wanted).all(|(read, wanted)| read & wanted != 0)
 }
 
-/// Returns the capitals and digits that have the shape of a character.
+/// Returns the capitals and digits that a character looks like, as a set of classes.
 fn shape(character: char) -> Classes {
     let mark = if has_mark(character) { NO_LETTER } else { 0 };
     mark | match latin(character) {
@@ -168,12 +168,12 @@ fn shape(character: char) -> Classes {
     }
 }
 
-/// Returns the classes of a character in a reading. `?` is light that no letter explains.
+/// Returns the classes of a character in a reading, in which `?` is light that no letter explains.
 pub(super) fn seen_as(character: char) -> Classes {
     classes_of(character).unwrap_or(NO_LETTER)
 }
 
-/// Returns the class of a character as a set, empty if the net lacks it.
+/// Returns the class of a character as a set, which is empty if the net lacks the character.
 fn bit(character: char) -> Classes {
     class_of(character).map_or(0, |class| 1 << class)
 }

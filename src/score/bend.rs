@@ -1,6 +1,7 @@
-//! Strokes and their light. Each intended stroke is moved sideways onto its light, so that the
-//! stroke of a drone beside its path is not missing. Parts without light are gaps then, and lines
-//! without a stroke are extra. Strokes only move sideways, since light may be missing along them.
+//! Moves each intended stroke sideways onto its light, so that it does not count as missing when
+//! the drone flew beside its path. Parts of the moved strokes without light are then gaps, and
+//! lines of light without a stroke are extra. Strokes only move sideways, since light may be
+//! missing along them.
 
 use std::ops::Range;
 
@@ -13,39 +14,40 @@ use super::trace::{CLOSE_PX, LightLines, around};
 use noctograph_core::geometry::segment_distance;
 use noctograph_core::statistics::median;
 
-/// Turns sharper than this end a stroke: 40 degrees. Polygons for round letters turn by less.
+/// Minimum turn that ends a stroke: 40 degrees. Round letters are polygons that turn by less.
 const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;
 
-/// Largest sideways move of a stroke: 0.25 H, like the largest shift of a letter.
+/// Maximum sideways move of a stroke: 0.25 H, the same as the maximum shift of a letter.
 const REACH_PX: i32 = 8;
 
-/// Light that is wider than this across a stroke belongs to another stroke, or is a spot: 0.2 H.
+/// Maximum width of light across a stroke: 0.2 H. Wider light is a spot or another stroke.
 const WIDEST_PX: i32 = 6;
 
-/// Half-width of the running median over the offsets, in points: 0.2 H.
+/// Half-width of the window of the running median over the offsets, in points: 0.2 H.
 const AROUND: usize = 6;
 
-/// Largest distance between a stroke and its light: 0.10 H.
+/// Maximum distance between a stroke and its light: 0.10 H.
 const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
 
-/// Largest distance between a neighbor's stroke and its light, since that stroke is not moved.
+/// Maximum distance between a neighbor's stroke, which is not moved onto its light, and that light.
 const BESIDE_PX: f64 = 1.5 * TOLERANCE_PX;
 
-/// Least length of a gap, without `CLOSE_PX` at each end: 0.12 H. A cut corner leaves as much.
+/// Minimum length of a gap without `CLOSE_PX` at each end: 0.12 H. A cut corner leaves a shorter
+/// gap.
 const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
 
-/// Gaps that reach no farther than this from a corner are a cut corner: 0.2 H.
+/// Maximum distance that the gap of a cut corner extends from the corner: 0.2 H.
 const CUT_PX: usize = 6;
 
-/// Least length of a line of extra light: 0.1 H.
+/// Minimum length of a line of extra light: 0.1 H.
 const LEAST_EXTRA_PX: f64 = 3.2;
 
-/// Strokes of a letter, moved onto their light.
+/// The strokes of a letter, moved onto their light.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bent {
     /// The runs of the pen.
     pub(super) runs: Vec<Run>,
-    /// Mean distance of the light from the intended strokes, where there is light.
+    /// Mean distance between the intended strokes and their light, over the points that have light.
     pub(super) mean_offset_px: f64,
 }
 
@@ -54,20 +56,20 @@ pub(super) struct Bent {
 pub(super) struct Run {
     /// Intended points, a pixel apart.
     pub(super) intended: Vec<Point>,
-    /// The same points, moved onto the light.
+    /// The intended points after they were moved onto the light.
     pub(super) on_light: Vec<Point>,
-    /// Indices of the points at corners.
+    /// Indices of the points that are corners.
     corners: Vec<usize>,
 }
 
 /// A part of the intended strokes that has no light.
 #[derive(Clone, Debug)]
 pub(super) struct Gap {
-    /// Index of the run of the pen.
+    /// Index of the run of the pen that has the gap.
     pub(super) stroke: usize,
-    /// Start and end of the gap along the run.
+    /// Positions of the gap's start and end along the run.
     pub(super) along_px: [f64; 2],
-    /// The points of the gap, a pixel apart.
+    /// The points in the gap, a pixel apart.
     pub(super) points: Vec<Point>,
 }
 
@@ -81,7 +83,7 @@ pub(super) struct ExtraLine {
 }
 
 impl Bent {
-    /// Returns the segments of the strokes on their light.
+    /// Returns the moved strokes as segments.
     pub(super) fn segments(&self) -> Vec<Line> {
         let pairs = self.runs.iter().flat_map(|run| run.on_light.windows(2));
         pairs.map(|pair| Line::new(pair[0], pair[1])).collect()
@@ -89,7 +91,7 @@ impl Bent {
 }
 
 impl Run {
-    /// True if a dark stretch is a corner that a lagging drone has cut: nothing is missing there.
+    /// True if a dark stretch is a corner that a lagging drone cut, so that nothing is missing.
     fn is_cut_corner(&self, dark: &Range<usize>) -> bool {
         let mut corners = self.corners.iter();
         dark.start > 0
@@ -100,13 +102,13 @@ impl Run {
             })
     }
 
-    /// Returns the gap at a dark stretch, with the tolerance at its ends added.
+    /// Returns the gap at a dark stretch, extended at each end by the tolerance.
     fn gap(&self, stroke: usize, dark: Range<usize>) -> Gap {
-        // Points near the last light count as lit, so that the light ends before the dark points.
+        // Points near the last light count as lit, so the light ends before the dark points.
         let reach = whole(CLOSE_PX);
         let from = dark.start.saturating_sub(reach);
         let to = (dark.end + reach).min(self.on_light.len());
-        // The missing part is drawn with the offset of the light before it, or else after it.
+        // The gap is drawn with the sideways offset of the light before it, or else after it.
         let neighbor = if from > 0 { from - 1 } else { to.min(self.on_light.len() - 1) };
         let offset = self.on_light[neighbor] - self.intended[neighbor];
         let points = self.intended[from..to].iter().map(|point| *point + offset).collect();
@@ -115,13 +117,13 @@ impl Run {
 }
 
 impl LightLines {
-    /// Moves runs of the pen sideways onto their light.
+    /// Moves each run of the pen sideways onto its light.
     pub(super) fn bend(&self, runs: &[Vec<Line>]) -> Bent {
         let mut bent = Bent::default();
         let (mut sum_px, mut n_lit) = (0.0, 0);
         for segments in runs {
             let mut run = Run::default();
-            // Offsets are smoothed between corners, since they have another direction after one.
+            // Offsets are only smoothed between corners, because a corner changes their direction.
             for stroke in segments.chunk_by(|a, b| turn(*a, *b) < CORNER_RAD) {
                 run.corners.push(run.on_light.len());
                 let points: Vec<(Point, Vec2)> = stroke
@@ -147,7 +149,7 @@ impl LightLines {
     fn offset(&self, point: Point, across: Vec2) -> Option<f64> {
         let mut nearest: Option<f64> = None;
         let mut first_lit = None;
-        // One step beyond the reach is dark, so that it ends a lit stretch.
+        // The last step is beyond the reach and counts as dark, so that it ends a lit stretch.
         for step in -REACH_PX..=REACH_PX + 1 {
             let is_lit = step <= REACH_PX && self.is_lit(point + f64::from(step) * across);
             match (first_lit, is_lit) {
@@ -166,29 +168,29 @@ impl LightLines {
         nearest
     }
 
-    /// True if the pixel at a point is lit, false outside the page.
+    /// True if the pixel at a point is lit. Points outside the page are dark.
     fn is_lit(&self, Point { x, y }: Point) -> bool {
         let height = self.lit.len() / self.width;
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < height as f64;
         inside && self.lit[whole(y) * self.width + whole(x)]
     }
 
-    /// Returns the gaps in runs of the pen, and the fraction of points with light. A small gap is
-    /// left out unless `is_lost` is true of its points.
+    /// Returns the gaps in runs of the pen, and the fraction of the points that have light. A small
+    /// gap is only returned if `is_lost` is true for its points.
     pub(super) fn gaps(&self, bent: &Bent, is_lost: impl Fn(&[Point]) -> bool) -> (Vec<Gap>, f64) {
         let (mut gaps, mut n_points, mut n_lit) = (Vec::new(), 0, 0);
         for (stroke, run) in bent.runs.iter().enumerate() {
             let points = &run.on_light;
             n_points += points.len();
             n_lit += points.iter().filter(|p| self.has_light_near(**p, TOLERANCE_PX)).count();
-            // Stretches of points with light and without it.
+            // Consecutive points that all have light, or all lack it, form a stretch.
             let has_light: Vec<bool> = points.iter().map(|point| self.is_drawn(*point)).collect();
             let mut end = 0;
             for same in has_light.chunk_by(|a, b| a == b) {
                 let stretch = end..end + same.len();
                 end = stretch.end;
                 let is_small = run.is_cut_corner(&stretch) || (same.len() as f64) < LEAST_GAP_PX;
-                // A small gap counts only if the log explains it.
+                // A small gap is a fault only if a gap in the log explains it.
                 if !same[0] && (!is_small || is_lost(&points[stretch.clone()])) {
                     gaps.push(run.gap(stroke, stretch));
                 }
@@ -197,8 +199,8 @@ impl LightLines {
         (gaps, n_lit as f64 / n_points.max(1) as f64)
     }
 
-    /// Returns the lines of light away from the strokes `own` and `beside`, those of the letter and
-    /// of its neighbors, and the fraction of the letter's light that is near `own`.
+    /// Returns the lines of light that are away from the strokes of the letter (`own`) and of its
+    /// neighbors (`beside`), and the fraction of the letter's light that is near `own`.
     pub(super) fn extra_lines(&self, own: &[Line], beside: &[Line]) -> (Vec<ExtraLine>, f64) {
         let mut far = vec![false; self.thin.len()];
         let (mut n_own, mut n_far) = (0_u32, 0_u32);
@@ -214,7 +216,7 @@ impl LightLines {
             }
         }
         let precision = f64::from(n_own) / f64::from((n_own + n_far).max(1));
-        // Connected pixels are one line, by flood fill.
+        // A flood fill collects connected pixels into one line.
         let mut lines = Vec::new();
         for start in 0..far.len() {
             let mut open = Vec::from_iter(std::mem::take(&mut far[start]).then_some(start));
@@ -239,7 +241,7 @@ pub(super) fn distance(point: Point, segments: &[Line]) -> f64 {
     ends.map(|ends| segment_distance(xy(point), ends)).fold(f64::INFINITY, f64::min)
 }
 
-/// Cuts a segment into equal parts of at most a pixel, and returns their middles.
+/// Cuts a segment into equal parts of at most one pixel, and returns the center of each.
 fn pixel_steps(segment: Line) -> impl Iterator<Item = Point> {
     let Vec2 { x, y } = segment.p1 - segment.p0;
     let n_steps = whole(libm::hypot(x, y).ceil());
@@ -252,14 +254,14 @@ fn turn(a: Line, b: Line) -> f64 {
     libm::atan2(a.cross(b), a.dot(b)).abs()
 }
 
-/// Returns the unit vector across a segment.
+/// Returns the unit vector perpendicular to a segment.
 fn normal(segment: Line) -> Vec2 {
     let Vec2 { x, y } = segment.p1 - segment.p0;
     let length = libm::hypot(x, y);
     Vec2::new(-y / length, x / length)
 }
 
-/// Returns the median of the offsets around a point, over a wider range if there is no light.
+/// Returns the median of the offsets around a point. The window is widened until it contains light.
 fn smooth(offsets: &[Option<f64>], index: usize) -> f64 {
     let mut reach = AROUND;
     loop {

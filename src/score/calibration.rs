@@ -1,30 +1,28 @@
-//! The probability that a viewer reads the word at first sight, by a logistic regression.
+//! The probability that a viewer reads the word at first sight, computed by logistic regression.
 
 use serde::Serialize;
 
 use super::lattice::Choice;
 
-/// Range of a letter's log-odds, which limits the weight of one letter.
+/// Range of the log-odds of a letter, which limits the weight of a single letter.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
 
-/// Least probability of other letters, so that log-odds stay finite.
+/// Minimum probability of the other letters, which keeps log-odds finite.
 const LEAST_REST: f64 = 5e-4;
 
-/// Largest log-odds against the rival word, either way.
+/// Maximum magnitude of the log-odds against the rival word.
 const MOST_RIVAL: f64 = 9.0;
 
-/// Least mean of ln p of the spelling, and its mean over words and names.
+/// Minimum of the spelling's mean logarithm of probability, and its mean over words and names.
 const LEAST_SPELLING: f64 = -4.0;
 const MEAN_SPELLING: f64 = -2.2;
 
-/// Logistic regression of the readability:
-/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))`.
-/// `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival.
-/// `s` says how usual the spelling is: the mean over its letters of ln p, each after the four
-/// before it, plus 2.2, times 1 − m / 8 for m from 0 to 8.
+/// `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s`
+/// says how usual the spelling is: the mean, over its letters, of the natural logarithm of the
+/// probability of a letter after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
-    /// Readers whose reading it predicts.
+    /// The readers whose reading the regression predicts.
     pub reader: &'static str,
     /// Constant of the regression.
     pub constant: f64,
@@ -36,7 +34,7 @@ pub struct Calibration {
     pub spelling: f64,
 }
 
-/// The calibration of all verdicts, fitted by `examples/readings/fit.py` to the choosing half of
+/// The calibration of all verdicts. `examples/readings/fit.py` fitted it to the choosing half of
 /// `examples/readings/readings.tsv` and to clean photographs (docs/calibration.md).
 pub const CALIBRATION: Calibration = Calibration {
     reader: "two at first sight",
@@ -46,14 +44,14 @@ pub const CALIBRATION: Calibration = Calibration {
     spelling: 1.192,
 };
 
-/// Returns the probability that a viewer reads a word. `choices` has one for each letter, and
-/// `ln_odds_of_word` is against the likeliest other word.
+/// Returns the probability that a viewer reads a word with these `choices` for its letters.
+/// `ln_odds_of_word` are its odds against the likeliest other word.
 pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
     let odds = choices.iter().map(|choice| choice.p / (1.0 - choice.p).max(LEAST_REST));
     let log_odds = odds.map(|odds| libm::log(odds).clamp(LOG_ODDS[0], LOG_ODDS[1]));
     let mean = log_odds.sum::<f64>() / choices.len().max(1) as f64;
     let rival_log_odds = ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
-    // Clear letters are read, however unusual the word is.
+    // The spelling has no weight for clear letters, which are read however unusual the word is.
     let unclear = 1.0 - mean.clamp(0.0, LOG_ODDS[1]) / LOG_ODDS[1];
     let usualness = unclear * (ln_p_of_spelling.max(LEAST_SPELLING) - MEAN_SPELLING);
     let Calibration { constant, mean_log_odds, rival, spelling, .. } = CALIBRATION;

@@ -1,4 +1,4 @@
-//! Causes of errors, and advice: the kinds of faults and the sentences about them.
+//! Causes of errors, and advice: the kinds of faults, and the sentences about them.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,27 +10,27 @@ use noctograph_core::geometry::distance;
 pub struct Cause {
     /// Kind of the fault.
     pub kind: CauseKind,
-    /// Index of the letter, from 0, or `None` if the fault concerns the whole word.
+    /// Index of the letter, from 0. `None` if the fault concerns the whole word.
     pub letter: Option<usize>,
-    /// Length, distance or width in the plane of the word.
+    /// Length, distance or width of the fault, in the plane of the word.
     pub length_mm: Option<f64>,
-    /// Middle of the fault in the plane of the word, to the right and up.
+    /// Center of the fault in the plane of the word: right and up.
     pub at_m: Option<[f64; 2]>,
     /// The part of a stroke that is missing.
     pub missing: Option<MissingRun>,
-    /// Delay of the lamp, if light leads from stroke to stroke and the speed is known.
+    /// Delay of the lamp, known if light leads from stroke to stroke and the speed is known.
     pub lamp_delay_s: Option<f64>,
-    /// Start and end of the log gap in which a part of a stroke is missing.
+    /// Start and end of the log gap because of which a part of a stroke is missing.
     pub log_gap_s: Option<[f64; 2]>,
-    /// The letter that this one looks like, for a fault of design.
+    /// The letter that this one looks like, if the fault is one of design.
     pub reads_as: Option<char>,
-    /// Gain in the letter's probability, −1 to 1, when the photo is read without the fault. `None`
-    /// if the fault cannot be removed.
+    /// Gain in the letter's probability, −1 to 1, if the photo is read without the fault. The gain
+    /// is `None` if the fault cannot be removed.
     pub gain: Option<f64>,
 }
 
 impl Cause {
-    /// Returns a fault of `kind` without measures.
+    /// Returns a fault of a kind without measures.
     pub(super) fn new(kind: CauseKind, letter: Option<usize>) -> Self {
         Self { kind, letter, ..Self::default() }
     }
@@ -41,9 +41,9 @@ impl Cause {
 pub struct MissingRun {
     /// Index of the run of the pen within the letter.
     pub stroke: usize,
-    /// Start of the missing part along the run.
+    /// Position along the run where the missing part starts.
     pub from_mm: f64,
-    /// End of the missing part along the run.
+    /// Position along the run where the missing part ends.
     pub to_mm: f64,
 }
 
@@ -54,29 +54,29 @@ pub enum CauseKind {
     /// A part of a stroke has no light.
     #[default]
     MissingRun,
-    /// A part of a stroke has no light, and the log of the flight has a gap there.
+    /// A part of a stroke has no light because the log of the flight has a gap there.
     LogGap,
-    /// Light leads from one stroke to the next, where it should be off.
+    /// Light leads from one stroke to the next, although the lamp should be off there.
     LitTransit,
-    /// Light leads from the floor or to it.
+    /// Light leads to or from the floor.
     Streak,
-    /// A spot of light beside the strokes, where the drone waited.
+    /// A spot of light away from the strokes, where the drone waited.
     DwellBlob,
-    /// A neighbor's stroke reaches into the letter.
+    /// A stroke of a neighboring letter reaches into the letter.
     Overlap,
-    /// Other light beside the strokes.
+    /// Other light away from the strokes.
     OtherStray,
-    /// The letter is beside its intended position.
+    /// The letter is away from its intended position.
     Shifted,
-    /// Lines are much wider than a pen.
+    /// Lines are much wider than the pen.
     Glow,
-    /// Too few pixels to a letter.
+    /// The letters have too few pixels.
     FewPixels,
     /// The light is hardly brighter than the noise.
     Dim,
-    /// The font's letter looks like another one, even when drawn without fault.
+    /// The font's letter looks like another one even when it is drawn without fault.
     Design,
-    /// Light runs beside the intended strokes: the drone flew beside its path.
+    /// Light runs beside the intended strokes, because the drone flew beside its path.
     OffPath,
 }
 
@@ -85,31 +85,31 @@ pub enum CauseKind {
 pub struct Advice {
     /// The kind of fault that the advice removes.
     pub kind: CauseKind,
-    /// A sentence for people.
+    /// The advice as a sentence.
     pub text: String,
-    /// Gain in readability, 0 to 1, when the photo is read without any fault of the kind. `None` if
-    /// these cannot be removed.
+    /// Gain in readability, 0 to 1, if the photo is read without any fault of this kind. The gain
+    /// is `None` if such faults cannot be removed.
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a flight. The photo is dark there, since the lamps' position is unknown.
+/// A gap in the log of a flight. The photo is dark there, because the lamps' position is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {
-    /// Times of the last sample before the gap and the first after it, on the flight's clock.
+    /// Times of the last sample before the gap and the first one after it, on the flight's clock.
     pub span_s: [f64; 2],
-    /// Positions of the drone at these times, in the plane of the word, to the right and up.
+    /// Positions of the drone at these times, in the plane of the word: right and up.
     pub ends_m: [[f64; 2]; 2],
-    /// Longest path that the lamps can have taken between these positions.
+    /// Length of the longest path that the lamps can have taken between these positions.
     pub way_m: f64,
 }
 
 impl LogGap {
-    /// Parses the gaps in a photo's metadata. `place` names these in error messages.
+    /// Parses the gaps in a photo's metadata. `place` names the metadata in error messages.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for any other text.
+    /// Returns [`Error::Input`] for any other text.
     pub fn parse(json: &str, place: &str) -> Result<Vec<Self>> {
         serde_json::from_str(json).map_err(|error| {
             let hint = "expose the flight again";
@@ -117,20 +117,20 @@ impl LogGap {
         })
     }
 
-    /// True if the lamps can have been at a point during the gap. These points are an ellipse whose
-    /// foci are the ends.
+    /// True if the lamps can have been at a point during the gap. Such points form an ellipse whose
+    /// foci are the drone's positions at the ends of the gap.
     pub(super) fn may_hold(&self, point_m: [f64; 2]) -> bool {
         let distances_m = self.ends_m.iter().map(|end| distance(*end, point_m));
         distances_m.sum::<f64>() <= self.way_m
     }
 }
 
-/// Known facts about the flight.
+/// What is known about the flight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
-    /// Speed along the strokes.
+    /// Speed of the drone along the strokes.
     pub speed_m_s: Option<f64>,
-    /// Mean distance from the path.
+    /// Mean distance of the drone from its path.
     pub contour_m: Option<f64>,
     /// Lag of the drone behind its setpoints.
     pub lag_s: Option<f64>,
@@ -138,10 +138,10 @@ pub struct Known {
     pub gaps: Vec<LogGap>,
 }
 
-/// Least lag behind the setpoints that a sentence mentions.
+/// Minimum lag behind the setpoints that a sentence mentions.
 const LEAST_LAG_S: f64 = 0.02;
 
-/// Returns the sentence of advice for all faults of a kind.
+/// Returns the sentence of advice about all faults of a kind.
 pub(super) fn sentence(
     kind: CauseKind,
     causes: &[&Cause],
@@ -150,7 +150,7 @@ pub(super) fn sentence(
 ) -> String {
     use CauseKind as Kind;
 
-    // Lengths of missing or extra light add up, and the greatest distance or width counts.
+    // Lengths of missing or extra light are added. Of distances and widths, the greatest is given.
     let named_letters = named_letters(causes, letters);
     let length_mm: f64 = causes.iter().filter_map(|cause| cause.length_mm).sum();
     let most_mm = causes.iter().filter_map(|cause| cause.length_mm).fold(0.0, f64::max);
@@ -160,53 +160,62 @@ pub(super) fn sentence(
         Kind::MissingRun => format!(
             "Keep the light on to the end of the stroke in {named_letters}: {length_mm:.0} mm are missing{}.",
             lag_s.map_or(String::new(), |lag_s| format!(
-                "; the drone lags by {lag_s:.2} s, so switch that much later"
+                ". The drone lags by {lag_s:.2} s, so switch the light off that much later"
             ))
         ),
         Kind::LogGap => format!(
             "{length_mm:.0} mm of {named_letters} are missing because the log of the flight has a gap there \
-             ({}), not because of the lamps: log fewer variables, or on the \u{b5}SD card.",
+             ({}), not because of the lamps. Log fewer variables, or log to the \u{b5}SD card.",
             gap_times(causes)
         ),
-        // If the drone lags, light between strokes says nothing about the lamp's delay.
+        // If the drone lags, light between strokes does not show the lamp's delay.
         Kind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
             "Switch the light off earlier between strokes of {named_letters}: {length_mm:.0} mm of transit are \
-             lit, as by a lamp {:.0} ms late.",
+             lit, as if the lamp were {:.0} ms late.",
             1000.0 * delays
         ),
         Kind::LitTransit => format!(
             "Switch the light off between strokes of {named_letters}: {length_mm:.0} mm of transit are lit."
         ),
         Kind::Streak => format!(
-            "Keep the light off while the drone comes and goes: a streak of {length_mm:.0} mm at {named_letters}."
+            "Keep the light off while the drone arrives and leaves: there is a streak of {length_mm:.0} mm at \
+                {named_letters}."
         ),
-        Kind::DwellBlob => format!("Do not wait with the light on: a spot beside {named_letters}."),
-        Kind::Overlap => format!("Leave more room beside {named_letters}: a neighbor reaches in."),
+        Kind::DwellBlob => {
+            format!("Do not wait with the light on: there is a spot beside {named_letters}.")
+        }
+        Kind::Overlap => format!(
+            "Leave more room beside {named_letters}, because a neighboring letter overlaps."
+        ),
         Kind::OtherStray => format!(
-            "Take out stray light at {named_letters}: {length_mm:.0} mm of it (status lights, the ring, a lamp \
-             in the room)."
+            "Remove {length_mm:.0} mm of stray light at {named_letters}, for example from status lights, the \
+             ring, or a lamp in the room."
         ),
-        Kind::Shifted => format!("Bring {named_letters} into place: up to {most_mm:.0} mm away."),
+        Kind::Shifted => format!(
+            "Correct the position of {named_letters}, which is off by up to {most_mm:.0} mm."
+        ),
         Kind::Glow => format!(
-            "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {named_letters}."
+            "Expose less, or focus better: lines up to {most_mm:.0} mm wide fill the gaps in {named_letters}."
         ),
-        Kind::FewPixels => "Come nearer or take a longer lens: letters have few pixels.".into(),
-        Kind::Dim => "Expose more, or darken the room: light hardly stands out.".into(),
+        Kind::FewPixels => {
+            "Move the camera closer, or use a longer lens: the letters have too few pixels.".into()
+        }
+        Kind::Dim => "Expose more, or darken the room: the light hardly stands out.".into(),
         Kind::Design => format!(
-            "Choose another font, or draw {named_letters} otherwise: this font's {}.",
+            "Choose another font, or draw {named_letters} differently: in this font, {}.",
             confused_letters(causes, letters)
         ),
         Kind::OffPath => format!(
-            "Fly nearer the path in {named_letters}: light runs up to {most_mm:.0} mm beside the strokes{}.",
+            "Fly closer to the path in {named_letters}: light is up to {most_mm:.0} mm away from the strokes{}.",
             known.contour_m.map_or(String::new(), |contour_m| format!(
-                "; the log says {:.0} mm on average",
+                ", and {:.0} mm on average according to the log",
                 1000.0 * contour_m
             ))
         ),
     }
 }
 
-/// Returns the text of the log gaps' times, without duplicates.
+/// Returns the times of the log gaps as text, without duplicates.
 fn gap_times(causes: &[&Cause]) -> String {
     let mut gap_times: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
     gap_times.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -215,7 +224,7 @@ fn gap_times(causes: &[&Cause]) -> String {
     gap_times.collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the text of the causes' letters with their positions from 1, without duplicates.
+/// Returns the letters of the causes as text, each with its position from 1, without duplicates.
 fn named_letters(causes: &[&Cause], letters: &[char]) -> String {
     let mut names: Vec<String> = Vec::new();
     for index in causes.iter().filter_map(|cause| cause.letter) {
@@ -227,7 +236,7 @@ fn named_letters(causes: &[&Cause], letters: &[char]) -> String {
     names.join(", ")
 }
 
-/// Returns the text of which letters are read as which others.
+/// Returns text that says which letters are read as which others.
 fn confused_letters(causes: &[&Cause], letters: &[char]) -> String {
     let confused_letters = causes.iter().filter_map(|cause| {
         Some(format!("{} is read as {}", letters[cause.letter?], cause.reads_as?))

@@ -1,23 +1,23 @@
-//! Separation of ink by its color: light in the color of the strokes is ink, other light is not.
+//! Separation of ink by color: only light in the color of the strokes is ink.
 //!
-//! A Crazyflie's status lights draw along with the headlights. People can tell their blue and red
-//! lines from the white ones. Luminance cannot if these are overexposed.
+//! The status lights of a Crazyflie draw lines along with its headlights. People can tell these
+//! blue and red lines from the white strokes, but luminance cannot if the lines are overexposed.
 
 use std::cmp::Ordering;
 
 use super::light::{Rgb, luminance};
 
-/// Least ratio of a channel to the ink's strongest one. Weaker channels are not compared.
+/// Minimum ratio of a channel to the strongest channel of the ink for it to be compared.
 const MIN_CHANNEL: f32 = 0.3;
 
-/// Factor by which light of another color is subtracted from ink. An overexposed blue lamp is white
-/// by three quarters. The white of a trail differs from place to place by a tenth.
+/// Factor by which light of another color is multiplied before it is subtracted from ink. An
+/// overexposed blue lamp is three quarters white. The white of a trail varies by a tenth along it.
 const FOREIGN: f32 = 3.0;
 
 /// Returns the mean color of the `n_pixels` brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
-    // Integers are half as wide as pixels, of which there are half a million. Equal luminances are
-    // ordered by color, so that the same pixels are chosen for any order of them.
+    // Integers take half the memory of pixels, of which there are half a million. Pixels of equal
+    // luminance are sorted by color, so that the result does not depend on their order.
     let ranks = light.iter().map(|light| rank(luminance(*light)));
     let mut sorted: Vec<(i32, u32)> = ranks.zip(0..).collect();
     let n_pixels = n_pixels.clamp(1, sorted.len());
@@ -33,22 +33,22 @@ pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     sum.map(|sum| sum / n_pixels as f32)
 }
 
-/// Returns an integer with the order of [`f32::total_cmp`], by the same bit operations.
+/// Returns an integer that sorts like [`f32::total_cmp`], by the same bit operations.
 fn rank(value: f32) -> i32 {
     let bits = value.to_bits().cast_signed();
     bits ^ ((bits >> 31).cast_unsigned() >> 1).cast_signed()
 }
 
-/// Returns a function for the luminance of the greatest amount of `color` that fits into a pixel's
-/// light: its scarcest channel is the limit.
+/// Returns a function for the luminance of the largest amount of `color` that a pixel's light
+/// contains. The scarcest channel limits this amount.
 fn luminance_of_color(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
-    // Channels of which the color has little are no limit: 0 · light + ∞. Without a branch, a row
-    // of pixels is vectorized.
-    let terms = color.map(|c| match c >= MIN_CHANNEL * strongest && c > 0.0 {
-        true => (scale / c, 0.0),
-        false => (0.0, f32::INFINITY),
+    // A channel that the color barely uses sets no limit, written as 0 · light + ∞. The sum has no
+    // branch, so that the compiler can vectorize a row of pixels.
+    let terms = color.map(|c| {
+        let is_limit = c >= MIN_CHANNEL * strongest && c > 0.0;
+        if is_limit { (scale / c, 0.0) } else { (0.0, f32::INFINITY) }
     });
     move |light| {
         let limits = [0, 1, 2].map(|channel| light[channel] * terms[channel].0 + terms[channel].1);
@@ -57,8 +57,8 @@ fn luminance_of_color(color: Rgb) -> impl Fn(Rgb) -> f32 {
     }
 }
 
-/// Returns a function for the light of `color` in a pixel, minus light of other colors: a status
-/// light that is overexposed nearly to white is not a stroke.
+/// Returns a function for the light of `color` in a pixel, minus light of other colors. A status
+/// light that is overexposed nearly to white is thus not taken for a stroke.
 pub(super) fn pure(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let luminance_of_color = luminance_of_color(color);
     move |light| {

@@ -1,7 +1,6 @@
-//! Explanation of a verdict: the faults of each letter, and the gain from mending each.
+//! Explanation of a verdict: the faults of each letter, and the gain from mending each fault.
 //!
-//! Each fault is removed from the photo separately, and the word is read again. The difference is
-//! the cost of the fault.
+//! The photo is read again without each fault. The difference from the first reading is the gain.
 
 use kurbo::Point;
 
@@ -18,38 +17,40 @@ use super::{BLUR_H, PX_PER_H};
 use noctograph_core::error::Result;
 use noctograph_core::photo::Photo;
 
-/// Cap height in the photo, in pixels, below which letters have few pixels.
+/// Cap height in the photo, in pixels, below which the letters have too few pixels.
 const FEW_PX: f64 = 30.0;
 
-/// Ratio of full light to the least visible light below which a photo is dim.
+/// Ratio of full light to the lowest visible light below which a photo is dim.
 const DIM: f32 = 2.0;
 
-/// Probability below which a faultless drawing is a flaw of its font.
+/// Probability below which a letter, drawn without fault, is a flaw of its font.
 const STRANGE: f64 = 0.5;
 
-/// Probability of another letter in a faultless drawing from which the font is the cause if the
-/// photo is read as that letter. An example is the team's J with its small hook, read as T.
+/// Minimum probability of another letter in a faultless drawing for the font to be the cause when
+/// the photo is read as that letter. For example, the team's J has a small hook and is read as T.
 const AMBIGUOUS: f64 = 0.01;
 
-/// Probability from which mending a letter gains nothing.
+/// Probability above which mending a letter gains nothing.
 const SURE: f64 = 0.97;
 
-/// Least gain of readability that is advised.
+/// Minimum gain in readability for a sentence of advice.
 const LEAST_GAIN: f64 = 0.005;
 
-/// Number of letters whose faults are mended, the least probable first. Each fault is one reading.
+/// Maximum number of letters whose faults are mended, the least probable first. Each mended fault
+/// costs one more reading.
 const MOST_MENDED: usize = 12;
 
-/// Longest word, in letters, whose faults are mended. Longer ones have no gains.
+/// Maximum number of letters in a word whose faults are mended. In longer words, causes have no
+/// gains.
 const LONGEST_MENDED: usize = 32;
 
-/// Most sentences of advice.
+/// Maximum number of sentences of advice.
 const MAX_ADVICE: usize = 3;
 
-/// The faults of a verdict as lines on the photo, in its pixels.
+/// The faults of a verdict as polylines on the photo, in photo pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Marks {
-    /// Intended strokes, moved to where their letters were found.
+    /// Intended strokes, moved onto the light of their letters.
     pub intended: Vec<Vec<[f64; 2]>>,
     /// Parts of the intended strokes that have no light.
     pub missing: Vec<Vec<[f64; 2]>>,
@@ -60,18 +61,18 @@ pub struct Marks {
 }
 
 impl Reader {
-    /// Reads a photo as [`Self::score`], and adds faithfulness, causes and advice.
+    /// Reads a photo like [`Self::score`], and adds faithfulness, causes and advice.
     ///
     /// # Errors
     ///
-    /// As [`Self::score`].
+    /// Returns the same errors as [`Self::score`].
     pub fn explain(&self, photo: &Photo, view: &View, known: &Known) -> Result<(Verdict, Marks)> {
         let (mut verdict, seen) = self.score_with_light(photo, view)?;
         let mut marks = Marks::default();
         let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        // Faults of letters have gains. Those of the font and of the photo cannot be mended.
+        // Only faults of letters have gains, since those of font and photo cannot be mended.
         let mut faults = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         let in_place = self.gains(seen, &sketches, &mut faults);
         self.flaws_of_design(&verdict, &mut faults);
@@ -103,7 +104,7 @@ impl Reader {
                 continue;
             };
             let place = self.expected.indices.iter().position(|judged| *judged == index);
-            // Punctuation is not judged, but is mended with the other letters for advice.
+            // Punctuation has no choice, but is mended together with the letters for the advice.
             let Some(place) = place else { continue };
             if !worst.contains(&place) {
                 *mending = None;
@@ -120,8 +121,8 @@ impl Reader {
         in_place
     }
 
-    /// Compares the light of each letter with its strokes. Sets the letters' measures in the
-    /// verdict and adds marks. Returns the faults.
+    /// Compares the light of each letter with its strokes, sets the letters' measures in the
+    /// verdict, adds marks, and returns the faults.
     fn compare(
         &self,
         sketches: &[Sketch],
@@ -132,7 +133,8 @@ impl Reader {
     ) -> Vec<Fault> {
         let placed = &seen.placed;
         let mut faults: Vec<Fault> = Vec::new();
-        // Segments of all strokes, and those weighted by recall and precision of their letter.
+        // Number of stroke segments, and the same number weighted by the recall and by the
+        // precision of each letter.
         let [mut length, mut recalled, mut precise] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
@@ -146,19 +148,19 @@ impl Reader {
             recalled += recall * n_segments;
             precise += precision * n_segments;
 
-            // Measures of the letter, in millimeters and meters of the word's plane.
+            // Measures of the letter in the word's plane, in millimeters and meters.
             let pitch_mm = 1000.0 * page.grid.pitch_m;
             let missing_px: f64 = gaps.iter().map(|gap| gap.along_px[1] - gap.along_px[0]).sum();
             let extra_px = extra.iter().map(|line| line.points.len()).sum::<usize>() as f64;
             let letter = &mut verdict.letters[index];
             (letter.recall, letter.precision) = (Some(recall), Some(precision));
-            // An empty sum is -0.
+            // `abs` turns -0, the sum of no gaps, into 0.
             letter.missing_mm = Some(missing_px.abs() * pitch_mm);
             letter.stray_mm = Some(extra_px * pitch_mm);
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
 
-            // The letter's faults as lines on the photo.
+            // Marks of the letter's faults, as polylines on the photo.
             let on_photo = |points: &[Point]| -> Vec<[f64; 2]> {
                 let in_plane = points.iter().map(|point| page.grid.plane_from_page(*point));
                 in_plane.filter_map(|point_m| placed.image_point(view, point_m)).collect()
@@ -171,13 +173,13 @@ impl Reader {
             marks.cells.push(on_photo(&corners.map(Point::from)));
             faults.extend(self.faults(index, sketch, (gaps, extra), (placed, known)));
         }
-        // The harmonic mean, F1, of both fractions.
+        // The faithfulness is F1, the harmonic mean of both fractions.
         let [recall, precision] = [recalled, precise].map(|sum| sum / length.max(1e-9));
         verdict.faithfulness = Some(2.0 * recall * precision / (recall + precision).max(1e-9));
         faults
     }
 
-    /// Returns sentences for kinds of faults, sorted by their gain in readability. Kinds that
+    /// Returns one sentence for each kind of fault, sorted by gain in readability. Kinds that
     /// cannot be mended come last, and only if the word is not legible.
     fn advise(
         &self,
@@ -195,7 +197,7 @@ impl Reader {
                 continue;
             }
             kinds.push(*kind);
-            // All faults of a kind are mended at once: one change to the flight mends them all.
+            // All faults of a kind are mended together, since one change to the flight does so.
             let same_kind = faults.iter().filter(|(cause, _)| cause.kind == *kind);
             let (causes, mendings): (Vec<&Cause>, Vec<_>) = same_kind
                 .map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref())))
@@ -220,11 +222,12 @@ impl Reader {
         advice
     }
 
-    /// Returns the columns of the word after mending faults, each given with its letter.
+    /// Returns the word's columns after some faults were mended, each given with its letter's
+    /// index.
     fn mended(&self, seen: &Seen, sketches: &[Sketch], mendings: &[(usize, &Mending)]) -> Columns {
         let (mut strips, mut columns) = (seen.strips.clone(), seen.columns.clone());
         let mut changed = vec![Vec::new(); strips.len()];
-        // A letter is mended on its page. The strip is then changed by the difference.
+        // Each letter is mended on its own page. The difference is then added to the strip.
         for letters in mendings.chunk_by(|a, b| a.0 == b.0) {
             let (index, line) = (letters[0].0, self.line_of[letters[0].0]);
             let (sketch, page) = (&sketches[index], &self.pages[index].grid);
@@ -234,14 +237,14 @@ impl Reader {
                 [&sketch.ink, &mended].map(|raster| raster.blur(BLUR_H * f32::from(PX_PER_H)));
             changed[line].push(strips[line].change(&self.lines[line], page, &before, &after));
         }
-        // Only columns near a change are read again by the net.
+        // The net rereads only the columns near a change.
         for (line, parts) in changed.into_iter().enumerate() {
             parts.into_iter().for_each(|part| columns[line].replace(&strips[line], part));
         }
         Columns::joined(columns)
     }
 
-    /// Adds letters that look like other ones even in a faultless drawing.
+    /// Adds a fault for each letter that looks like another one even in a faultless drawing.
     fn flaws_of_design(&self, verdict: &Verdict, faults: &mut Vec<Fault>) {
         let choices = self.expected.choices(&self.drawn_columns());
         for (index, choice) in self.expected.indices.iter().zip(choices) {

@@ -1,5 +1,5 @@
-//! Faults of a letter: missing strokes, extra light and its kind, shift, glow. Each can be removed
-//! from the letter's picture, so that the letter is read without it.
+//! Faults of a letter: missing strokes, extra light and its kind, shift, and glow. A fault can be
+//! removed from the letter's picture, so that the letter can be read without it.
 
 use kurbo::{Point, Vec2};
 
@@ -15,52 +15,52 @@ use super::{PEN_H, PX_PER_H};
 /// One cap height in pixels, H.
 const H_PX: f64 = PX_PER_H as f64;
 
-/// Shift of a letter from which it is a fault: 0.06 H. Clean letters are within half of it.
+/// Minimum shift of a letter that is a fault: 0.06 H. Clean letters shift by less than half of it.
 const SHIFTED_PX: f64 = 0.06 * H_PX;
 
-/// Fraction of extra light within `NEAR_MOVE_PX` of a dark move from which it belongs to the move.
+/// Minimum fraction of extra light within `NEAR_MOVE_PX` of a dark move to which it belongs.
 const ALONG_MOVE: f64 = 0.6;
 
-/// Largest distance of light that belongs to a dark move: 0.15 H.
+/// Maximum distance between a dark move and light that belongs to it: 0.15 H.
 const NEAR_MOVE_PX: f64 = 0.15 * H_PX;
 
-/// Distance below or above the letters from which light leads to or from the floor: 0.12 H.
+/// Distance below or above the letters beyond which light leads to or from the floor: 0.12 H.
 const OUTSIDE_PX: f64 = 0.12 * H_PX;
 
-/// Largest length and least thickness of a spot: 0.35 H, and four pens.
+/// Maximum length and minimum thickness of a spot: 0.35 H, and the width of four pens.
 const MAX_SPOT_LENGTH_PX: f64 = 0.35 * H_PX;
 const MIN_SPOT_THICKNESS_PX: f64 = 4.0 * PEN_H * H_PX;
 
-/// Width of lines from which they glow: 0.16 H, more than twice the pen.
+/// Line width above which lines glow: 0.16 H, more than twice the width of the pen.
 const GLOWING_PX: f64 = 0.16 * H_PX;
 
-/// Mean distance of a letter's light from its strokes from which it is a fault: 0.05 H.
+/// Mean distance between a letter's light and its strokes above which it is a fault: 0.05 H.
 const OFF_PATH_PX: f64 = 0.05 * H_PX;
 
-/// Fraction of a missing part that must lie in a log gap. It is not all, since faults of the lamps
-/// may lengthen the part.
+/// Minimum fraction of a missing part that must lie in a gap of the log for the gap to be its
+/// cause. The fraction is less than 1, because faults of the lamps may lengthen the missing part.
 const LOST_IN_LOG: f64 = 0.5;
 
-/// Largest distance of light that belongs to a line of extra light or to a stroke: 0.12 H.
+/// Maximum distance of light that belongs to a line of extra light or to a stroke: 0.12 H.
 const BELONGS_PX: f64 = 0.12 * H_PX;
 
-/// Extra light that is so close to a stroke is not erased, since it may be the stroke's.
+/// Distance from a stroke within which extra light is not erased, because it may be the stroke's.
 const OWN_PX: f64 = 0.06 * H_PX;
 
-/// A fault, and how it is removed from a picture, if it can be.
+/// A fault, and the mending that removes it from a picture, if any can.
 pub(super) type Fault = (Cause, Option<Mending>);
 
-/// How a fault is removed from a picture.
+/// A change of a picture that removes a fault.
 pub(super) enum Mending {
     /// Erases the light at these points.
     Erase(Vec<Point>),
     /// Adds light at these points.
     Draw(Vec<Point>),
-    /// Moves the letter back by this number of pixels, right and down.
+    /// Moves the letter back by this many pixels right and down.
     Move([isize; 2]),
-    /// Erases the light of the strokes and draws it at these points.
+    /// Erases the light of the strokes, and draws light at these points instead.
     Straighten(Vec<Point>),
-    /// Draws the lines thin, without glow.
+    /// Draws the lines thin and without glow.
     Redraw,
 }
 
@@ -77,7 +77,7 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
         }),
         Mending::Draw(points) => draw(picture, points),
         Mending::Move([right, down]) => {
-            // A pixel gets the light from right of it and below it.
+            // Each pixel takes the light of the pixel that is `right` and `down` of it.
             let (width, height) = (picture.width, picture.height);
             let mut moved = Raster::dark(width, height);
             for (index, value) in moved.values.iter_mut().enumerate() {
@@ -93,16 +93,16 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
     }
 }
 
-/// Lights the pixels within half a pen of the points.
+/// Lights all pixels within half a pen width of the points.
 fn draw(picture: &mut Raster, points: &[Point]) {
-    // A little more, since points are up to a pixel apart.
+    // The small addition is needed because points are up to a pixel apart.
     let reach_px = 0.5 * PEN_H * H_PX + 0.2;
     paint(picture, 1.0, |pixel| {
         points.iter().any(|point| trace::distance(*point, pixel) <= reach_px)
     });
 }
 
-/// Sets pixels to `light` if `is_painted` is true of their centers.
+/// Sets the pixels to `light` for whose centers `is_painted` is true.
 fn paint(picture: &mut Raster, light: f32, is_painted: impl Fn(Point) -> bool) {
     let width = picture.width;
     for (index, value) in picture.values.iter_mut().enumerate() {
@@ -113,7 +113,7 @@ fn paint(picture: &mut Raster, light: f32, is_painted: impl Fn(Point) -> bool) {
 }
 
 impl Reader {
-    /// Returns the faults of a letter, given its gaps and its lines of extra light.
+    /// Returns the faults of a letter, given its gaps and the lines of extra light around it.
     pub(super) fn faults(
         &self,
         index: usize,
@@ -123,7 +123,7 @@ impl Reader {
     ) -> Vec<Fault> {
         let page = &self.pages[index];
         let mut faults: Vec<Fault> = Vec::new();
-        // A part of a stroke lacks light because of a log gap or of the lamp.
+        // Parts of strokes without light, because of a gap in the log or because of the lamp.
         for gap in gaps {
             let log_gap_s = lost_in(&gap.points, page, placed, known).map(|log| log.span_s);
             let [from_mm, to_mm] = gap.along_px.map(|px| px * 1000.0 * page.grid.pitch_m);
@@ -138,44 +138,32 @@ impl Reader {
             };
             faults.push((cause, Some(Mending::Draw(gap.points))));
         }
-        // Light beside the strokes.
+        // Light away from the strokes.
         faults.extend(extra.into_iter().map(|line| self.extra_light(index, line, sketch, known)));
-        // A letter beside its intended position.
+        // The letter as a whole, away from its intended position.
         let [right, down] = sketch.shift.map(|px| px as f64);
         let shift_px = libm::hypot(right, down);
         if shift_px >= SHIFTED_PX {
-            faults.push(self.measured(
-                index,
-                CauseKind::Shifted,
-                shift_px,
-                Mending::Move(sketch.shift),
-            ));
+            let mending = Mending::Move(sketch.shift);
+            faults.push(self.measured(index, CauseKind::Shifted, shift_px, mending));
         }
-        // Light beside the strokes after the shift.
-        if sketch.bent.mean_offset_px > OFF_PATH_PX {
+        // Strokes away from the intended path, after the letter's shift is removed.
+        let offset_px = sketch.bent.mean_offset_px;
+        if offset_px > OFF_PATH_PX {
             let runs = sketch.bent.runs.iter();
             let pairs = runs.flat_map(|run| run.intended.iter().zip(&run.on_light));
             let lit = pairs.filter(|(_, on_light)| sketch.trace.is_drawn(**on_light));
             let straight = Mending::Straighten(lit.map(|(intended, _)| *intended).collect());
-            faults.push(self.measured(
-                index,
-                CauseKind::OffPath,
-                sketch.bent.mean_offset_px,
-                straight,
-            ));
+            faults.push(self.measured(index, CauseKind::OffPath, offset_px, straight));
         }
-        if sketch.trace.thickness() > GLOWING_PX {
-            faults.push(self.measured(
-                index,
-                CauseKind::Glow,
-                sketch.trace.thickness(),
-                Mending::Redraw,
-            ));
+        let width_px = sketch.trace.thickness();
+        if width_px > GLOWING_PX {
+            faults.push(self.measured(index, CauseKind::Glow, width_px, Mending::Redraw));
         }
         faults
     }
 
-    /// Returns a fault with a length, given in pixels of the letter's page.
+    /// Returns a fault of a given length, in pixels of the letter's page.
     fn measured(&self, index: usize, kind: CauseKind, length_px: f64, mending: Mending) -> Fault {
         let length_mm = Some(1000.0 * length_px * self.pages[index].grid.pitch_m);
         (Cause { length_mm, ..Cause::new(kind, Some(index)) }, Some(mending))
@@ -196,12 +184,12 @@ impl Reader {
         (cause, Some(Mending::Erase(line.points)))
     }
 
-    /// Returns the kind of a line of extra light, by its position and shape.
+    /// Classifies a line of extra light by its position and shape.
     fn kind_of(&self, index: usize, line: &ExtraLine, sketch: &Sketch) -> CauseKind {
         let [left, top, right, bottom] = self.pages[index].cell();
         let [is_first, is_last] = [index == 0, index + 1 == self.pages.len()];
         let n_points = line.points.len() as f64;
-        // Numbers of points outside the word, along a dark move, and in a neighbor's cell.
+        // Numbers of points outside the word, along a dark move, and in the cell of a neighbor.
         let [mut outside, mut along_move, mut beside] = [0.0; 3];
         for point in &line.points {
             let is_outside = point.y > bottom + OUTSIDE_PX
@@ -214,19 +202,19 @@ impl Reader {
             along_move += f64::from(u8::from(is_along));
             beside += f64::from(u8::from(is_beside));
         }
-        match () {
-            () if outside / n_points > 0.5 => CauseKind::Streak,
-            () if along_move / n_points >= ALONG_MOVE => CauseKind::LitTransit,
-            () if n_points < MAX_SPOT_LENGTH_PX && line.thick_px > MIN_SPOT_THICKNESS_PX => {
-                CauseKind::DwellBlob
-            }
-            () if beside / n_points > 0.5 => CauseKind::Overlap,
-            () => CauseKind::OtherStray,
-        }
+        let is_spot = n_points < MAX_SPOT_LENGTH_PX && line.thick_px > MIN_SPOT_THICKNESS_PX;
+        let kinds = [
+            (outside / n_points > 0.5, CauseKind::Streak),
+            (along_move / n_points >= ALONG_MOVE, CauseKind::LitTransit),
+            (is_spot, CauseKind::DwellBlob),
+            (beside / n_points > 0.5, CauseKind::Overlap),
+        ];
+        let first = kinds.into_iter().find(|(applies, _)| *applies);
+        first.map_or(CauseKind::OtherStray, |(_, kind)| kind)
     }
 }
 
-/// Returns the first log gap during which the lamps can have been at most of these points.
+/// Returns the first gap of the log during which the lamps can have been at most of these points.
 pub(super) fn lost_in<'a>(
     points: &[Point],
     page: &LetterPage,
@@ -240,7 +228,7 @@ pub(super) fn lost_in<'a>(
     })
 }
 
-/// Returns the mean of points of a page, in the plane of the word, or `None` without points.
+/// Returns the mean of points on a page, in the plane of the word, or `None` without points.
 fn middle_m(page: &LetterPage, points: &[Point]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let sum: Vec2 = points.iter().map(|point| point.to_vec2()).sum();

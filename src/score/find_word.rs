@@ -1,8 +1,8 @@
-//! Finds the position of a word in a photo without a known camera.
+//! Locates a word in a photo without a known camera.
 //!
-//! The letters that [`read`](super::read) finds are matched with the word's cells, one by one if
-//! their numbers agree, else from the first to the last. The plane is assumed to be seen square on,
-//! with separate scales across and down and with a sloping line.
+//! The letters that [`read`](super::read) finds are matched with the word's cells: one by one if
+//! their numbers agree, and otherwise only the first and the last. The plane is assumed to be seen
+//! square on, with separate horizontal and vertical scales and a sloping line.
 
 use super::reader::lit_bounds_m;
 use super::reading::Reading;
@@ -12,21 +12,21 @@ use noctograph_core::photo::Photo;
 use noctograph_core::statistics::median;
 use noctograph_core::strokes::Strokes;
 
-/// Largest ratio of the two scales.
+/// Maximum ratio between the two scales.
 const MAX_STRETCH: f64 = 2.5;
 
-/// Steepest slope of a line.
+/// Maximum slope of a line.
 const MAX_SLOPE: f64 = 0.3;
 
-/// Returns the view that maps a word onto the writing in a photo. `None` if there is no writing, or
-/// its scales differ too much.
+/// Returns the view that maps a word onto the writing in a photo. Returns `None` if there is no
+/// writing or if the two scales differ too much.
 pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<View> {
     let boxes = strokes.glyphs.chunks(1).map(lit_bounds_m);
     let boxes: Vec<[f64; 4]> = boxes.filter(|[left, _, right, _]| left <= right).collect();
     let letters = &reading.letters;
     let [first_box, last_box] = [boxes.first()?, boxes.last()?];
     let [first, last] = [letters.first()?, letters.last()?];
-    // Horizontally, edges of letters or of the word in the picture are linear in the plane's.
+    // Horizontally, the edges of letters in the photo are a linear function of those in the plane.
     let mut edges: Vec<[f64; 2]> = Vec::new();
     if letters.len() == boxes.len() {
         for (plane, letter) in boxes.iter().zip(letters) {
@@ -36,13 +36,13 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
         edges.extend([[first_box[0], first.box_px[0]], [last_box[2], last.box_px[2]]]);
     }
     let (x_px_at_zero, px_per_m_across) = line_through(&edges)?;
-    // Vertically, the median height of the letters is the word's height.
+    // Vertically, the median height of the letters is taken as the word's height.
     let corners = boxes.iter().flat_map(|plane| [[plane[0], plane[1]], [plane[2], plane[3]]]);
     let [_, bottom, _, top] = bounds(corners);
     let letter_height_px =
         median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1])).expect("letters");
     let px_per_m_down = letter_height_px / (top - bottom);
-    // The slope of the line, and its height in the picture at x = 0.
+    // Slope of the line, and its height in the photo at x = 0.
     let middles = letters.iter().map(|letter| {
         let [left, top, right, bottom] = letter.box_px;
         [0.5 * (left + right), 0.5 * (top + bottom)]
@@ -62,20 +62,20 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
         [x, line_y_px + slope * x - 0.5 * above * letter_height_px]
     });
     let size_px = [photo.width_px, photo.height_px];
-    // A single I has no width, and no view.
+    // The corners of a single I have no area, so they give no view.
     Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 
-/// Returns the median slope between all pairs of points (Theil 1950, Sen 1968). The tail of a
-/// letter is an outlier.
+/// Returns the median slope over all pairs of points (Theil 1950, Sen 1968), on which an outlier
+/// such as the tail of a letter has little influence.
 fn median_slope(points: &[[f64; 2]]) -> f64 {
     let pairs = (0..points.len()).flat_map(|a| (0..a).map(move |b| (points[a], points[b])));
     let apart = pairs.filter(|(a, b)| a[0] != b[0]);
     median(apart.map(|(a, b)| (a[1] - b[1]) / (a[0] - b[0]))).unwrap_or(0.0)
 }
 
-/// Fits a line by least squares and returns its value at zero and its slope. `None` if all points
-/// have the same x.
+/// Fits a line by least squares, and returns its value at zero and its slope, or `None` if all
+/// points have the same x.
 fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let n = points.len() as f64;
     let [x, y] = [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / n);

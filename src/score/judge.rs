@@ -1,4 +1,4 @@
-//! The judgment of columns: the choice for each letter, the likeliest other word, the readability.
+//! Judges a word's columns: the choice for each letter, the likeliest other word, the readability.
 
 use std::ops::Range;
 
@@ -14,39 +14,39 @@ use super::spelling;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
 use noctograph_core::strokes::Strokes;
 
-/// Least probability in a letter's list of confusions.
+/// Minimum probability of a letter in the list of confusions.
 const LEAST_CONFUSION: f64 = 0.001;
 
-/// Number of rivals in the verdict on a letter.
+/// Maximum number of rivals in the verdict on a letter.
 const N_RIVALS: usize = 3;
 
-/// Probability of a class in the drawing of an untrained letter from which it counts as the letter.
+/// Minimum probability of a class in an untrained letter's drawing for it to count as that letter.
 const LEAST_TAKEN: f64 = 0.02;
 
-/// Number of letters to either side that influence the choice for one letter.
+/// Number of letters on each side that influence the choice for a letter.
 const NEAR: usize = 4;
 
-/// Greatest readability if a word of another length is likelier: an even chance.
+/// Maximum readability if a word of another length is likelier: an even chance.
 const MOST_OF_OTHER_LENGTH: f64 = 0.5;
 
-/// Number of free readings that are tried as rivals.
+/// Number of unconstrained readings that are tried as rivals.
 const N_FREE: usize = 2;
 
-/// A word that columns are expected to show, without its punctuation.
+/// The word that columns are expected to show, without its punctuation.
 pub(super) struct Expected {
     /// Index of each judged character in the word, twice for a ligature that is read as two
     /// letters.
     pub(super) indices: Vec<usize>,
     characters: Vec<char>,
-    /// The classes that count as each character.
+    /// The classes that count as each judged character.
     classes: Vec<Classes>,
-    /// Mean of ln p over the word's letters.
+    /// Mean natural logarithm of the probabilities of the word's letters, from the spelling model.
     ln_p_of_spelling: f64,
-    /// Number of judged characters before each start and end of a line, without duplicates.
+    /// Number of judged characters before the start and end of each line, without duplicates.
     line_ends: Vec<usize>,
 }
 
-/// Evidence for a word in columns.
+/// The evidence for a word in columns.
 pub(super) struct Judgment {
     /// One choice for each judged character.
     pub(super) choices: Vec<Choice>,
@@ -54,7 +54,7 @@ pub(super) struct Judgment {
     pub(super) readability: f64,
 }
 
-/// Another word, and ln of its odds against the expected one.
+/// Another word, and the natural logarithm of its odds against the expected word.
 pub(super) struct Odds {
     word: String,
     ln_odds: f64,
@@ -65,32 +65,32 @@ impl Odds {
         Self { word: word.into_iter().collect(), ln_odds }
     }
 
-    /// Returns the likeliest, the first of equal ones, or `None` of none.
+    /// Returns the likeliest word (the first among equals), or `None` if there is none.
     fn likeliest(odds: impl IntoIterator<Item = Self>) -> Option<Self> {
         odds.into_iter().reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a })
     }
 }
 
-/// The letters near an end of a line, and the columns that show them.
+/// The letters near one end of a line, and the columns that show them.
 struct LineEnd {
-    /// Number of judged characters before the end.
+    /// Number of judged characters before this end of the line.
     index: usize,
     letters: Range<usize>,
     columns: Columns,
-    /// ln of the probability of the expected letters.
+    /// Natural logarithm of the probability of the expected letters.
     ln_p: f64,
 }
 
 impl LineEnd {
-    /// Returns ln of the odds of other letters against the expected ones.
+    /// Returns the natural logarithm of the odds of other letters against the expected ones.
     fn ln_odds(&self, classes: &[Classes]) -> f64 {
         self.columns.ln_p(classes) - self.ln_p
     }
 }
 
 impl Judgment {
-    /// Replaces the rival by `other` if that is likelier. A likelier word of another length limits
-    /// the readability.
+    /// Replaces the rival with `other` if that is likelier. If the new rival is likelier than the
+    /// word and has another length, it limits the readability.
     pub(super) fn against(mut self, other: Option<Odds>) -> Self {
         let other = other.map(|odds| (1.0 / (1.0 + libm::exp(-odds.ln_odds)), odds.word));
         let words =
@@ -110,7 +110,7 @@ impl Judgment {
 }
 
 impl Expected {
-    /// Reads the judged characters and line ends from the strokes of a word.
+    /// Lists the judged characters and the line ends of a word from its strokes.
     pub(super) fn new(strokes: &Strokes) -> Self {
         let characters = strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
         let judged = characters.filter_map(|(index, c)| Some((index, (c, classes_of(c)?))));
@@ -123,13 +123,13 @@ impl Expected {
         Self { indices, characters, classes, ln_p_of_spelling, line_ends }
     }
 
-    /// True if the net was not trained on one of the letters.
+    /// True if the net was not trained on one of the word's letters.
     pub(super) fn is_untrained(&self) -> bool {
         self.characters.iter().any(|character| is_untrained(*character))
     }
 
-    /// Adds classes to the Latin letters that the net was not trained on: those that it reads in a
-    /// faultless drawing of them, whose columns are `drawn`.
+    /// Adds, to each Latin letter that the net was not trained on, the classes that the net reads
+    /// in a faultless drawing of it. `drawn` are the columns of that drawing.
     pub(super) fn learn(&mut self, drawn: &Columns) {
         for place in (0..self.characters.len()).rev() {
             if let Some(pair) = ligature(self.characters[place]) {
@@ -147,7 +147,7 @@ impl Expected {
         }
     }
 
-    /// Replaces the ligature at `place` by its two letters if these are likelier in its drawing.
+    /// Replaces the ligature at `place` with its two letters if these are likelier in its drawing.
     fn split(&mut self, place: usize, pair: [char; 2], drawn: &Columns) {
         let mut separate = self.classes.clone();
         separate.splice(place..=place, pair.map(seen_as));
@@ -159,7 +159,8 @@ impl Expected {
         }
     }
 
-    /// Merges choices into one for each judged character: both letters of a ligature must be right.
+    /// Merges the choices for the two letters of a ligature, both of which must be right, so that
+    /// each judged character has one choice.
     pub(super) fn by_character(&self, choices: Vec<Choice>) -> Vec<Choice> {
         let mut merged: Vec<(usize, Choice)> = Vec::new();
         for (index, choice) in self.indices.iter().zip(choices) {
@@ -171,7 +172,7 @@ impl Expected {
         merged.into_iter().map(|(_, choice)| choice).collect()
     }
 
-    /// Judges columns: the choices, the likeliest other word, and the readability.
+    /// Judges columns, and returns the choices, the likeliest other word, and the readability.
     pub(super) fn judge(&self, columns: &Columns) -> Judgment {
         let choices = self.choices(columns);
         let rival = self.rival(columns, &choices);
@@ -180,8 +181,8 @@ impl Expected {
         Judgment { choices, rival: None, readability }.against(rival)
     }
 
-    /// Returns the choice for each letter. In a long word each depends only on nearby letters, or
-    /// the time would grow with the square of the length.
+    /// Returns the choice for each letter. In a long word each choice depends only on nearby
+    /// letters, because the time would otherwise grow with the square of the length.
     pub(super) fn choices(&self, columns: &Columns) -> Vec<Choice> {
         if self.is_short() {
             return columns.choices(&self.classes, &self.characters);
@@ -190,7 +191,7 @@ impl Expected {
         (0..self.classes.len()).map(|place| self.choice_near(columns, &middles, place)).collect()
     }
 
-    /// Returns the choice for the letter at `place`, by the letters around it. `middles` are the
+    /// Returns the choice for the letter at `place`, given the letters around it. `middles` are the
     /// mean columns of all letters.
     pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
         let letters = self.near(place);
@@ -199,12 +200,12 @@ impl Expected {
         part.choices(classes, &self.characters[letters]).swap_remove(place - start)
     }
 
-    /// True if some letter is near all others.
+    /// True if the word is so short that its middle letter is near all others.
     fn is_short(&self) -> bool {
         self.classes.len() <= 2 * NEAR + 1
     }
 
-    /// Returns the range of letters around a place.
+    /// Returns the range of letters that influence the letter at a place.
     fn near(&self, place: usize) -> Range<usize> {
         place.saturating_sub(NEAR)..(place + NEAR + 1).min(self.classes.len())
     }
@@ -214,7 +215,8 @@ impl Expected {
         columns.middles(&self.classes)
     }
 
-    /// Returns letters and digits with their classes. In a number, shapes of both are digits.
+    /// Returns all letters and digits with their classes. In a number, ambiguous classes are
+    /// digits.
     fn names(&self) -> Vec<(char, Classes)> {
         names(0, self.characters.iter().all(char::is_ascii_digit))
     }
@@ -234,7 +236,8 @@ impl Expected {
         let line_ends: Vec<LineEnd> = line_ends.collect();
         let names = self.names();
         let mut odds = Vec::new();
-        // One letter more. Letters are tried only if any letter, as a set of all, is likelier.
+        // Words with one more letter. Single letters are tried only if the set of all letters is
+        // likelier than no letter there.
         for end in &line_ends {
             let mut classes = self.classes[end.letters.clone()].to_vec();
             let added = end.index - end.letters.start;
@@ -247,7 +250,7 @@ impl Expected {
                 odds.push(Odds::new(word, end.ln_odds(&classes)));
             }
         }
-        // One letter less: the first of each line, and its last.
+        // Words without the first or the last letter of a line.
         for pair in line_ends.windows(2).filter(|_| n_letters > 1) {
             for (end, removed) in [(&pair[0], pair[0].index), (&pair[1], pair[1].index - 1)] {
                 let mut word = self.characters.clone();
@@ -260,7 +263,7 @@ impl Expected {
         Odds::likeliest(odds).filter(|odds| odds.ln_odds > 0.0)
     }
 
-    /// True if a free reading spells the expected word, or classes that count as its letters.
+    /// True if an unconstrained reading spells the word, or has classes that count as its letters.
     fn is_spelled(&self, text: &str, word: &str) -> bool {
         let same_length = text.chars().count() == self.characters.len();
         let letters = text.chars().zip(&self.characters).zip(&self.classes);
@@ -271,14 +274,14 @@ impl Expected {
         spells(text, word) || same_length && are_same.all(|is_same| is_same)
     }
 
-    /// Returns the likeliest other word: one with another letter, or a free reading.
+    /// Returns the likeliest other word: one with another letter, or an unconstrained reading.
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
         let mut odds = Vec::new();
         for (index, choice) in choices.iter().enumerate() {
             if let Some(&(letter, p)) = choice.others.first() {
                 let mut word = self.characters.clone();
                 word[index] = with_case_of(letter, word[index]);
-                // A letter of probability 0 gets finite odds.
+                // The bound keeps the odds finite if the letter's probability is 0.
                 odds.push(Odds::new(word, libm::log(p / choice.p.max(1e-300))));
             }
         }
@@ -286,7 +289,7 @@ impl Expected {
         let ln_p = columns.ln_p(&self.classes);
         let names = self.names();
         let free = search(columns, &names, &names).into_iter();
-        // Unexplained light beside a word does not make another word.
+        // Unexplained light beside the word does not make it another word.
         let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
         let free = free.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
         for text in free.take(N_FREE) {

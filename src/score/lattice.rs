@@ -1,9 +1,9 @@
-//! Probabilities of the net's classes along a strip, and of words in them.
+//! Probabilities of the net's classes along a strip, and of words given these probabilities.
 //!
-//! A word is spelled by every sequence of columns that shows its letters in order, each for one or
-//! more columns, with or without blanks between them (connectionist temporal classification, Graves
-//! and others 2006). Sums over all these paths from the left and from the right give the
-//! probability of the word, and of the word with one letter replaced or left out.
+//! A sequence of columns spells a word if it shows the word's letters in order, each in one or more
+//! columns, with or without blanks between them (connectionist temporal classification, Graves and
+//! others 2006). Sums over all such paths, from the left and from the right, give the probability
+//! of the word and of the word with one letter replaced or left out.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
 
-/// Least probability of a class at a column. Lower ones are noise from the training.
+/// Minimum probability of a class at a column. Lower values of the net are noise from its training.
 const LEAST: f64 = 1e-6;
 
 /// Probabilities of the classes at each column.
@@ -21,12 +21,12 @@ const LEAST: f64 = 1e-6;
 pub(super) struct Columns(pub(super) Vec<[f64; N_CLASSES]>);
 
 impl Columns {
-    /// Computes the probabilities along a strip by the net.
+    /// Computes the class probabilities along a strip with the net.
     pub(super) fn along(strip: &Strip) -> Self {
         Self(net::logits(strip).iter().map(softmax).collect())
     }
 
-    /// Averages the probabilities with those of the strip's neighbors.
+    /// Averages the probabilities with those of the strip's moved, scaled and darkened copies.
     pub(super) fn agreed(mut self, strip: &Strip) -> Self {
         let neighbors: Vec<Self> = strip.neighbors().par_iter().map(Self::along).collect();
         let weight = 1.0 / (neighbors.len() + 1) as f64;
@@ -47,7 +47,7 @@ impl Columns {
         }
     }
 
-    /// Counts unexplained light as blank, since trails to the floor pass beside every word.
+    /// Counts unexplained light as blank, because trails to the floor pass beside every word.
     pub(super) fn unexplained_as_dark(mut self) -> Self {
         for column in &mut self.0 {
             column[0] += std::mem::replace(&mut column[N_CLASSES - 1], LEAST) - LEAST;
@@ -55,23 +55,23 @@ impl Columns {
         self
     }
 
-    /// Returns a range of the columns.
+    /// Returns the probabilities in a range of columns.
     pub(super) fn part(&self, columns: Range<usize>) -> Self {
         Self(self.0[columns].to_vec())
     }
 
-    /// Joins the columns of several lines.
+    /// Concatenates the columns of several lines.
     pub(super) fn joined(lines: impl IntoIterator<Item = Self>) -> Self {
         Self(lines.into_iter().flat_map(|line| line.0).collect())
     }
 
-    /// Returns the probability of a set of classes at each column.
+    /// Returns the total probability of a set of classes at each column.
     pub(super) fn of_set(&self, set: Classes) -> Vec<f64> {
         let members: Vec<usize> = (0..N_CLASSES).filter(|class| set >> class & 1 == 1).collect();
         self.0.iter().map(|column| members.iter().map(|class| column[*class]).sum()).collect()
     }
 
-    /// Returns ln of the probability that the columns spell a word.
+    /// Returns the natural logarithm of the probability that the columns spell a word.
     pub(super) fn ln_p(&self, word: &[Classes]) -> f64 {
         let lattice = Lattice::new(self, word);
         libm::log(lattice.total()) + lattice.ln_scale()
@@ -83,13 +83,13 @@ impl Columns {
         (0..word.len()).map(|index| lattice.middle(index, &self.of_set(word[index]))).collect()
     }
 
-    /// Returns the choice for each letter of a word, given with its classes.
+    /// Returns the choice for each letter of a word, given both as classes and as characters.
     pub(super) fn choices(&self, word: &[Classes], letters: &[char]) -> Vec<Choice> {
         let lattice = Lattice::new(self, word);
         let total = lattice.total();
         let mut choices = Vec::with_capacity(word.len());
         for (index, &expected) in word.iter().enumerate() {
-            // Probabilities of all words with another letter here, in units of the lattice.
+            // Probabilities of the word with another letter here, in units of the lattice.
             let no_letter = NO_LETTER & !expected;
             let none = lattice.replaced(index, &self.of_set(no_letter), no_letter)
                 + lattice.without(index);
@@ -99,7 +99,7 @@ impl Columns {
             let mut others: Vec<(char, f64)> = others.collect();
             let sum = total + none + others.iter().map(|(_, p)| p).sum::<f64>();
             if sum <= 0.0 {
-                // The probability of every path underflows to 0.
+                // The probabilities of all paths have underflowed to 0.
                 choices.push(Choice { p: 0.0, none: 1.0, others: Vec::new() });
                 continue;
             }
@@ -111,7 +111,7 @@ impl Columns {
     }
 }
 
-/// Returns the probabilities of logits, each at least [`LEAST`].
+/// Converts logits to probabilities, each of which is at least [`LEAST`].
 fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     let most = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let weights = logits.map(|logit| libm::exp(logit - most));
@@ -119,25 +119,26 @@ fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     weights.map(|weight| (weight / sum).max(LEAST))
 }
 
-/// Probabilities for the position of one letter if the others are right. They add up to 1.
+/// Probabilities of what one position shows if all other letters are right. These probabilities add
+/// up to 1.
 pub(super) struct Choice {
     /// Probability of the expected letter.
     pub(super) p: f64,
     /// Probability of light that no letter explains, or of darkness.
     pub(super) none: f64,
-    /// Probabilities of the other letters and digits, the likeliest first.
+    /// Probabilities of all other letters and digits, in descending order.
     pub(super) others: Vec<(char, f64)>,
 }
 
 impl Choice {
-    /// Combines the choices for two letters that must both be right: other letters are those of the
-    /// less certain one.
+    /// Combines the choices for two letters that must both be right. The other letters are taken
+    /// from the less certain choice.
     pub(super) fn and(&self, second: &Self) -> Self {
         let worse = if self.p <= second.p { self } else { second };
         Self { p: self.p * second.p, none: worse.none, others: worse.others.clone() }
     }
 
-    /// Returns the likeliest letter, `None` for no letter, and its probability.
+    /// Returns the likeliest letter, or `None` if none is likelier, and its probability.
     pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
         let other = self.others.first().filter(|(_, p)| *p > self.p);
         let (letter, most) =
@@ -146,22 +147,22 @@ impl Choice {
     }
 }
 
-/// Sums over the paths to each state from the left and from the right (forward and backward
+/// Sums over all paths to each state from the left and from the right (forward and backward
 /// variables).
 pub(super) struct Lattice<'a> {
     word: &'a [Classes],
-    /// By column and state: blank, first letter, blank, second letter … blank. Both sums include
-    /// the probability of the state itself.
+    /// Sums by column and state. The states are blank, first letter, blank, second letter, …,
+    /// blank. Both sums include the probability of the state itself.
     forward: Vec<Vec<f64>>,
     backward: Vec<Vec<f64>>,
-    /// Divisors of the probabilities of each column, so that products stay in range.
+    /// Divisor of the probabilities in each column, which keeps their products in range.
     scales: Vec<f64>,
 }
 
 impl<'a> Lattice<'a> {
-    /// Computes the sums for a word, letter by letter a set of classes.
+    /// Computes the sums for a word, given as the set of classes of each letter.
     pub(super) fn new(columns: &Columns, word: &'a [Classes]) -> Self {
-        // Each column is divided by its greatest probability among the states.
+        // The probabilities in each column are divided by the greatest one among the states.
         let mut letters: Vec<Vec<f64>> = word.iter().map(|set| columns.of_set(*set)).collect();
         let mut blanks = columns.of_set(BLANK);
         let mut scales = blanks.clone();
@@ -174,7 +175,7 @@ impl<'a> Lattice<'a> {
         let states: Vec<&[f64]> =
             letters.iter().flat_map(|letter| [&blanks[..], letter]).chain([&blanks[..]]).collect();
         let forward = path_sums(word, &states, 0..blanks.len());
-        // From the right, the word is spelled backward.
+        // For the sums from the right, the word is spelled backward.
         let word_back: Vec<Classes> = word.iter().rev().copied().collect();
         let states_back: Vec<&[f64]> = states.into_iter().rev().collect();
         let mut backward = path_sums(&word_back, &states_back, (0..blanks.len()).rev());
@@ -183,27 +184,27 @@ impl<'a> Lattice<'a> {
         Self { word, forward, backward, scales }
     }
 
-    /// Returns the probability of the word, in units of [`Self::ln_scale`].
+    /// Returns the probability of the word, in the unit that [`Self::ln_scale`] gives.
     pub(super) fn total(&self) -> f64 {
         self.ends(2 * self.word.len())
     }
 
-    /// Returns ln of the unit of all probabilities here.
+    /// Returns the natural logarithm of the unit in which this lattice gives probabilities.
     pub(super) fn ln_scale(&self) -> f64 {
         self.scales.iter().map(|scale| libm::log(*scale)).sum()
     }
 
-    /// Returns the probability of the word with another letter at `index`: the classes `set`, of
-    /// probability `p` at each column.
+    /// Returns the probability of the word if the letter at `index` is replaced by the classes
+    /// `set`, whose probability at each column is `p`.
     #[expect(clippy::needless_range_loop, reason = "the columns before and after")]
     pub(super) fn replaced(&self, index: usize, p: &[f64], set: Classes) -> f64 {
         let (before, after) = (2 * index, 2 * index + 2);
-        // Equal letters in a row need a blank between them.
+        // Two equal letters in a row must have a blank between them.
         let [from_letter, to_letter] = [index.checked_sub(1), Some(index + 1)].map(|near| {
             near.and_then(|near| self.word.get(near)).is_some_and(|letter| letter & set == 0)
         });
-        // Paths that are in the letter at a column come from it, from the blank, or from the letter
-        // before. The total sums those that leave it there, so that each path counts once.
+        // A path that is in the letter at a column was there before, or comes from the blank or the
+        // letter before it. A path is counted when it leaves the letter, and thus only once.
         let (mut letter, mut total) = (0.0, 0.0);
         for column in 0..self.scales.len() {
             let paths = match column.checked_sub(1).map(|before| &self.forward[before]) {
@@ -222,12 +223,12 @@ impl<'a> Lattice<'a> {
         total
     }
 
-    /// Returns the probability of the word without one letter.
+    /// Returns the probability of the word with the letter at `index` left out.
     pub(super) fn without(&self, index: usize) -> f64 {
         let blank = 2 * index;
         let Some(next) = self.word.get(index + 1) else { return self.ends(blank) };
-        // Paths enter the next letter from the blank before the missing one, or from the letter
-        // before that. The first letter may also begin the word.
+        // A path enters the next letter from the blank before the missing letter or from the letter
+        // before that blank. A missing first letter also lets it start there.
         let from_letter = index > 0 && self.word[index - 1] & next == 0;
         let first = if index == 0 { self.backward[0][blank + 3] } else { 0.0 };
         let later = self.forward.iter().zip(&self.backward[1..]).map(|(left, right)| {
@@ -237,14 +238,14 @@ impl<'a> Lattice<'a> {
         first + later.sum::<f64>()
     }
 
-    /// Returns the mean column of a letter of probability `p` at each column, weighted with the
-    /// paths through it.
+    /// Returns the mean column of a letter whose probability at each column is `p`, weighted by the
+    /// paths through the letter.
     #[expect(clippy::needless_range_loop, reason = "one index for four tables")]
     pub(super) fn middle(&self, index: usize, p: &[f64]) -> f64 {
         let state = 2 * index + 1;
         let (mut sum, mut moment) = (0.0, 0.0);
         for column in 0..self.scales.len() {
-            // Both sums include the letter's own probability: one of them is divided by it.
+            // Both sums include the letter's own probability, so one of them is divided by it.
             let paths = self.forward[column][state] * self.backward[column][state];
             let weight = paths * self.scales[column] / p[column];
             (sum, moment) = (sum + weight, moment + weight * column as f64);
@@ -259,13 +260,13 @@ impl<'a> Lattice<'a> {
     }
 }
 
-/// Returns the sums over the paths to each state, by column in the order of `columns`.
+/// Returns the sums over the paths to each state, one row per column, in the order of `columns`.
 fn path_sums(
     word: &[Classes],
     states: &[&[f64]],
     columns: impl Iterator<Item = usize>,
 ) -> Vec<Vec<f64>> {
-    // A path skips the blank between two letters, unless these are equal.
+    // A path may skip the blank between two letters, unless these letters are equal.
     let may_skip: Vec<bool> = (0..states.len())
         .map(|state| state % 2 == 1 && state >= 3 && word[state / 2] & word[state / 2 - 1] == 0)
         .collect();
@@ -273,7 +274,7 @@ fn path_sums(
     for column in columns {
         let next = (0..states.len()).map(|state| {
             let paths = match sums.last() {
-                // A word begins with a blank or with its first letter.
+                // A word starts with a blank or with its first letter.
                 None => f64::from(u8::from(state < 2)),
                 Some(before) => {
                     let paths = before[state] + if state > 0 { before[state - 1] } else { 0.0 };
@@ -293,8 +294,8 @@ mod tests {
     use super::super::alphabet::{class_of, classes_of};
     use super::*;
 
-    /// Columns that show a character each, ' ' the blank, of probability 0.9. The others have the
-    /// rest.
+    /// Returns columns that each show one character of `text` with a probability of 0.9, where ' '
+    /// is the blank. The other classes divide the rest.
     fn columns(text: &str) -> Columns {
         let columns = text.chars().map(|c| {
             let mut column = [0.1 / (N_CLASSES - 1) as f64; N_CLASSES];
@@ -308,7 +309,7 @@ mod tests {
         text.chars().map(|c| classes_of(c).unwrap()).collect()
     }
 
-    /// The probability of a word by trying all sequences of its symbols, column by column.
+    /// Computes the probability of a word by trying all sequences of its symbols, column by column.
     fn by_trial(columns: &Columns, word: &[Classes]) -> f64 {
         let symbols = |code: usize| -> Vec<usize> {
             let n = word.len() + 1;

@@ -1,19 +1,16 @@
-//! Score: from a photo to a verdict on whether its word is read at first sight.
+//! Score turns a photo into a verdict on whether its word is read at first sight.
 //!
-//! Product in: a [`Photo`], the [`Strokes`] of the expected word, and the [`View`] of the camera.
-//! Product out: a [`Verdict`], by a [`Reader`].
+//! Input: a [`Photo`], the [`Strokes`] of the expected word, and the [`View`] of the camera.
+//! Output: a [`Verdict`], which a [`Reader`] makes.
 //!
 //! 1. The photo's linear light is resampled into the plane of the word. The word is located near
-//!    its place, and each line of it is cut out as a strip of fixed height.
+//!    its expected position, and each of its lines is cut out as a strip of fixed height.
 //! 2. A small convolutional net with integer weights gives the probabilities of all characters
-//!    along the strip. It was trained on drawn and simulated words of random letters
+//!    along the strip. The net was trained on drawn and simulated words of random letters
 //!    (`examples/readings`).
-//! 3. From these follow the probability of each letter in its place, the likeliest other word, and
-//!    the readability, calibrated with readers at first sight (docs/calibration.md).
-//! 4. The light is compared with the intended strokes for faithfulness, causes and advice.
-//!
-//! [`read`] uses the same net without knowledge of the word. Not modeled: a dictionary, and
-//! characters other than Latin letters and digits. Plans, flights and lamps are not used.
+//! 3. From these probabilities follow the probability of each letter, the likeliest other word, and
+//!    the readability, which is calibrated with readers at first sight (docs/calibration.md).
+//! 4. The light is compared with the intended strokes to find the faithfulness, causes and advice.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -66,42 +63,42 @@ mod view;
 #[expect(clippy::cast_possible_truncation, reason = "pixels and codes of test photos")]
 mod tests;
 
-/// Resolution at which strokes and light are compared: pixels to a cap height.
+/// Resolution at which strokes and light are compared, in pixels per cap height.
 const PX_PER_H: u8 = 32;
 
-/// Width of the pen with which strokes are drawn for comparison, in cap heights.
+/// Width of the pen that draws strokes for the comparison, in cap heights.
 const PEN_H: f64 = 0.07;
 
-/// Blur of photo and drawing where they are compared, in cap heights.
+/// Blur of photo and drawing for the comparison, in cap heights.
 const BLUR_H: f32 = 0.05;
 
-/// Largest shift of the word that still counts as its place, in cap heights.
+/// Maximum shift of the word from its expected position, in cap heights.
 const MAX_SHIFT_H: f64 = 0.6;
 
-/// Smallest and largest scale of the word that is as large as intended.
+/// Minimum and maximum scale of the word, relative to the intended size.
 const SCALES: [f64; 2] = [0.85, 1.17];
 
-/// Largest rotation of the word, either way: 8 degrees.
+/// Maximum rotation of the word in either direction: 8 degrees.
 const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
 
 /// Cap height in the photo, in pixels, below which the reason is [`Reason::TooSmall`].
 const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 
-/// Least and greatest readable ratio of a cell's width to its cap height. The team's is 0.6.
+/// Minimum and maximum readable ratio of a cell's width to its cap height. The team's ratio is 0.6.
 const ASPECTS: [f64; 2] = [0.05, 5.0];
 
-/// Longest word, in cap heights: 256 of the team's letters with spaces between them have 400.
+/// Maximum length of a word, in cap heights. 256 of the team's letters with spaces take 400.
 const MAX_LENGTH_H: f64 = 1000.0;
 
 settings! {
-    /// When a word counts as read.
+    /// Options that say when a word counts as read.
     pub struct ScoreOptions {
-        /// Readability from which a word counts as legible.
+        /// Minimum readability of a legible word.
         legible_probability: f64 = 0.7, in 0.0..=1.0;
     }
 }
 
-/// True if strokes can be judged: a word with letters or digits, all of which the reader can read.
+/// True if strokes can be judged: they have letters or digits, all of which the reader knows.
 pub fn is_judged(strokes: &Strokes) -> bool {
     let mut characters = strokes.glyphs.iter().map(|glyph| glyph.character);
     strokes.font.is_some()
@@ -109,14 +106,14 @@ pub fn is_judged(strokes: &Strokes) -> bool {
         && characters.any(|character| classes_of(character).is_some())
 }
 
-/// Refuses strokes unless they are a word of letters that the reader can read and that are lit.
+/// Refuses strokes unless they are a word whose letters the reader knows and all leave light.
 fn check(strokes: &Strokes) -> Result<()> {
-    let hint = "write the word with Latin letters and digits, or look at the photo yourself";
+    let hint = "write the word with Latin letters and digits, or judge the photo by eye";
     if strokes.glyphs.is_empty() {
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
     }
     if strokes.font.is_none() {
-        let hint = "look at the photo: only words are read";
+        let hint = "judge the photo by eye, since only words are read";
         return Err(Error::input("word", "a drawing", "a word", hint));
     }
     let refuse = |index: usize, wanted: &str| {
@@ -124,32 +121,32 @@ fn check(strokes: &Strokes) -> Result<()> {
         let place = format!("word, letter {}", index + 1);
         Err(Error::input(place, format!("{character:?}"), wanted, hint))
     };
-    // Each letter by itself, then the word as a whole.
+    // Checks each letter by itself, and then the word as a whole.
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
         if is_foreign(glyph.character) {
             return refuse(index, "a letter or digit that the reader knows: Latin letters, 0-9");
         }
         if !glyph.moves.iter().any(|step| step.lit) {
-            return refuse(index, "a character that leaves light");
+            return refuse(index, "a character with at least one lit stroke");
         }
         let aspect = glyph.cell.width_m / glyph.cell.cap_height_m;
-        within("width of a letter by its height", aspect, ASPECTS[0], ASPECTS[1])?;
+        within("width of a letter divided by its height", aspect, ASPECTS[0], ASPECTS[1])?;
     }
     if strokes.glyphs.iter().all(|glyph| classes_of(glyph.character).is_none()) {
-        return refuse(0, "at least one letter or digit: punctuation is not judged");
+        return refuse(0, "at least one letter or digit, since punctuation is not judged");
     }
     let [left, _, right, _] = strokes.bounds_m();
     let length = (right - left) / cap_height_m(strokes);
-    within("length of the word by its height", length, 0.0, MAX_LENGTH_H)
+    within("length of the word divided by its height", length, 0.0, MAX_LENGTH_H)
 }
 
-/// Refuses a photo whose size is not that of the view's camera.
+/// Refuses a photo whose size differs from that of the view's camera.
 fn check_size(photo: &Photo, view: &View) -> Result<()> {
     let PhotoData { width_px, height_px, .. } = **photo;
     let [width, height] = view.size_px();
     if [width_px, height_px] != [width, height] {
         let hint = "name the scene that the photo was taken with";
-        let wanted = format!("{width} x {height} pixels, as the camera has");
+        let wanted = format!("{width} x {height} pixels, the size of the camera's photos");
         let size = format!("{width_px} x {height_px} pixels");
         return Err(Error::input("photo", size, wanted, hint));
     }

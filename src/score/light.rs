@@ -1,72 +1,75 @@
-//! Light of a photo: linear light above the sky, and the level that counts as fully lit.
+//! The light of a photo: linear light above the sky's, and the level that counts as fully lit.
 
 use std::ops::Range;
 
 use super::raster::{Raster, narrow, overlaps, whole};
 use noctograph_core::photo::Photo;
 use noctograph_core::srgb::linear_from_level;
-/// Brightness for a reader. With an unweighted mean of the channels the blue power LEDs, which
-/// shine on every transit, would be as much a part of a letter as its strokes.
+/// Brightness as a human reader sees it. In an unweighted mean of the channels, the blue power
+/// LEDs, which shine during every transit, would count as much as the strokes.
 pub(super) use noctograph_core::srgb::luminance_f32 as luminance;
 use noctograph_core::statistics::median;
 
-/// Least number of pixels along a pixel of the plane after the photo was reduced by whole steps.
+/// Minimum number of photo pixels per plane pixel after the photo was reduced by a whole factor.
 const SAMPLES_PER_PIXEL: f64 = 2.0;
 
-/// Largest step whose sums fit into 32 bits: 128² pixels of 16 bits.
+/// Maximum reduction of a photo. The sum over 128² pixels of 16 bits still fits into 32 bits.
 const MAX_STEP: f64 = 128.0;
 
-/// Side of the blocks of the sky, in pixels of the plane: an eighth of a cap height.
+/// Side of a block in which the sky is measured, in plane pixels: one eighth of a cap height.
 const BLOCK_PLANE_PX: f64 = 4.0;
 
-/// Largest number of blocks. A word has more only if the camera sees it nearly edge-on.
+/// Maximum number of sky blocks. Only a word that the camera sees nearly edge-on has more.
 const MAX_BLOCKS: f64 = 131_072.0;
 
-/// Blocks to either side whose quantile is a block's sky: about a cap height in total. There a
-/// letter's strokes are a minority, and the glow of a floor or a window is not.
+/// Number of blocks on each side over which the sky is measured, together about one cap height. In
+/// such an area a letter's strokes are a minority, but the glow of a floor or a window is not.
 const BLOCKS_AROUND: usize = 4;
 
-/// Quantile of the blocks that is the sky. The median would include a bold letter's own light. A
-/// much lower one would leave half of a glow's gradient.
+/// Quantile of the blocks around a block that is its sky. The median would include the light of a
+/// bold letter itself. A much lower quantile would leave half of a glow's gradient.
 const SKY_RANK: f64 = 0.4;
 
-/// Largest sky up to which white stays white, if the position of the word is known.
+/// Maximum sky level for which white stays white when the position of the word is known.
 const MAX_SKY: f32 = 0.9;
 
-/// The same for reading the whole photo. A larger value would amplify a floor's glow to ink.
+/// Maximum sky level for which white stays white when the whole photo is read. A larger value would
+/// amplify a floor's glow to ink.
 const MAX_SKY_OF_WHOLE: f32 = 0.3;
 
-/// Least light above the sky, in standard deviations of the sky.
+/// Minimum light above the sky that is visible, in standard deviations of the sky.
 const LIGHT_SIGMAS: f32 = 5.0;
 
-/// Fraction of the intended ink's area that is brighter than the fully lit level. With too small a
-/// fraction, a single glaring spot would darken the word.
+/// Fraction of the intended ink's area that is brighter than the fully lit level. With a smaller
+/// fraction, a single glaring spot would darken the rest of the word.
 const GLARE_RANK: f64 = 0.1;
 
-/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels are fewer.
+/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels cover less of
+/// it.
 const MIN_INK_RANK: f64 = 0.05;
 
-/// Linear light above the sky: red, green and blue, 1 is white.
+/// Linear light above the sky in red, green and blue, where 1 is white.
 pub(super) type Rgb = [f32; 3];
 
-/// The part of a photo that shows the word, in linear light above the sky. Outside is sky.
+/// The part of a photo that shows the word, in linear light above the sky. Everything outside is
+/// sky.
 pub(super) struct Light {
-    /// Photo pixels along one pixel of this picture.
+    /// Number of photo pixels along the side of one pixel of this picture.
     step: usize,
-    /// First column and row, in pixels of this picture.
+    /// First column and first row, in pixels of this picture.
     origin: [usize; 2],
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Light of every pixel, row by row.
+    /// Light of all pixels, row by row.
     pub(super) values: Vec<Rgb>,
 }
 
-/// A rectangle of the photo: left, top, right and bottom, in its pixels.
+/// A rectangle of a photo in pixels: left, top, right and bottom.
 pub(super) type Frame = [f64; 4];
 
 impl Light {
-    /// Decodes a part of the photo and returns it with the median luminance of its sky, or `None`
-    /// if `frame` is outside the photo. A pixel of the plane is `pixel_px` wide in the photo.
+    /// Decodes a part of the photo, and returns its light and the median luminance of its sky, or
+    /// `None` if `frame` is outside the photo. A plane pixel is `pixel_px` photo pixels wide.
     pub(super) fn decode(
         photo: &Photo,
         frame: Option<Frame>,
@@ -89,7 +92,8 @@ impl Light {
         Some((light, sky))
     }
 
-    /// Decodes the whole photo, reduced by `step`. Letters are about `letter_px` high.
+    /// Decodes the whole photo, reduced by `step`. The photo's letters are assumed to be
+    /// `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
         let plane_px = letter_px / f64::from(super::PX_PER_H);
         let block = whole((BLOCK_PLANE_PX * plane_px / step as f64).max(1.0));
@@ -103,7 +107,7 @@ impl Light {
         let origin = [left, top].map(|px| whole(px) / step);
         let [right, bottom] = [right, bottom].map(|px| whole(px.ceil()).div_ceil(step));
         let (width, height) = (right - origin[0], bottom - origin[1]);
-        // Constant steps are compiled to faster code.
+        // The compiler makes faster code for steps that are constants.
         let values = match step {
             1 => means::<1>(photo, origin, [width, height], 1),
             2 => means::<2>(photo, origin, [width, height], 2),
@@ -123,7 +127,7 @@ impl Light {
         if area <= 0.0 {
             return sum;
         }
-        // Pixels count by their area within the rectangle.
+        // Each pixel is weighted by its area inside the rectangle.
         let across = overlaps(x0, x1, self.width);
         for (y, high) in overlaps(y0, y1, self.height) {
             let row = &self.values[y * self.width..][..self.width];
@@ -138,7 +142,7 @@ impl Light {
         sum.map(|sum| sum * per_area)
     }
 
-    /// Returns the light of the pixels in a rectangle of the photo.
+    /// Returns the light of all pixels in a rectangle of the photo.
     pub(super) fn within(&self, [left, top, right, bottom]: Frame) -> Vec<Rgb> {
         let sides = [(left, 0), (right, 0), (top, 1), (bottom, 1)].map(|(px, axis)| {
             let place = px / self.step as f64 - self.origin[axis] as f64;
@@ -148,7 +152,7 @@ impl Light {
         (top..bottom).flat_map(|y| &self.values[y * self.width..][left..right]).copied().collect()
     }
 
-    /// Subtracts the sky at each pixel, interpolated between the middles of blocks.
+    /// Subtracts the sky from each pixel, interpolated between the centers of blocks.
     fn subtract_sky(&mut self, block: usize, max_sky: f32) {
         let Self { width: n_columns, height: n_rows, ref mut values, .. } = *self;
         let size = [n_columns.div_ceil(block), n_rows.div_ceil(block)];
@@ -157,8 +161,8 @@ impl Light {
             let means: Vec<f32> = means.iter().map(|mean| mean[channel]).collect();
             sky_around(&means, size)
         });
-        // Rows of blocks are interpolated along x only once, and used for all rows of pixels
-        // between them.
+        // Each row of blocks is interpolated along x once, and reused for all rows of pixels that
+        // lie between two rows of blocks.
         let columns: Vec<_> = (0..n_columns).map(|x| blocks_beside(x, block, size[0])).collect();
         let mut rows = [(usize::MAX, Vec::new()), (usize::MAX, Vec::new())];
         for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
@@ -179,7 +183,7 @@ impl Light {
             let lights = values.as_flattened_mut().iter_mut();
             noctograph_core::dispatch!(|| {
                 for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
-                    // White stays white: a saturated pixel hides the sky.
+                    // White stays white, because the sky behind a saturated pixel is unknown.
                     let sky = above + down * (below - above);
                     *light = (*light - sky) / (1.0 - sky.min(max_sky));
                 }
@@ -188,7 +192,7 @@ impl Light {
     }
 }
 
-/// Returns the rectangle of a whole photo.
+/// Returns the rectangle of the whole photo.
 fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
@@ -211,7 +215,7 @@ fn means<const STEP: usize>(
         let n_rows = rows.len();
         sums.fill([0; 3]);
         for bytes in rows {
-            // Whole blocks, whose length may be a constant, then the remaining pixels.
+            // Blocks of full width, which may be a constant, come first, then the rest of the row.
             let blocks = bytes[3 * left * step..].chunks_exact(3 * step);
             let (rest, n) = (blocks.remainder(), blocks.len());
             sums.iter_mut().zip(blocks).for_each(|(sum, block)| add(sum, block, &light_of_level));
@@ -226,7 +230,7 @@ fn means<const STEP: usize>(
     values
 }
 
-/// Adds the light of pixels to `sum`.
+/// Adds the light of several pixels to `sum`.
 #[inline(always)]
 fn add(sum: &mut [u32; 3], pixels: &[u8], light_of_level: &[u32; 256]) {
     for pixel in pixels.as_chunks::<3>().0 {
@@ -236,7 +240,7 @@ fn add(sum: &mut [u32; 3], pixels: &[u8], light_of_level: &[u32; 256]) {
     }
 }
 
-/// Returns the mean light of the blocks of a picture, row by row.
+/// Returns the mean light of each block of a picture, row by row.
 fn block_means(values: &[Rgb], width: usize, block: usize) -> Vec<Rgb> {
     let mut means = Vec::new();
     for rows in values.chunks(block * width) {
@@ -254,18 +258,18 @@ fn block_means(values: &[Rgb], width: usize, block: usize) -> Vec<Rgb> {
     means
 }
 
-/// Returns the two of `n_blocks` blocks whose middles are nearest to a pixel, and the pixel's
-/// position between them, 0 to 1.
+/// Returns the indices of the two blocks, out of `n_blocks`, whose centers are nearest to a pixel,
+/// and the pixel's position between these centers, 0 to 1.
 fn blocks_beside(pixel: usize, block: usize, n_blocks: usize) -> (usize, usize, f32) {
     let position = ((pixel as f32 + 0.5) / block as f32 - 0.5).clamp(0.0, (n_blocks - 1) as f32);
     let first = whole(f64::from(position));
     (first, (first + 1).min(n_blocks - 1), position - first as f32)
 }
 
-/// Returns the sky of each block: a quantile of the means around it.
+/// Returns the sky of each block, which is a quantile of the mean light of the blocks around it.
 ///
-/// The window slides along each row of blocks (Huang, Yang and Tang 1979). It holds the ranks of its
-/// means among all, which are distinct.
+/// The window slides along each row of blocks (Huang, Yang and Tang 1979). It contains the ranks of
+/// its blocks among all blocks of the picture. No two blocks have the same rank.
 fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     fn near(place: usize, end: usize) -> Range<usize> {
         place.saturating_sub(BLOCKS_AROUND)..(place + BLOCKS_AROUND + 1).min(end)
@@ -295,10 +299,12 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     sky
 }
 
-/// A set of numbers, as bits of words, that finds one by its place in their order near the last.
+/// A set of numbers, stored as the bits of words. It finds the n-th number quickly if n is near
+/// that of the last search.
 struct Window {
     words: Vec<u64>,
-    /// The word of the last number that was found, and how many numbers are in the words before it.
+    /// Index of the word that holds the last number found, and the number of elements before this
+    /// word.
     word: usize,
     n_before: usize,
 }
@@ -309,19 +315,20 @@ impl Window {
         Self { words: vec![0; end.div_ceil(64)], word: 0, n_before: 0 }
     }
 
-    /// Adds a number that is not in the set.
+    /// Adds a number that the set does not contain.
     fn add(&mut self, number: usize) {
         self.words[number / 64] |= 1 << (number % 64);
         self.n_before += usize::from(number / 64 < self.word);
     }
 
-    /// Removes a number of the set.
+    /// Removes a number that the set contains.
     fn remove(&mut self, number: usize) {
         self.words[number / 64] &= !(1 << (number % 64));
         self.n_before -= usize::from(number / 64 < self.word);
     }
 
-    /// Returns the number with `n_less` lesser ones. The set has more than that.
+    /// Returns the number that exceeds `n_less` others. The set must have more than `n_less`
+    /// elements.
     fn nth(&mut self, n_less: usize) -> usize {
         let n_in = |word: u64| word.count_ones() as usize;
         while self.n_before > n_less {
@@ -339,7 +346,7 @@ impl Window {
     }
 }
 
-/// Returns a measure of every pixel. It uses the processor's widest registers, with equal results.
+/// Evaluates a measure at every pixel. Vector instructions of any width give equal results.
 pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     let mut values = vec![0.0; light.len()];
     noctograph_core::dispatch!(|| {
@@ -348,21 +355,21 @@ pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     values
 }
 
-/// Returns the median absolute value, compared by bits, which is faster and gives the same order.
+/// Returns the median absolute value. Comparing bits gives the same order in less time.
 pub(super) fn median_abs(values: &[f32]) -> f32 {
     let sizes = values.iter().map(|value| value.abs().to_bits());
     f32::from_bits(median(sizes).expect("a picture has pixels"))
 }
 
-/// Returns the fully lit level of a word whose ink should cover `ink_px`, and its ratio to the
-/// least visible level. `None` if too few pixels are visible.
+/// Returns the fully lit level of a word whose ink should cover `ink_px` pixels, and the ratio of
+/// that level to the lowest visible level. Returns `None` if too few pixels are visible.
 pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
-    // A normal distribution's standard deviation is 1.4826 median absolute deviations. That of
-    // rounding to 8 bits is a step over √12.
+    // In a normal distribution, the standard deviation is 1.4826 times the median absolute
+    // deviation. The standard deviation of rounding to 8 bits is one step divided by √12.
     let noise = 1.4826 * median_abs(&seen.values);
     let sigma = noise.max(code_step(sky) / 12.0_f32.sqrt());
     let lit = LIGHT_SIGMAS * sigma;
-    // Levels that a fraction of the intended ink reaches.
+    // The levels that given fractions of the intended ink's area exceed.
     let mut values = seen.values.clone();
     let [least, glare] = [MIN_INK_RANK, GLARE_RANK].map(|part| {
         let rank = whole(part * ink_px).min(values.len() - 1);
@@ -372,15 +379,15 @@ pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f
     (least > lit).then_some((full, full / lit))
 }
 
-/// Returns the step of an 8-bit sRGB code at a light level, in linear light.
+/// Returns the difference between neighboring 8-bit sRGB codes at a light level, in linear light.
 fn code_step(level: f32) -> f32 {
     let linear = linear_from_level();
     let code = linear.partition_point(|value| *value < level).clamp(1, 255);
     linear[code] - linear[code - 1]
 }
 
-/// Returns the light of each sRGB level, 65535 for white. Sums of integers have the same bits in
-/// any order.
+/// Returns the linear light of each sRGB code, where white is 65535. Sums of these integers are
+/// exact.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
 fn light_of_level() -> [u32; 256] {
     linear_from_level().map(|linear| (65535.0 * linear).round() as u32)
@@ -417,7 +424,7 @@ mod tests {
 
     #[test]
     fn a_word_seen_edge_on_has_no_more_blocks_than_any_other() {
-        // Its pixels are next to nothing, and all of the photo may show it.
+        // The word's pixels are nearly zero wide, and the whole photo is searched for it.
         let [width_px, height_px] = [1920, 1080];
         let rgb8 = vec![90; 3 * 1920 * 1080];
         let photo = Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None });

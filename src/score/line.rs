@@ -1,7 +1,7 @@
-//! Lines of writing in a photo, found only from their ink.
+//! Lines of writing in a photo, located only by their ink.
 //!
-//! Ink stands out from the sky, in the color of the brightest pixels or in any color. A line is
-//! where rows of pixels cross the most strokes.
+//! Ink is light that stands out from the sky, either in the color of the brightest pixels or in any
+//! color. A line of writing lies where the rows of pixels cross the most strokes.
 
 use std::sync::Arc;
 
@@ -11,76 +11,78 @@ use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use noctograph_core::photo::Photo;
 
-/// Longest side of the searched picture. Letters half as high still have hundreds of pixels.
+/// Maximum side of the searched picture, in pixels. Letters half as high still have hundreds of
+/// pixels.
 const MAX_SIDE: u32 = 1200;
 
-/// Assumed height of letters, as a fraction of the photo's, when the sky is subtracted.
+/// Assumed height of the letters when the sky is subtracted, as a fraction of the photo's height.
 const LETTER_PART: f64 = 0.3;
 
-/// Least ink above the sky, in standard deviations of the sky, and least standard deviation.
+/// Minimum light of ink above the sky, in standard deviations of the sky.
 const LIT_SIGMAS: f32 = 5.0;
 
-/// Fewest lit pixels of writing.
+/// Minimum number of lit pixels in a photo with writing.
 const MIN_LIT_PX: usize = 16;
 
-/// Quantiles of the lit pixels that are full light: with dim streaks, and with uneven strokes.
+/// Quantiles of the lit pixels' levels that are tried as full light. The first one suits photos
+/// with dim streaks, and the second one photos with uneven strokes.
 const FULL_RANKS: [f64; 2] = [0.95, 0.6];
 
-/// Least ink as a fraction of full light.
+/// Minimum level of ink, as a fraction of full light.
 const INK_LEVEL: f32 = 0.3;
 
-/// Rows through the letters have at least this fraction of the most crossings in a row. A streak
-/// to the landing place has one or two.
+/// Minimum number of strokes that a row through the letters crosses, as a fraction of the maximum
+/// over all rows. A streak to the landing place adds only one or two crossings.
 const MIN_CROSSINGS: f64 = 0.4;
 
-/// Largest reach of a letter's ink above and below the line, in heights of the line.
+/// Maximum distance of a letter's ink above and below the line, in line heights.
 const SLACK_H: f64 = 0.25;
 
-/// Fraction of the line's height from which the part in the ink's color is the whole letter.
+/// Fraction of the line's height at which the part in the ink's color counts as the whole letter.
 const WHOLE_LETTER: f64 = 0.7;
 
-/// Least height of a letter with a level bar, in widths of its stroke.
+/// Minimum height of a single letter, in stroke widths. A mere horizontal bar is lower.
 const BAR: f64 = 3.0;
 
-/// Most lines of a photo.
+/// Maximum number of lines that are read in a photo.
 const MAX_LINES: usize = 4;
 
-/// Largest ratio of the letters' heights of two lines.
+/// Maximum ratio between the letter heights of two lines of one text.
 const MAX_RATIO: f64 = 1.8;
 
-/// Ratio of the heights of two lines from which the smaller one is only a credit.
+/// Ratio of heights at which the smaller of two lines is only a credit.
 const LARGER: f64 = 3.0;
 
-/// Largest height of a line beside a credit, as a fraction of the photo's.
+/// Maximum height of a line beside a credit, as a fraction of the photo's height.
 const ROOM: f64 = 0.6;
 
-/// Light of a photo in which lines are looked for.
+/// The light of a photo in which lines are searched.
 #[derive(Clone)]
 pub(super) struct Ink {
-    /// Photo pixels along one pixel of the rasters.
+    /// Number of photo pixels along one pixel of the rasters.
     step: f64,
-    /// Light of any color, and light of the color of the brightest pixels (1 = fully lit).
+    /// The light of any color, and the light in the brightest pixels' color, where 1 is fully lit.
     light: [Arc<Raster>; 2],
-    /// Index of the raster that is the ink.
+    /// Index of the raster in `light` that is the ink.
     which: usize,
 }
 
-/// A line of writing. Lengths are pixels of the searched picture.
+/// A line of writing. Lengths are in pixels of the searched picture.
 pub(super) struct Line {
     ink: Ink,
-    /// Height of most letters, between the middles of their strokes.
+    /// Height of most letters, measured between the centers of their strokes.
     pub(super) letter_px: f64,
     /// Width of a stroke.
     stroke_px: f64,
-    /// Top and bottom of most letters, at the middles of their strokes.
+    /// Top and bottom of most letters, at the centers of their strokes.
     extent: [f64; 2],
-    /// Rows that the letters' ink may reach.
+    /// Range of rows that the ink of the letters may reach.
     rows: [usize; 2],
-    /// First column of the ink, and the one after its last.
+    /// First column of the ink, and the column after its last one.
     columns: [usize; 2],
 }
 
-/// Returns the light of a photo by each rule for ink, or nothing if too few pixels are lit.
+/// Returns the ink of a photo by each rule for ink, or an empty list if too few pixels are lit.
 pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
     let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
     let light = Light::of_whole(photo, step, LETTER_PART * f64::from(photo.height_px));
@@ -110,12 +112,13 @@ impl Ink {
         &self.light[self.which]
     }
 
-    /// Returns a mask that is true of ink.
+    /// Returns a mask that is true for pixels with ink.
     fn mask(&self) -> Vec<bool> {
         self.raster().values.iter().map(|value| *value > INK_LEVEL).collect()
     }
 
-    /// Returns lines, those with the most crossings first. The rows of each are blank for the next.
+    /// Returns the lines of writing in order of decreasing crossings. The rows of each line are
+    /// blanked before the next line is searched.
     fn by_crossings(&self) -> impl Iterator<Item = Line> {
         let mut mask = self.mask();
         let lines = std::iter::from_fn(move || {
@@ -127,7 +130,7 @@ impl Ink {
         lines.take(MAX_LINES)
     }
 
-    /// Returns the lines of one text, from the top.
+    /// Returns the lines of one text, from top to bottom.
     pub(super) fn lines(&self) -> Vec<Line> {
         let mut lines: Vec<Line> = Vec::new();
         for line in self.by_crossings() {
@@ -140,13 +143,15 @@ impl Ink {
         lines
     }
 
-    /// Returns one line with all ink, for a single letter, where crossings do not show the line.
+    /// Returns a single line with all of the ink. This line serves for single letters, which have
+    /// too few crossings to show one.
     pub(super) fn line_of_any(&self) -> Option<Line> {
         Line::from_mask(self, &self.mask(), Band::OfAny)
     }
 
-    /// Returns the line with the most crossings among those that are [`LARGER`] times as high as
-    /// `than_px`. A credit or a date has more crossings than the writing beside it.
+    /// Returns the line with the most crossings among those that are at least [`LARGER`] times as
+    /// high as `than_px`. This rule is needed because a credit or a date has more crossings than
+    /// the larger writing beside it.
     pub(super) fn larger(&self, than_px: f64) -> Option<Line> {
         let least_px = LARGER * than_px;
         if least_px > ROOM * self.raster().height as f64 {
@@ -157,8 +162,8 @@ impl Ink {
 }
 
 impl Line {
-    /// Returns the line of writing in a mask of ink, or `None` if it is as low as its strokes are
-    /// wide.
+    /// Returns the line of writing in a mask of ink. Returns `None` if the line is less than a
+    /// pixel high without its strokes.
     fn from_mask(ink: &Ink, mask: &[bool], by: Band) -> Option<Self> {
         let Raster { width, height, .. } = *ink.raster();
         let [top, bottom] = band(mask, width, by)?;
@@ -177,7 +182,7 @@ impl Line {
         (letter_px >= 1.0).then_some(Self { ink, letter_px, stroke_px, extent, rows, columns })
     }
 
-    /// True if the line is a part of another line, or has letters of another height.
+    /// True if the line is a part of another line, or if its letters have another height.
     pub(super) fn adds_nothing_to(&self, other: &Self) -> bool {
         let slack = whole(self.stroke_px.ceil());
         let [first, last] = other.columns;
@@ -185,19 +190,19 @@ impl Line {
         is_within || !self.has_height_of(other)
     }
 
-    /// True if the letters of two lines may be of one text.
+    /// True if the letter heights of two lines are similar enough for one text.
     fn has_height_of(&self, other: &Self) -> bool {
         (1.0 / MAX_RATIO..=MAX_RATIO).contains(&(self.letter_px / other.letter_px))
     }
 
-    /// Returns the number of columns of the line's strip, for a cap height.
+    /// Returns the number of columns of the line's strip if capitals are `cap_px` high.
     pub(super) fn strip_width(&self, cap_px: f64) -> usize {
         let [first, last] = self.columns.map(|column| column as f64);
         (whole((last - first) * CAP_PX as f64 / cap_px) + 2 * MARGIN_PX).next_multiple_of(2)
     }
 
-    /// Cuts the line out as a strip, for a cap height. Returns the strip, its left end and the size
-    /// of its pixels, both in pixels of the photo.
+    /// Cuts out the line as a strip for capitals of height `cap_px`. Returns the strip, the
+    /// position of its left edge, and the size of its pixels, both in photo pixels.
     pub(super) fn strip(&self, cap_px: f64) -> (Strip, f64, f64) {
         let pitch = cap_px / CAP_PX as f64;
         let left = self.columns[0] as f64 - MARGIN_PX as f64 * pitch;
@@ -211,7 +216,7 @@ impl Line {
         (Strip::of_light(width, bright, pure), left * self.ink.step, pitch * self.ink.step)
     }
 
-    /// Returns the boxes of the letters with these middles, in pixels of the photo.
+    /// Returns the boxes of the letters with the given centers, in pixels of the photo.
     pub(super) fn boxes(&self, middles_px: &[f64]) -> Vec<[f64; 4]> {
         let [first, end] = self.columns;
         let middles = middles_px.iter().map(|px| whole((px / self.ink.step).max(0.0)));
@@ -219,7 +224,7 @@ impl Line {
         let Raster { width, ref values, .. } = *self.ink.raster();
         let column = |x| (self.rows[0]..self.rows[1]).map(|y| values[y * width + x]).sum();
         let ink: Vec<f32> = (0..width).map(column).collect();
-        // Letters are separated at the column with the least ink between their middles.
+        // Two letters are separated at the column with the least ink between their centers.
         let between = middles.windows(2).map(|pair| {
             let (from, to) = (pair[0], pair[1].max(pair[0] + 1));
             (from..to).min_by(|a, b| ink[*a].total_cmp(&ink[*b])).unwrap_or(to)
@@ -233,16 +238,16 @@ impl Line {
         boxes.map(|sides| sides.map(|side| side * self.ink.step)).collect()
     }
 
-    /// Returns the box of the ink between two columns, at the middles of its strokes.
+    /// Returns the box of the ink between two columns, at the centers of its outer strokes.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
-        // Trails of other lamps may lead to a letter, so that its own color decides its box.
+        // The ink's own color decides the box, because trails of other lamps may lead to a letter.
         let colored = self.box_of(&self.ink.light[1], from, to);
         let whole =
             colored.filter(|[_, top, _, bottom]| bottom - top >= WHOLE_LETTER * self.letter_px);
         whole.or_else(|| self.box_of(self.ink.raster(), from, to))
     }
 
-    /// Returns the box of the ink between two columns of the line in one raster.
+    /// Returns the box of one raster's ink between two columns of the line.
     fn box_of(&self, ink: &Raster, from: usize, to: usize) -> Option<[f64; 4]> {
         let width = ink.width;
         let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);
@@ -254,7 +259,7 @@ impl Line {
                 (top, bottom) = (top.min(y), bottom.max(y + 1));
             }
         }
-        // Narrower by a stroke: from the middle of the first to that of the last.
+        // Removes half a stroke on each side, so that the box runs through the strokes' centers.
         let half = 0.5 * self.stroke_px;
         (left < right).then(|| {
             let [[left, right], [top, bottom]] =
@@ -267,23 +272,23 @@ impl Line {
     }
 }
 
-/// Rows of the letters.
+/// The rule that selects the rows of the letters.
 #[derive(Clone, Copy, PartialEq)]
 enum Band {
-    /// With nearly the most crossings of a row.
+    /// Selects rows with nearly the maximum number of crossings.
     OfMost,
-    /// With any ink.
+    /// Selects rows with any ink.
     OfAny,
 }
 
-/// First and last row of the letters: around the row with the most crossings.
+/// Returns the first row of the letters and the one after their last, around the most crossings.
 fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
-    // Strokes that each row crosses.
+    // Counts the strokes that each row crosses.
     let crossings = mask.chunks_exact(width).map(|row| {
         u32::from(row[0]) + row.iter().zip(&row[1..]).map(|(a, b)| u32::from(!a & b)).sum::<u32>()
     });
     let rows: Vec<u32> = noctograph_core::dispatch!(|| crossings.collect());
-    // Means over some rows: noise has crossings, too, but only in few rows.
+    // Averages the counts over some rows, because noise has crossings, too, but only in few rows.
     let reach = (rows.len() / 100).max(1);
     let smooth = (0..rows.len()).map(|y| {
         let around = &rows[y.saturating_sub(reach)..(y + reach + 1).min(rows.len())];
@@ -299,14 +304,14 @@ fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     (bottom - top >= 8).then_some([top, bottom])
 }
 
-/// Returns the width of strokes: twice their area by the length of their edge.
+/// Returns the width of strokes, which is twice their area divided by the length of their edge.
 fn stroke_width(mask: &[bool], width: usize) -> f64 {
     let area = mask.iter().filter(|ink| **ink).count();
     let differing = |a: &[bool], b: &[bool]| -> u32 {
         noctograph_core::dispatch!(|| a.iter().zip(b).map(|(a, b)| u32::from(a != b)).sum())
     };
     let across: u32 = mask.chunks_exact(width).map(|row| differing(row, &row[1..])).sum();
-    // Steps of a slanting edge are longer than the edge, by 4 / π on average.
+    // A slanting edge has more pixel steps than its length, by a factor of 4 / π on average.
     let edge = core::f64::consts::FRAC_PI_4 * f64::from(across + differing(mask, &mask[width..]));
     (2.0 * area as f64 / edge.max(1.0)).max(1.0)
 }

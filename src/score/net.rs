@@ -1,9 +1,9 @@
-//! The net: from a strip of light to the logits of every character at every second column.
+//! The neural network ("the net"): from a strip of light to every character's logits at every
+//! second column.
 //!
-//! Layers of convolution in integers (Jacob and others 2018): bytes for light and activations,
-//! weights of 8 bits, sums of 32, one multiplier per channel. Integers have the same sums on every
-//! machine. Architecture, training and file format are in `examples/readings/net.py` and
-//! `train.py`.
+//! The net consists of integer convolutions (Jacob and others 2018): 8-bit light, activations and
+//! weights, 32-bit sums, and one multiplier per channel. Integer sums are equal on every machine.
+//! `examples/readings/net.py` and `train.py` document architecture, training and file format.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -13,51 +13,52 @@ use pulp::{NullaryFnOnce, i16x16, i32x8};
 
 use super::strip::{HEIGHT, Strip};
 
-/// The trained weights.
+/// The trained weights, in the format that `layers` reads.
 const WEIGHTS: &[u8] = include_bytes!("weights.bin");
 
-/// Classes of the last layer: the blank, 62 characters, and no letter.
+/// Number of classes of the last layer: the blank, 62 characters, and light that is no letter.
 pub(super) const N_CLASSES: usize = 64;
 
-/// Columns of a strip for one column of logits.
+/// Number of strip columns for each column of logits.
 pub(super) const COLUMN_PX: usize = 2;
 
-/// Columns of a strip to either side of a logit's own that must be dark for a blank.
+/// Number of strip columns on each side of a logit's own that must be dark for it to be a blank.
 const DARK_PX: usize = 2;
 
-/// Logit of one unit of the last layer's sums.
+/// Value of one unit in the sums of the last layer, as a logit.
 const LOGIT: f64 = 1.0 / 256.0;
 
-/// The net of this program.
+/// The layers of the net with the weights of this program.
 static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
 
-/// A convolution, added to its input if it is dilated, then a maximum over rows and columns.
+/// A convolution layer. If it is dilated, its input is added to its output. The result is then
+/// reduced to maxima over blocks of rows and columns.
 struct Layer {
-    /// Kernel: rows and columns.
+    /// Numbers of rows and columns of the kernel.
     kernel: [usize; 2],
     /// Numbers of input and output channels.
     channels: [usize; 2],
-    /// Rows and columns that are pooled to their maximum.
+    /// Numbers of rows and columns of the blocks that are pooled to their maximum.
     pool: [usize; 2],
-    /// Dilation: columns between neighbors in the kernel, or `None` if these touch.
+    /// Dilation: distance in columns between neighboring kernel columns, or `None` if adjacent.
     dilation: Option<usize>,
-    /// Weights sorted by group of output channels, kernel row, kernel column, pair of input
-    /// channels and eight of the group's channels. Each vector has the pair's weights side by side.
+    /// Weights, sorted by group of output channels, kernel row, kernel column, pair of input
+    /// channels, and block of eight output channels. Each vector interleaves a pair's weights.
     weights: Vec<i16x16>,
-    /// Number of eights of channels in a group, which are summed at once.
+    /// Number of blocks of eight output channels whose sums are computed together.
     eights: usize,
-    /// Multiplier and bias of each channel, padded to whole eights.
+    /// Multiplier and bias of each output channel, padded to whole blocks of eight.
     multipliers: Vec<i32>,
     biases: Vec<i32>,
 }
 
-/// Channels in a vector.
+/// Number of channels in a vector.
 const LANES: usize = 8;
 
-/// Largest number of vectors of sums that stay in registers.
+/// Maximum number of vectors of sums that fit into the registers.
 const MOST_EIGHTS: usize = 8;
 
-/// Activations, row by row, the channels of a pixel together.
+/// Activations, stored row by row, with the channels of a pixel next to each other.
 struct Map {
     height: usize,
     width: usize,
@@ -65,7 +66,7 @@ struct Map {
     values: Vec<i16>,
 }
 
-/// Reach of a logit's receptive field to either side, in columns of a strip.
+/// Reach of a logit's receptive field on each side, in columns of a strip.
 static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
     let reach = NET.iter().scan(1, |step, layer| {
         let reach = layer.kernel[1] / 2 * layer.dilation.unwrap_or(1) * *step;
@@ -75,14 +76,15 @@ static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
     reach.sum::<usize>().next_multiple_of(COLUMN_PX)
 });
 
-/// Returns the logits of each class at every second column that is read of a strip.
+/// Returns the logits of all classes at every second column in the part of a strip that is read.
 pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
     logits_of(strip, strip.read.clone())
 }
 
-/// Returns the logits that depend on a part of a strip, and the index of the first.
+/// Returns the logits that depend on a part of a strip, and the index of the first of them.
 pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
-    // Logits within reach of the part change. They need the columns within their own reach.
+    // Every logit whose receptive field touches the part changes. Computing it takes all columns of
+    // its own receptive field.
     let [wanted, needed] = [*REACH_PX, 2 * *REACH_PX].map(|reach| {
         let [first, end] = [part.start.saturating_sub(reach), part.end + reach]
             .map(|column| column.clamp(strip.read.start, strip.read.end));
@@ -93,7 +95,7 @@ pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f
     (wanted.start, wanted_logits.to_vec())
 }
 
-/// Returns the logits of all classes for columns of a strip.
+/// Returns the logits of all classes for a range of strip columns.
 fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let values = strip.bytes(columns.clone()).into_iter().map(i16::from).collect();
     let mut map = Map { height: HEIGHT, width: columns.len(), channels: 2, values };
@@ -104,7 +106,7 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let sums = last.sums(&map);
     let logits = sums.as_chunks().0.iter().map(|sums| sums.map(|sum| f64::from(sum) * LOGIT));
     let mut logits: Vec<[f64; N_CLASSES]> = logits.collect();
-    // A dark column is a blank. The net would read "no letter" in a gap between words.
+    // A dark column is made a blank, since the net reads "no letter" in a gap between words.
     for (column, logits) in columns.step_by(COLUMN_PX).zip(&mut logits) {
         if strip.is_dark(column.saturating_sub(DARK_PX)..column + COLUMN_PX + DARK_PX) {
             logits[N_CLASSES - 1] = f64::NEG_INFINITY;
@@ -113,11 +115,12 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     logits
 }
 
-/// Reads the layers from a file of weights.
+/// Parses the layers from a weights file.
 fn layers(mut bytes: &[u8]) -> Vec<Layer> {
     let mut layers = Vec::new();
     while let Some((head, rest)) = bytes.split_at_checked(6) {
-        // A header of six bytes, weights by channel, then 32-bit multipliers and biases.
+        // Each layer has a header of six bytes, then its weights by output channel, and then its
+        // 32-bit multipliers and biases.
         let [kh, kw, ci, co, pool, dilation] =
             [0, 1, 2, 3, 4, 5].map(|byte| usize::from(head[byte]));
         let (weights, rest) = rest.split_at(kh * kw * ci * co);
@@ -128,7 +131,7 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
             let numbers = bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b));
             numbers.chain(std::iter::repeat_n(0, padded - co)).collect()
         });
-        // Groups have equal numbers of channels, as many as registers allow.
+        // All groups have the same number of channels, the most that the registers allow.
         let eights = (1..=MOST_EIGHTS).rev().find(|n| (padded / LANES).is_multiple_of(*n));
         let eights = eights.expect("1 divides every number");
         let weight = |channel: usize, place: usize| {
@@ -158,15 +161,15 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
 }
 
 impl Layer {
-    /// Returns the scaled sums, row by row. Columns are padded with zeros, and rows too if the
-    /// kernel is lower than the map.
+    /// Returns the scaled sums, row by row. Columns outside the map count as zeros. So do rows,
+    /// unless the kernel is as high as the map.
     fn sums(&self, map: &Map) -> Vec<i32> {
         let [kh, kw] = self.kernel;
         let [ci, co] = self.channels;
         assert_eq!(map.channels, ci, "each layer takes what the one before it makes");
         let above = if kh == map.height { 0 } else { kh / 2 };
         let height = map.height + 2 * above + 1 - kh;
-        // A row of the map between columns of zeros.
+        // Each row of the map is padded with columns of zeros.
         let padding = kw / 2 * self.dilation.unwrap_or(1) * ci / 2;
         let row_length = map.width * ci / 2;
         let mut rows = vec![vec![[0; 2]; row_length + 2 * padding]; map.height + 2 * above];
@@ -188,7 +191,7 @@ impl Layer {
         sums
     }
 
-    /// Returns the sums clamped to bytes. A dilated layer adds its input to them.
+    /// Returns the sums clamped to 0 to 255, after a dilated layer's input was added.
     fn activations(&self, map: &Map) -> Map {
         let mut sums = self.sums(map);
         if self.dilation.is_some() {
@@ -200,22 +203,22 @@ impl Layer {
     }
 }
 
-/// The sums of a layer, eight channels in a register. Sums of integers have the same bits anyhow.
+/// The sums of a layer, with eight channels per register. All kinds of registers give equal sums.
 struct Sums<'a> {
     layer: &'a Layer,
     width: usize,
-    /// Rows of the map with their padding, by pairs of channels.
+    /// Padded rows of the map, as pairs of channels.
     rows: Vec<Vec<[i16; 2]>>,
     sums: &'a mut [i32],
 }
 
-/// Vector registers of a processor.
+/// Vector registers of one kind of processor.
 trait Registers: Copy {
-    /// Adds the products of a pair of activations and its weights.
+    /// Adds the products of two activations and their weights to the sums.
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8;
 }
 
-/// Plain arrays, for every processor.
+/// Plain arrays, which work on every processor.
 impl Registers for () {
     #[inline(always)]
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
@@ -261,7 +264,7 @@ impl Registers for Simd128 {
     }
 }
 
-/// A call that computes sums with the given registers.
+/// A call that computes the sums of a layer with the given registers.
 struct With<'a, R>(R, Sums<'a>);
 
 impl<R: Registers> NullaryFnOnce for With<'_, R> {
@@ -270,6 +273,7 @@ impl<R: Registers> NullaryFnOnce for With<'_, R> {
     #[inline(always)]
     fn call(self) {
         let Self(registers, mut sums) = self;
+        // Each size of a group has code of its own, so that the totals stay in registers.
         match sums.layer.eights {
             1 => sums.add_groups::<1>(registers),
             2 => sums.add_groups::<2>(registers),
@@ -284,7 +288,7 @@ impl<R: Registers> NullaryFnOnce for With<'_, R> {
 }
 
 impl Sums<'_> {
-    /// Computes all sums, in groups of `N` eights of channels.
+    /// Computes all sums, in groups of `N` blocks of eight channels.
     #[inline(always)]
     fn add_groups<const N: usize>(&mut self, registers: impl Registers) {
         let Layer {
@@ -297,13 +301,13 @@ impl Sums<'_> {
             ..
         } = self.layer;
         let run = kw * ci / 2;
-        // Without dilation, a row of the kernel is one piece of consecutive columns.
+        // Without dilation, a row of the kernel covers one contiguous piece of columns.
         let (piece, step) = dilation.map_or((run, run), |dilation| (ci / 2, dilation * ci / 2));
         let groups = weights.chunks_exact(kh * run * N);
         for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
             for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
                 for (group, weights) in groups.clone().enumerate() {
-                    // Totals begin with the biases, and stay in registers.
+                    // The totals start from the biases and stay in registers.
                     let first = group * N * LANES;
                     let mut totals: [i32x8; N] = std::array::from_fn(|n| {
                         let eight = biases[first + n * LANES..].first_chunk::<LANES>();
@@ -320,7 +324,7 @@ impl Sums<'_> {
                             }
                         }
                     }
-                    // Scaled by the multipliers, in units of 2⁻²⁴.
+                    // The multipliers scale the totals in units of 2⁻²⁴.
                     let group_sums = sums[first..].chunks_mut(LANES).take(N);
                     for (n, (sums, total)) in group_sums.zip(totals).enumerate() {
                         let totals: [i32; LANES] = cast(total);
@@ -342,7 +346,7 @@ impl Sums<'_> {
 }
 
 impl Map {
-    /// Returns the maxima over blocks of rows and columns. Incomplete blocks are dropped.
+    /// Returns the maxima over blocks of rows and columns, without incomplete blocks at the edges.
     fn pooled(self, [rows, columns]: [usize; 2]) -> Self {
         if [rows, columns] == [1, 1] {
             return self;
@@ -365,7 +369,7 @@ mod tests {
     use super::*;
     use noctograph_core::digest::fnv_1a;
 
-    /// Of the logits of the pattern below, with the weights of this program.
+    /// FNV-1a hash of the logits that the weights of this program give for the pattern below.
     const LOGITS_FNV_1A: u64 = 7_987_465_851_812_230_209;
 
     fn pattern(width: usize) -> Strip {

@@ -1,7 +1,7 @@
-//! Rasters of one value a pixel: strokes, blur, halving, and sums of products.
+//! Rasters with one value per pixel: strokes, blur, halving, and sums of products.
 //!
-//! Pixel `x, y` has its center at +0.5 and y down. Strokes are in the plane of the word (meters, y
-//! up), with the transform that brings them onto the raster.
+//! The center of pixel `x, y` is at `x + 0.5, y + 0.5`, with y down. Strokes are given in the plane
+//! of the word (meters, y up), together with the transform from there to the raster.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use tiny_skia::{FillRule, LineCap, LineJoin, Mask, Path, PathBuilder, Stroke, Tr
 
 use noctograph_core::strokes::Move;
 
-/// One value a pixel, row by row from the top left.
+/// One value per pixel, row by row from the top left.
 #[derive(Clone, Debug)]
 pub(super) struct Raster {
     pub(super) width: usize,
@@ -23,14 +23,14 @@ impl Raster {
         Self { width, height, values: vec![0.0; width * height] }
     }
 
-    /// Returns the light relative to the fully lit level, clipped to 0 to 1.
+    /// Returns the light relative to the fully lit level, clamped to 0 to 1.
     pub(super) fn exposed(&self, full_light: f32) -> Self {
         let values = self.values.iter().map(|value| (value / full_light).clamp(0.0, 1.0));
         Self { values: values.collect(), ..*self }
     }
 
-    /// Returns the light in each square of a grid, which has the corner `left`, `top` and squares
-    /// of `side` pixels.
+    /// Returns the sum of the light in each square of a grid whose corner is `left`, `top` and
+    /// whose squares have a side of `side` pixels.
     pub(super) fn sums(
         &self,
         [left, top]: [f64; 2],
@@ -38,7 +38,7 @@ impl Raster {
         columns: Range<usize>,
         n_rows: usize,
     ) -> Vec<f32> {
-        // Pixels that each column and each row of squares touches, once for all squares.
+        // The pixels that each column and each row of squares overlaps are computed only once.
         let columns = overlaps_of_squares(left, side, columns, self.width);
         let mut sums = Vec::with_capacity(n_rows * columns.len());
         for rows in overlaps_of_squares(top, side, 0..n_rows, self.height) {
@@ -54,7 +54,7 @@ impl Raster {
         sums
     }
 
-    /// Blurs by a Gaussian that is cut off at 3 σ. Outside is dark.
+    /// Blurs by a Gaussian that is truncated at 3 σ. Everything outside the raster is dark.
     pub(super) fn blur(&self, sigma_px: f32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
         let reach = (3.0 * sigma_px).ceil() as usize;
@@ -65,7 +65,7 @@ impl Raster {
         let sum: f32 = kernel.iter().sum();
         kernel.iter_mut().for_each(|weight| *weight /= sum);
 
-        // A Gaussian is separable: first along each row, then along each column.
+        // A Gaussian is separable, so each row is blurred first, and then each column.
         let mut rows = Self::dark(self.width, self.height);
         let mut padded = vec![0.0; self.width + 2 * reach];
         for (from, to) in
@@ -87,7 +87,7 @@ impl Raster {
         blurred
     }
 
-    /// Returns the raster at half the resolution: means of 2 × 2 pixels. Both sides must be even.
+    /// Returns the raster at half resolution: means of 2 × 2 pixels. Both sides must be even.
     pub(super) fn half(&self) -> Self {
         assert_eq!([self.width % 2, self.height % 2], [0; 2], "even sides can be halved");
         let (width, height) = (self.width / 2, self.height / 2);
@@ -101,7 +101,7 @@ impl Raster {
     }
 }
 
-/// A page that strokes are drawn on: coverage from 0 to 1.
+/// A page on which strokes are drawn, as coverage from 0 to 1.
 pub(super) struct Page(Mask);
 
 impl Page {
@@ -112,7 +112,7 @@ impl Page {
         Self(Mask::new(width, height).expect("a page has pixels"))
     }
 
-    /// Draws the lit moves with a round pen.
+    /// Draws the lit moves with a round pen that is `pen_px` wide.
     pub(super) fn stroke(&mut self, moves: &[Move], pen_px: f32, page_from_plane: Transform) {
         let stroke = Stroke {
             width: pen_px,
@@ -120,7 +120,7 @@ impl Page {
             line_join: LineJoin::Round,
             ..Stroke::default()
         };
-        // The path is stroked on the page, so that the pen stays round however it was stretched.
+        // The path is transformed first and stroked then, so that the pen stays round.
         let path = path_of(moves).and_then(|path| path.transform(page_from_plane));
         if let Some(line) = path.and_then(|path| path.stroke(&stroke, 1.0)) {
             self.0.fill_path(&line, FillRule::Winding, true, Transform::identity());
@@ -137,7 +137,7 @@ impl Page {
     }
 }
 
-/// Returns the lit moves as a path, or `None` if nothing is lit.
+/// Returns the lit moves as a path, or `None` if no move is lit.
 fn path_of(moves: &[Move]) -> Option<Path> {
     let mut builder = PathBuilder::new();
     let mut pen_at = None;
@@ -152,12 +152,13 @@ fn path_of(moves: &[Move]) -> Option<Path> {
     builder.finish()
 }
 
-/// Adds `weight` times the values of `from`.
+/// Adds the values of `from`, multiplied by `weight`, to those of `to`.
 fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
 }
 
-/// Returns the pixels, of `n_pixels`, that each square of a row or column overlaps.
+/// Returns the pixels, out of `n_pixels`, that each square of a row or column overlaps, and by how
+/// much.
 fn overlaps_of_squares(
     first: f64,
     side: f64,
@@ -168,7 +169,7 @@ fn overlaps_of_squares(
     starts.map(|from| overlaps(from, from + side, n_pixels).collect()).collect()
 }
 
-/// Returns the pixels, of `n`, that an interval overlaps, with the lengths of the overlaps.
+/// Returns the pixels, out of `n`, that an interval overlaps, with the length of each overlap.
 pub(super) fn overlaps(from: f64, to: f64, n: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
     let first = whole(from.clamp(0.0, n as f64));
     let end = whole(to.ceil().clamp(first as f64, n as f64));
@@ -178,20 +179,20 @@ pub(super) fn overlaps(from: f64, to: f64, n: usize) -> impl Iterator<Item = (us
     })
 }
 
-/// Rounds a number of pixels down.
+/// Rounds a nonnegative number of pixels down.
 #[expect(clippy::cast_possible_truncation, reason = "pixels of a photo, rounded down")]
 pub(super) fn whole(pixels: f64) -> usize {
     pixels as usize
 }
 
-/// Converts light to the precision of rasters.
+/// Converts a value to the precision of rasters.
 #[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
 pub(super) fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// Returns the scalar products of several rows with one. The order of the sums is fixed, so that
-/// their bits are.
+/// Returns the scalar product of each row with another one. The order of the additions is fixed, so
+/// that the result has the same bits on every machine.
 pub(super) fn dots<const N: usize>(rows: [&[f32]; N], with: &[f32]) -> [f32; N] {
     let (with, with_rest) = with.as_chunks::<8>();
     let rows = rows.map(|row| row.as_chunks::<8>());

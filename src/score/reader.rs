@@ -1,4 +1,4 @@
-//! The reader of one word: prepared once, it reads one photo after another in some milliseconds.
+//! A reader of one word, which is prepared once and then reads each photo in a few milliseconds.
 
 use rayon::prelude::*;
 
@@ -25,24 +25,26 @@ use noctograph_core::photo::Photo;
 use noctograph_core::settings::Described;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Fraction of the word's ink whose mean is its color. Half-missing letters have no more ink.
+/// Fraction of the ink's area whose brightest pixels give its mean color. Even a word with half of
+/// its letters missing has as much ink.
 const INK_PART: f64 = 0.5;
 
-/// Least fraction of a cell's light that has the color of its page. With less, the letter has
-/// another color. White tinted by an overexposed blue line has 0.5.
+/// Minimum fraction of the light in a letter's cell that must have the color of its page. With a
+/// smaller fraction, the letter has its own color. White light beside an overexposed blue line
+/// still has 0.5.
 const LEAST_OF_COLOR: f32 = 0.25;
 
-/// Probability from which a letter that is read beside the word counts.
+/// Minimum probability at which a letter that is read outside the word counts.
 const CLEAR_P: f64 = 0.6;
 
-/// Ratio of the odds in the line found blindly to those at the word's position from which the two
-/// views contradict each other. The outline of a white patch is an O in only one of them.
+/// Ratio between the odds in the blindly located line and those at the word's position above which
+/// the two contradict each other. A white patch's outline, for example, is an O in only one.
 const CONTRADICTION: f64 = 20.0;
 
-/// Number of letters from which a word is not read blindly by chance.
+/// Number of letters from which a blind reading cannot match the word by chance.
 const MANY_LETTERS: usize = 3;
 
-/// Reads photos of one word.
+/// A reader of photos of one word.
 pub struct Reader {
     options: ScoreOptions,
     pub(super) strokes: Strokes,
@@ -51,27 +53,27 @@ pub struct Reader {
     pub(super) expected: Expected,
     /// The grid of each line's strip.
     pub(super) lines: Vec<Grid>,
-    /// The line of each letter.
+    /// Index of the line that each letter belongs to.
     pub(super) line_of: Vec<usize>,
-    /// One page for each letter.
+    /// The page of each letter.
     pub(super) pages: Vec<LetterPage>,
-    /// Pixels of a page that each letter's ink should cover.
+    /// Number of page pixels that the ink of each letter should cover.
     pub(super) ink_px: Vec<f64>,
 }
 
-/// The light of a word.
+/// The light of a word in one photo.
 pub(super) struct Seen {
     pub(super) light: Light,
     pub(super) placed: Placed,
-    /// Level of light that counts as fully lit.
+    /// Light level that counts as fully lit.
     pub(super) full_light: f32,
-    /// Ratio of that level to the least visible light.
+    /// Ratio of the fully lit level to the lowest visible level.
     pub(super) contrast: f32,
     /// One strip for each line of the word.
     pub(super) strips: Vec<Strip>,
-    /// The columns of each strip.
+    /// The class probabilities of each strip.
     pub(super) columns: Vec<Columns>,
-    /// The columns of all lines, with those beside them.
+    /// The class probabilities of all lines together, including the light beside the word.
     around: Columns,
 }
 
@@ -82,18 +84,18 @@ impl std::fmt::Debug for Reader {
 }
 
 impl Reader {
-    /// Prepares the reading of a word.
+    /// Prepares a reader for a word.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](noctograph_core::error::Error::Input) for an empty word or a drawing, a
-    /// letter that the reader cannot read or that is not lit, letters too narrow or too wide, or an
-    /// option out of range.
+    /// Returns [`Error::Input`](noctograph_core::error::Error::Input) for an empty word, a drawing,
+    /// a letter that the reader cannot read or that has no lit stroke, a letter that is too narrow
+    /// or too wide, or an option out of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
         options.check("score", None)?;
         check(strokes)?;
         let home = Placed::home(strokes);
-        // Area of the ink: length of the strokes by width of the pen.
+        // The area of the ink is the length of the strokes times the width of the pen.
         let ink_px = strokes.glyphs.iter().map(|glyph| {
             let lit = glyph.moves.iter().filter(|step| step.lit);
             let length_m: f64 = lit.map(|step| distance(step.from_m, step.to_m)).sum();
@@ -120,11 +122,11 @@ impl Reader {
         Ok(reader)
     }
 
-    /// Returns the columns of a faultless drawing of the word.
+    /// Returns the class probabilities of a drawing of the word without any fault.
     pub(super) fn drawn_columns(&self) -> Columns {
         let drawn = self.lines.iter().map(|grid| {
             let light = draw(grid, &self.home, &self.strokes.glyphs, CAP_PX as f32).values;
-            // The blur halves the light of thin strokes.
+            // The light is doubled because the blur halves that of thin strokes.
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
             Columns::along(&Strip::drawn(grid.width, light))
         });
@@ -135,17 +137,18 @@ impl Reader {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo of another size.
+    /// Returns [`Error::Input`](noctograph_core::error::Error::Input) for a photo whose size
+    /// differs from the view's.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
         Ok(self.score_with_light(photo, view)?.0)
     }
 
-    /// Returns the strip of each line for training the net: its number of columns, and the bytes
-    /// of its 40 rows with two channels per pixel.
+    /// Returns the strips of a photo's lines as training data for the net: the number of columns of
+    /// each strip, and its 40 rows of pixels with two bytes per pixel.
     ///
     /// # Errors
     ///
-    /// As [`Self::score`].
+    /// Returns the same errors as [`Self::score`].
     pub fn strips(&self, photo: &Photo, view: &View) -> Result<Vec<(usize, Vec<u8>)>> {
         check_size(photo, view)?;
         let seen = self.find_light(photo, view);
@@ -153,7 +156,7 @@ impl Reader {
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width))).collect())
     }
 
-    /// Returns the verdict without causes, and the light at the position of the word, if any.
+    /// Returns the verdict without causes, and the light at the word's position if there is any.
     pub(super) fn score_with_light(
         &self,
         photo: &Photo,
@@ -161,7 +164,7 @@ impl Reader {
     ) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.find_light(photo, view));
-        // `None` if the photo cannot show a capital.
+        // `None` means that the camera cannot see where the word should be.
         let pixel_px = self.finder.grid.pixel_px(view, &self.home);
         let cap_height_px = pixel_px.map(|px| f64::from(PX_PER_H) * px);
         let seen = match seen {
@@ -172,8 +175,8 @@ impl Reader {
                 return Ok((Verdict { second_opinion, ..verdict }, None));
             }
         };
-        // The word is judged at its position and in the lines that blind recognition finds. The
-        // view with the better odds counts, unless it contradicts the other.
+        // The word is judged both at its expected position and in the lines that blind recognition
+        // locates. The judgment with the better odds is used, unless the two contradict each other.
         let in_place = (!self.has_letters_elsewhere(&reading, &seen, view))
             .then(|| Columns::joined(seen.columns.iter().cloned()));
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
@@ -207,9 +210,9 @@ impl Reader {
             })
     }
 
-    /// Finds the word's light in a photo of the view's size, or returns why there is none.
+    /// Locates the word's light in a photo of the view's size, or says why there is none.
     fn find_light(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
-        // The part of the photo that may show the word, and its exposure.
+        // Crops the photo to the part that may show the word, and measures its exposure.
         let grid = &self.finder.grid;
         let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
         let decoded =
@@ -221,7 +224,7 @@ impl Reader {
         let (full_light, contrast) = full_light(&bright, sky, ink_px).ok_or(Reason::NoLight)?;
         let color = color::of_brightest(&colors, whole(INK_PART * ink_px));
 
-        // A strip of each line, then a wider one that includes what is beside it.
+        // Cuts a strip for each line, and then a wider one that includes the light beside it.
         let placed = self.finder.place(&bright.exposed(full_light));
         let wide: Vec<Grid> = self.lines.iter().map(around).collect();
         let grids = self.lines.iter().enumerate().chain(wide.iter().enumerate());
@@ -243,7 +246,7 @@ impl Reader {
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 
-    /// Words a judgment as a verdict, with its reason.
+    /// Turns a judgment into a verdict, with the reason if the word is not legible.
     fn verdict(
         &self,
         judgment: Judgment,
@@ -251,16 +254,16 @@ impl Reader {
         cap_height_px: Option<f64>,
         reading: &Reading,
     ) -> Verdict {
-        let has_other_length = judgment.has_other_length();
-        let Judgment { choices, rival, readability } = judgment;
         let reads_other_length =
-            is_clear(&reading.letters) && reading.letters.len() != choices.len();
-        let choices = self.expected.by_character(choices);
-        let read = self.spelled(&choices);
-        let mut choices = choices.iter();
+            is_clear(&reading.letters) && reading.letters.len() != judgment.choices.len();
+        let has_other_length = judgment.has_other_length() || reads_other_length;
+        let Judgment { choices, rival, readability } = judgment;
+        let judged = self.expected.by_character(choices);
+        let read = self.spelled(&judged);
+        let mut next_judged = judged.iter();
         let letters = self.strokes.glyphs.iter().map(|glyph| match classes_of(glyph.character) {
             None => LetterVerdict::not_judged(glyph.character),
-            Some(_) => letter_verdict(choices.next().expect("one a letter"), glyph.character),
+            Some(_) => letter_verdict(next_judged.next().expect("one per letter"), glyph.character),
         });
         let letters: Vec<LetterVerdict> = letters.collect();
         let placement = Placement::from(&seen.placed);
@@ -268,18 +271,19 @@ impl Reader {
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
         let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
         let is_read = letters.iter().all(|letter| letter.best == Some(letter.expected));
-        // If letters are joined in one glyph, the others were not judged.
+        // If touching letters are joined into one glyph, not all of them were judged.
         let is_whole = !self.is_joined();
         let legible = is_whole && is_likeliest && readability >= self.options.legible_probability;
-        // The first reason that applies. Reasons of the photo come before those of letters.
-        let reason = match () {
-            () if legible => None,
-            () if has_few_px => Some(Reason::TooSmall),
-            () if has_other_length || reads_other_length || !is_whole => Some(Reason::OtherLength),
-            () if !placement.overlaps_page(reach_m) => Some(Reason::OutOfRange),
-            () if is_read && is_likeliest => Some(Reason::Unsure),
-            () => Some(Reason::Misread),
-        };
+        // Selects the first reason that applies. Reasons that concern the photo come before those
+        // that concern its letters.
+        let reasons = [
+            (has_few_px, Reason::TooSmall),
+            (has_other_length || !is_whole, Reason::OtherLength),
+            (!placement.overlaps_page(reach_m), Reason::OutOfRange),
+            (is_read && is_likeliest, Reason::Unsure),
+        ];
+        let first = reasons.into_iter().find(|(applies, _)| *applies);
+        let reason = (!legible).then(|| first.map_or(Reason::Misread, |(_, reason)| reason));
         Verdict {
             read,
             legible,
@@ -293,7 +297,7 @@ impl Reader {
         }
     }
 
-    /// True if letters that touch, for example by a bar through them, are one glyph.
+    /// True if some letters of the word are joined into one glyph, such as by a bar through them.
     fn is_joined(&self) -> bool {
         let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
         judged_characters(glyphs).len() != judged_characters(self.strokes.word.chars()).len()
@@ -312,7 +316,7 @@ impl Reader {
             let expected = judged_characters(word.chars());
             let choices;
             (choices, rest) = rest.split_at(expected.len());
-            // Letters that are read as expected without the spelling stay as they are.
+            // A word whose letters are all read as expected needs no spelling model.
             let is_read =
                 choices.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
             let letters = if is_read { expected } else { likeliest(choices, &expected) };
@@ -325,17 +329,17 @@ impl Reader {
     }
 }
 
-/// Returns the characters that are letters or digits.
+/// Returns those characters that are letters or digits.
 fn judged_characters(characters: impl Iterator<Item = char>) -> Vec<char> {
     characters.filter(|character| classes_of(*character).is_some()).collect()
 }
 
-/// Returns the grid of a line together with its sides.
+/// Returns the grid of a line, widened by the margin that is searched for extra letters.
 fn around(line: &Grid) -> Grid {
     line.widened(SIDE_PX - MARGIN_PX)
 }
 
-/// Returns the grid of a line of letters in the word's plane.
+/// Returns the grid for the strip of one line of letters, in the word's plane.
 fn strip_grid(glyphs: &[Glyph]) -> Grid {
     let cell = glyphs[0].cell;
     let pitch_m = cell.cap_height_m / CAP_PX as f64;
@@ -350,7 +354,7 @@ fn strip_grid(glyphs: &[Glyph]) -> Grid {
     }
 }
 
-/// Returns the box of the lit moves of letters: left, bottom, right, top.
+/// Returns the bounding box of the lit moves of letters, in meters: left, bottom, right and top.
 pub(super) fn lit_bounds_m(glyphs: &[Glyph]) -> [f64; 4] {
     let lit = glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
     bounds(lit.flat_map(|step| [step.from_m, step.to_m]))
@@ -359,8 +363,8 @@ pub(super) fn lit_bounds_m(glyphs: &[Glyph]) -> [f64; 4] {
 /// Returns the light on a letter's page that has the color of the strokes.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
-    // The color comes from the photo's pixels. A pixel of the page may contain both a stroke and
-    // the status light beside it.
+    // The color is measured in the photo's own pixels, because one pixel of the page may mix a
+    // stroke with the status light beside it.
     let [mut color, cell_color] = [grid, &page.columns_of_cell()].map(|part| {
         let frame = part.frame(view, &seen.placed);
         let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(frame));
@@ -368,18 +372,19 @@ pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View)
         let n_brightest = whole(fraction * pixels.len() as f64);
         if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) }
     });
-    // Neighboring letters may be brighter and of another color.
+    // The page also shows parts of other letters, which may be brighter and of another color.
     if color::pure(color)(cell_color) < LEAST_OF_COLOR * luminance(cell_color) {
         color = cell_color;
     }
-    let pure = color::pure(color);
-    let pure = grid.resample(&seen.light, view, &seen.placed, |light| [pure(light); 3]);
-    let pure = brightness(grid, &pure);
-    // Thin strokes fill half of a pixel, so that full light is at most the median of the ink.
-    let mut levels = pure.values.clone();
+    let in_color = color::pure(color);
+    let light = grid.resample(&seen.light, view, &seen.placed, |light| [in_color(light); 3]);
+    let ink = brightness(grid, &light);
+    // A thin stroke fills half of a pixel, so full light is at most the median of the ink.
+    let mut levels = ink.values.clone();
+    // A letter's page always has pixels, so there is a last level.
     let rank = whole(INK_PART * ink_px).min(levels.len() - 1);
     let level = *levels.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1;
-    pure.exposed(seen.full_light.min(level))
+    ink.exposed(seen.full_light.min(level))
 }
 
 /// Returns the luminance at each pixel of a grid.
@@ -387,7 +392,7 @@ fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
     Raster { width: grid.width, height: grid.height, values: map(light, luminance) }
 }
 
-/// Draws intended letters, blurred, on a grid of `cap_px` pixels per cap height.
+/// Draws the intended letters, blurred, on a grid with `cap_px` pixels per cap height.
 pub(super) fn draw(grid: &Grid, home: &Placed, glyphs: &[Glyph], cap_px: f32) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {

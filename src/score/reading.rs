@@ -1,10 +1,10 @@
-//! Blind recognition: the text of a photo, without knowledge of the word.
+//! Blind recognition reads the text of a photo without knowing the word.
 //!
-//! Lines of writing are found by their ink, and cut out as strips at several sizes. The net reads
-//! them as capitals, small letters, capitalized, digits, or capitals mixed with digits. The
-//! likeliest strip is read again with its neighbors, a little larger, smaller, higher, lower and
-//! darker. Their mean depends less on how the photo was scaled, exposed and compressed. Accents
-//! and punctuation are not read.
+//! Lines of writing are located by their ink and cut out as strips at several sizes. The net reads
+//! each strip as capitals, small letters, capitalized words, digits, or capitals mixed with digits.
+//! The likeliest strip is read again together with its neighbors, which are slightly larger,
+//! smaller, higher, lower and darker. The mean over the neighbors depends less on how the photo was
+//! scaled, exposed and compressed. Accents and punctuation are not read.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -21,41 +21,43 @@ use noctograph_core::photo::Photo;
 /// Ratios of cap height to letter height that are tried. Small letters are 2/3 of a capital.
 const SIZES: [f64; 3] = [1.0, 1.2, 1.5];
 
-/// ln of the frequency of words in capitals, in small letters, capitalized, of digits, and of
-/// capitals mixed with digits.
+/// Natural logarithm of the relative frequency of words in capitals, in small letters, capitalized,
+/// of digits, and of capitals mixed with digits.
 const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 
-/// Mean probability of the letters from which a line is clear.
+/// Minimum mean probability of the letters of a clear line.
 const LEAST_CLEAR: f64 = 0.6;
 
-/// Least gap that is a space, in cap heights. Spaces of the shipped fonts are wider.
+/// Minimum gap that is read as a space, in cap heights. The spaces of the shipped fonts are wider.
 const SPACE_H: f64 = 0.65;
 
-/// Mean of ln p over the letters from which a line is sure.
+/// Minimum mean natural logarithm of the letters' probabilities in a line that is certain.
 const SURE: f64 = -0.1;
 
-/// Probability of a letter that adds nothing to the worth of a reading.
+/// Probability at which a letter neither adds to nor reduces the worth of a reading.
 const NEUTRAL: f64 = 0.5;
 
-/// Largest number of columns in all strips that are read: twice the longest word, or a second.
+/// Maximum number of columns in all strips that are read: twice as many as in the longest word, or
+/// about one second of work.
 const MOST_COLUMNS: usize = 12_000;
 
-/// Least mean probability of letters that are writing, and least probability of a single letter. A
-/// heart has less, a paw is 0990 with 0.69, and a face an O with 0.87.
+/// Minimum mean probability of letters that count as writing, and minimum probability of a single
+/// letter. A heart stays below it, a paw is read as 0990 with 0.69, and a face as an O with 0.87.
 const LEAST_WRITING: f64 = 0.72;
 const LEAST_LETTER: f64 = 0.9;
 
-/// Text of a photo.
+/// The text that was read in a photo.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reading {
-    /// The text, line by line, with spaces for wide gaps, or empty if nothing is written.
+    /// The text, with a line break between lines and a space per wide gap, or empty without
+    /// writing.
     pub text: String,
-    /// Letter by letter, from left to right and line by line.
+    /// The letters, from left to right and line by line.
     pub letters: Vec<ReadLetter>,
-    /// Much smaller writing beside the text, such as a credit or a date, which is ignored.
+    /// Text that was ignored because it is much smaller than the rest, such as a credit or a date.
     #[serde(skip)]
     pub smaller: String,
-    /// The columns of the lines, one after another, each at the size at which it was read.
+    /// The columns of all lines in order. Each line has the size at which it was read.
     #[serde(skip)]
     pub(super) columns: Columns,
 }
@@ -63,53 +65,53 @@ pub struct Reading {
 /// A letter that was read.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReadLetter {
-    /// The letter.
+    /// The letter, or `?` for light that no letter explains.
     pub letter: char,
-    /// Probability of the letter in the choice among all, 0 to 1.
+    /// Probability of the letter among all characters, 0 to 1.
     pub p: f64,
-    /// Left, top, right and bottom of the letter, at the middles of its strokes, in photo pixels.
+    /// Left, top, right and bottom of the letter, at the centers of its strokes, in photo pixels.
     pub box_px: [f64; 4],
 }
 
 impl ReadLetter {
-    /// Returns the letter's probability, or 0 for light that no letter explains.
+    /// Returns the letter's probability, or 0 for `?`.
     fn letter_p(&self) -> f64 {
         if self.letter == '?' { 0.0 } else { self.p }
     }
 }
 
 impl Reading {
-    /// Returns the reading if it is clear enough to be writing, else an empty one.
+    /// Returns the reading if it is clear enough to be writing, and an empty one otherwise.
     #[must_use]
     pub fn of_writing(self) -> Self {
         let least = if self.letters.len() == 1 { LEAST_LETTER } else { LEAST_WRITING };
         if self.mean_p() >= least { self } else { Self::default() }
     }
 
-    /// Returns the mean probability of the letters, or 0 without any.
+    /// Returns the mean probability of the letters, or 0 if there are none.
     pub(super) fn mean_p(&self) -> f64 {
         let sum: f64 = self.letters.iter().map(ReadLetter::letter_p).sum();
         sum / self.letters.len().max(1) as f64
     }
 }
 
-/// True if letters are read, and read clearly on average.
+/// True if there are letters and their mean probability is high enough.
 pub(super) fn is_clear(letters: &[ReadLetter]) -> bool {
     let sum: f64 = letters.iter().map(|letter| letter.p).sum();
     !letters.is_empty() && sum >= LEAST_CLEAR * letters.len() as f64
 }
 
-/// A line as it was read.
+/// A line after it was read.
 struct ReadLine {
     text: String,
     letters: Vec<ReadLetter>,
-    /// Mean of ln p over the letters.
+    /// Mean natural logarithm of the letters' probabilities.
     ln_p: f64,
     columns: Columns,
 }
 
-/// Returns the worth of lines, which rises with the number of clear letters and falls with that of
-/// doubtful ones. A mean would not favor lines with all letters.
+/// Returns the worth of lines. The worth rises with the number of clear letters, and falls with the
+/// number of doubtful ones. A mean probability would not prefer readings that have all the letters.
 fn worth(lines: &[ReadLine]) -> f64 {
     let letters = lines.iter().flat_map(|line| &line.letters);
     letters.map(|letter| letter.letter_p() - NEUTRAL).sum()
@@ -121,7 +123,7 @@ pub fn read(photo: &Photo) -> Reading {
     let mut lines: Vec<ReadLine> = Vec::new();
     let mut best_lines: Vec<Line> = Vec::new();
     let mut budget = MOST_COLUMNS;
-    // The lines of the ink with the most worth.
+    // Keeps the lines of the ink whose reading has the greatest worth.
     for ink in &inks {
         let inked = ink.lines();
         let is_sure = lines.iter().any(|line| line.ln_p > SURE);
@@ -137,7 +139,7 @@ pub fn read(photo: &Photo) -> Reading {
             (lines, best_lines) = (read, inked);
         }
     }
-    // A single letter has another rule for its rows.
+    // The rows of a single letter are selected by a different rule.
     let n_letters: usize = lines.iter().map(|line| line.letters.len()).sum();
     let any_ink = inks.iter().filter(|_| n_letters <= 1).filter_map(Ink::line_of_any);
     if let Some(letter) = clearest(any_ink, &mut budget, |line| line.letters.len() == 1)
@@ -145,12 +147,12 @@ pub fn read(photo: &Photo) -> Reading {
     {
         lines = vec![letter];
     }
-    // Beside the best line, a line of one letter or of doubtful ones is noise.
+    // A second line is noise if it has a single letter or doubtful letters.
     if lines.len() > 1 {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
     }
-    // If there is much larger writing, these lines are only a credit.
+    // If the photo has much larger writing, these lines are only a credit.
     let small = best_lines.iter().map(|line| line.letter_px).fold(0.0, f64::max);
     let larger = inks.iter().filter(|_| !best_lines.is_empty()).filter_map(|ink| ink.larger(small));
     let larger = clearest(larger, &mut budget, |line| line.letters.len() > 1 && line.ln_p > SURE);
@@ -167,12 +169,12 @@ pub fn read(photo: &Photo) -> Reading {
     }
 }
 
-/// Joins the texts of lines.
+/// Joins the texts of lines with line breaks.
 fn text(lines: &[ReadLine]) -> String {
     lines.iter().map(|line| &line.text[..]).collect::<Vec<_>>().join("\n")
 }
 
-/// Returns the clearest of the lines' readings for which `is_wanted` is true.
+/// Reads the lines, and returns the clearest reading for which `is_wanted` is true.
 fn clearest(
     lines: impl Iterator<Item = Line>,
     budget: &mut usize,
@@ -185,8 +187,8 @@ fn clearest(
     read.filter(is_wanted).reduce(|a, b| if b.ln_p > a.ln_p { b } else { a })
 }
 
-/// Returns the cap heights at which a line is read. Their columns reduce `columns_left`, and a
-/// size that needs more is left out.
+/// Returns the cap heights at which a line is read, and subtracts their columns from
+/// `columns_left`. A size that needs more columns than are left is skipped.
 fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
     let mut sizes_px = Vec::new();
     for cap_px in SIZES.map(|size| size * line.letter_px) {
@@ -198,7 +200,7 @@ fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
     sizes_px
 }
 
-/// Reads a line at its clearest size, averaged with its neighbors.
+/// Reads a line at its clearest size, and averages that with the strip's neighbors.
 fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let tries = sizes_px.into_par_iter().filter_map(|cap_px| {
         let (strip, left_px, pitch_px) = line.strip(cap_px);
@@ -206,7 +208,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
         let (_, ln_p) = spell(&columns)?;
         Some((strip, ln_p, columns, left_px, pitch_px))
     });
-    // The first of the likeliest, for any number of threads.
+    // On a tie the first size is used, so that the result does not depend on the number of threads.
     let best = tries.collect::<Vec<_>>().into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
     let (strip, _, columns, left_px, pitch_px) = best?;
     let columns = columns.agreed(&strip);
@@ -214,7 +216,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let seen: Vec<char> = text.chars().collect();
     let word: Vec<Classes> = seen.iter().map(|letter| seen_as(*letter)).collect();
 
-    // Letters as words are spelled, each with its probability and its box.
+    // The spelling model chooses the letters. Each letter gets its probability and its box.
     let choices = columns.choices(&word, &seen);
     let mut middles_px = columns.middles(&word);
     for middle in &mut middles_px {
@@ -232,7 +234,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     Some(ReadLine { text, letters, ln_p, columns })
 }
 
-/// The letters of a line, with spaces for wide gaps.
+/// Returns the text of a line's letters, with a space for each wide gap.
 fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
     let mut text = String::new();
     let mut right_px = f64::INFINITY;
@@ -246,16 +248,17 @@ fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
     text
 }
 
-/// Returns the likeliest text of columns and the mean of ln p over its letters, or `None` if no
-/// letter is read. How usual the kinds of words are chooses the text, and is not in ln p: it would
-/// take a clear digit alone for a doubtful letter of another size.
+/// Returns the likeliest text of columns and the mean natural logarithm of its letters'
+/// probabilities, or `None` if no letter is read. How common each kind of word is affects the
+/// choice of the text but not these probabilities, because a clear single digit would then count
+/// as a doubtful letter of another size.
 fn spell(columns: &Columns) -> Option<(String, f64)> {
-    // In a word of one kind, each character stands for all characters of its shape.
+    // In a word of a single kind, each character stands for all characters of its shape.
     let [capitals, small, digits] = ['A'..='Z', 'a'..='z', '0'..='9']
         .map(|kind| kind.map(|c| (c, alike(c))).collect::<Vec<(char, Classes)>>());
     let mixed = ('A'..='Z').chain('0'..='9').filter_map(|c| Some((c, 1 << class_of(c)?)));
     let mixed: Vec<_> = mixed.collect();
-    // Symbols of the first character and of the others.
+    // Each kind has its symbols for the first character and for the others.
     let kinds: [(&Symbols, &Symbols); 5] = [
         (&capitals, &capitals),
         (&small, &small),

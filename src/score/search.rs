@@ -1,18 +1,19 @@
-//! Free reading of a strip: the likeliest words, without an expected one.
+//! Unconstrained reading of a strip: the likeliest words, without an expected one.
 
 use super::alphabet::{BLANK, Classes, NO_LETTER};
 use super::lattice::Columns;
 
-/// Width of the beam, in prefixes. More find no other words.
+/// Width of the beam, in prefixes. A wider beam finds no other words.
 const N_PREFIXES: usize = 12;
 
-/// Probability of a character at a column from which it is tried there.
+/// Minimum probability of a character that is tried at a column.
 const LEAST_STEP: f64 = 0.003;
 
-/// Characters that a place may have, each with its classes.
+/// The characters that are possible at a position, each with its classes.
 pub(super) type Symbols = [(char, Classes)];
 
-/// Probabilities that the columns so far spell a prefix and the last one is a blank, or a letter.
+/// Probabilities that the columns so far spell a prefix and end in a blank or a letter,
+/// respectively.
 #[derive(Clone, Copy, Default)]
 struct PrefixP {
     p_blank: f64,
@@ -25,7 +26,7 @@ impl PrefixP {
     }
 }
 
-/// Names of symbols and their probabilities at each column.
+/// Names of symbols, and their probability at each column.
 struct Table {
     names: Vec<char>,
     probabilities: Vec<Vec<f64>>,
@@ -34,7 +35,7 @@ struct Table {
 }
 
 impl Table {
-    /// Computes the probabilities of symbols, and of `?` for light that no letter explains.
+    /// Computes the probabilities of symbols, including `?` for light that no letter explains.
     fn new(columns: &Columns, symbols: &Symbols) -> Self {
         let symbols = symbols.iter().copied().chain([('?', NO_LETTER)]);
         let (names, probabilities): (_, Vec<Vec<f64>>) =
@@ -50,20 +51,20 @@ impl Table {
 /// A node of the tree of prefixes.
 #[derive(Default)]
 struct Prefix {
-    /// The prefix without the last symbol.
+    /// Index of the prefix without its last symbol.
     parent: usize,
     /// Index of the last symbol in its table.
     symbol: usize,
-    /// The newest child, and the next older child of the parent, or 0 for none.
+    /// Indices of the newest child and of the parent's next older child, or 0 if there is none.
     child: usize,
     sibling: usize,
 }
 
-/// The tree of all prefixes that were tried. 0 is the empty one.
+/// The tree of all prefixes that were tried. Index 0 is the empty prefix.
 struct Prefixes(Vec<Prefix>);
 
 impl Prefixes {
-    /// Returns the prefix with one more symbol, added if it is new.
+    /// Returns the prefix with one more symbol, which is added to the tree if it is new.
     fn child(&mut self, parent: usize, symbol: usize) -> usize {
         let mut child = self.0[parent].child;
         while child != 0 && self.0[child].symbol != symbol {
@@ -77,13 +78,15 @@ impl Prefixes {
         child
     }
 
-    /// Returns a prefix's last symbol, and true if it is also the first. `None` for the empty one.
+    /// Returns a prefix's last symbol, and whether it is also the first. Returns `None` for the
+    /// empty prefix.
     fn last(&self, prefix: usize) -> Option<(usize, bool)> {
         let Prefix { parent, symbol, .. } = self.0[prefix];
         (prefix != 0).then_some((symbol, parent == 0))
     }
 
-    /// Returns a prefix as text. Its first symbol is in the table `first`, the others in `rest`.
+    /// Returns a prefix as text. The first symbol is in the table `first`, and the others are in
+    /// `rest`.
     fn text(&self, mut prefix: usize, first: &Table, rest: &Table) -> String {
         let mut reversed = Vec::new();
         while let Some((symbol, is_first)) = self.last(prefix) {
@@ -94,9 +97,9 @@ impl Prefixes {
     }
 }
 
-/// Finds the likeliest words by prefix beam search (Hannun and others 2014). Their first character
-/// is one of `first`, the others of `rest`, or `?` for light that no letter explains. Returns them
-/// with ln of their probability, the likeliest first.
+/// Finds the likeliest words by prefix beam search (Hannun and others 2014). The words' first
+/// character is from `first`, the others are from `rest`, and `?` stands for light that no letter
+/// explains. Returns them with the logarithms of their probabilities, in descending order.
 pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<(String, f64)> {
     let [first, rest] = [first, rest].map(|symbols| Table::new(columns, symbols));
     let mut prefixes = Prefixes(vec![Prefix::default()]);
@@ -106,7 +109,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     for (column, p_blank) in columns.of_set(BLANK).into_iter().enumerate() {
         steps.clear();
         for (prefix, p) in &beam {
-            // The prefix stays the same by a blank, or by its last symbol once more.
+            // A blank, or the last symbol once more, leaves the prefix unchanged.
             let last = prefixes.last(*prefix).map(|(symbol, is_first)| {
                 let table = if is_first { &first } else { &rest };
                 (table.names[symbol], table.probabilities[symbol][column])
@@ -116,7 +119,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
                 p_nonblank: p.p_nonblank * last.map_or(0.0, |(_, p_symbol)| p_symbol),
             };
             steps.push((*prefix, stay));
-            // The prefix grows by a symbol. Its last symbol can only follow a blank.
+            // A symbol extends the prefix. If it repeats the last one, a blank must separate them.
             let table = if last.is_none() { &first } else { &rest };
             for &symbol in &table.likely[column] {
                 let repeats = last.is_some_and(|(name, _)| name == table.names[symbol]);
@@ -127,7 +130,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
             }
         }
         merge(&mut steps, &mut beam);
-        // The likeliest prefixes stay, divided by the first so that products stay in range.
+        // Keeps the likeliest prefixes, divided by the first one so that products stay in range.
         beam.sort_by(|a, b| b.1.sum().total_cmp(&a.1.sum()));
         beam.truncate(N_PREFIXES);
         let most = beam.first().map_or(1.0, |(_, p)| p.sum());
@@ -140,7 +143,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     words.zip(beam.iter().map(|(_, p)| libm::log(p.sum()) + ln_scale)).collect()
 }
 
-/// Fills the beam with the sum of the steps to each prefix.
+/// Adds up the steps to each prefix, and stores the sums in the beam.
 fn merge(steps: &mut [(usize, PrefixP)], beam: &mut Vec<(usize, PrefixP)>) {
     steps.sort_by_key(|(prefix, _)| *prefix);
     beam.clear();

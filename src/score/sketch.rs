@@ -1,4 +1,4 @@
-//! Sketch of a letter: its light as lines, and its strokes moved onto that light.
+//! Sketch of a letter: its light as lines, and its strokes after they were moved onto that light.
 
 use kurbo::{Line, Point, Vec2};
 
@@ -10,60 +10,72 @@ use super::reader::{Reader, Seen, draw, pure_ink};
 use super::trace::LightLines;
 use super::view::View;
 use super::{BLUR_H, PX_PER_H};
-use noctograph_core::strokes::Move;
+use noctograph_core::strokes::{Glyph, Move};
 
-/// A letter on its page: its light, and its strokes in pixels.
+/// A letter on its page. Lengths are in pixels of the page.
 pub(super) struct Sketch {
     /// Light in the color of the strokes.
     pub(super) ink: Raster,
     pub(super) trace: LightLines,
-    /// Offset from the intended position, right and down.
+    /// Offset of the letter's light from its intended position: right and down.
     pub(super) shift: [isize; 2],
-    /// The runs of the pen, as intended and on their light.
+    /// The runs of the pen, both as intended and moved onto their light.
     pub(super) bent: Bent,
-    /// The runs of the pen on their light, as segments.
+    /// The moved runs of the pen, as segments.
     pub(super) own: Vec<Line>,
-    /// Strokes of neighboring letters.
+    /// Strokes of other letters whose cells are partly on the page.
     pub(super) beside: Vec<Line>,
-    /// Moves with the light off.
+    /// Moves with the lamp off, within this letter and its neighbors and between them.
     pub(super) dark_moves: Vec<Line>,
 }
 
 impl Reader {
-    /// Finds a letter's light, moves its strokes onto it, and adds the strokes and moves around it.
+    /// Moves a letter's strokes onto its light, and adds the strokes and dark moves around it.
     pub(super) fn sketch(&self, index: usize, seen: &Seen, view: &View) -> Sketch {
         let (page, glyphs) = (&self.pages[index], &self.strokes.glyphs);
-        // The letter is shifted as a whole onto its light, then its strokes one by one.
+        // The letter is first shifted onto its light as a whole, and then stroke by stroke.
         let ink = pure_ink(page, self.ink_px[index], seen, view);
         let drawn = draw(&page.grid, &self.home, &glyphs[index..=index], f32::from(PX_PER_H));
         let target = Target::new(ink.blur(BLUR_H * f32::from(PX_PER_H)));
         let (_, shift) = target.best_shift(&drawn, [0, 0], REACH_PX.cast_signed());
-        let [right, down] = shift.map(|px| px as f64);
-        let lit = glyphs[index].moves.iter().filter(|step| step.lit && step.from_m != step.to_m);
-        let strokes: Vec<&Move> = lit.collect();
-        let runs = strokes.chunk_by(|a, b| a.to_m == b.from_m).map(|run| {
-            let segments = run.iter().map(|step| on_page(page, step.from_m, step.to_m));
-            segments.map(|segment| segment + Vec2::new(right, down)).collect()
-        });
-        let runs: Vec<Vec<Line>> = runs.collect();
         let trace = LightLines::new(&ink);
-        let bent = trace.bend(&runs);
+        let bent = trace.bend(&runs_on_page(&glyphs[index], page, shift));
+        let (beside, dark_moves) = (self.strokes_beside(index), self.dark_moves_around(index));
+        Sketch { ink, trace, shift, own: bent.segments(), bent, beside, dark_moves }
+    }
 
-        // Dark moves within this letter and its neighbors, and from one to the next.
+    /// Returns the dark moves within a letter and its two neighbors and between them, on its page.
+    fn dark_moves_around(&self, index: usize) -> Vec<Line> {
+        let (page, glyphs) = (&self.pages[index], &self.strokes.glyphs);
         let around = &glyphs[index.saturating_sub(1)..(index + 2).min(glyphs.len())];
         let between = around.windows(2).filter_map(|pair| {
             Some(on_page(page, pair[0].moves.last()?.to_m, pair[1].moves.first()?.from_m))
         });
         let dark = around.iter().flat_map(|glyph| &glyph.moves).filter(|step| !step.lit);
-        let dark = dark.map(|step| on_page(page, step.from_m, step.to_m));
-        let dark_moves = between.chain(dark).collect();
-        // With several lines, letters above and below are neighbors as well.
-        let near = glyphs.iter().enumerate().filter(|(other, _)| *other != index);
-        let near = near.filter(|(_, other)| page.overlaps_page(&other.cell));
-        let lit = near.flat_map(|(_, other)| &other.moves).filter(|step| step.lit);
-        let beside = lit.map(|step| on_page(page, step.from_m, step.to_m)).collect();
-        Sketch { ink, trace, shift, own: bent.segments(), bent, beside, dark_moves }
+        between.chain(dark.map(|step| on_page(page, step.from_m, step.to_m))).collect()
     }
+
+    /// Returns the strokes of the other letters whose cells are partly on a letter's page. Other
+    /// letters include those of the lines above and below.
+    fn strokes_beside(&self, index: usize) -> Vec<Line> {
+        let page = &self.pages[index];
+        let others = self.strokes.glyphs.iter().enumerate().filter(|(other, _)| *other != index);
+        let near = others.filter(|(_, glyph)| page.overlaps_page(&glyph.cell));
+        let lit = near.flat_map(|(_, glyph)| &glyph.moves).filter(|step| step.lit);
+        lit.map(|step| on_page(page, step.from_m, step.to_m)).collect()
+    }
+}
+
+/// Returns the runs of the pen in a letter, moved by a shift in pixels of its page.
+fn runs_on_page(glyph: &Glyph, page: &LetterPage, shift: [isize; 2]) -> Vec<Vec<Line>> {
+    let [right, down] = shift.map(|px| px as f64);
+    let lit = glyph.moves.iter().filter(|step| step.lit && step.from_m != step.to_m);
+    let strokes: Vec<&Move> = lit.collect();
+    let runs = strokes.chunk_by(|a, b| a.to_m == b.from_m).map(|run| {
+        let segments = run.iter().map(|step| on_page(page, step.from_m, step.to_m));
+        segments.map(|segment| segment + Vec2::new(right, down)).collect()
+    });
+    runs.collect()
 }
 
 /// Converts a segment of the word's plane to a letter's page.

@@ -1,52 +1,52 @@
-//! Spelling: a viewer knows words and names, and guesses one that is seen in part.
+//! Spelling model: a viewer knows words and names, and so guesses a word that is partly visible.
 //!
-//! A model of letters, not a dictionary: the probability of a letter after the four before it, in
-//! words and names, interpolated over shorter runs of letters (Witten and Bell 1991). A table holds
-//! the runs that matter most (`examples/readings/spelling.py`).
+//! The model is not a dictionary. The model gives the probability of a letter after the four
+//! letters before it in words and names, interpolated over shorter sequences (Witten and Bell
+//! 1991). The model's table holds the sequences that matter most (`examples/readings/spelling.py`).
 
 use std::sync::LazyLock;
 
 use super::alphabet::{class_of, latin, with_case_of};
 use super::lattice::Choice;
 
-/// Number of symbols: 0 for the start or end of a word, then the letters of the Latin alphabet.
+/// Number of symbols: one for the start or end of a word, and the 26 letters of the Latin alphabet.
 const N_SYMBOLS: usize = 27;
 
-/// Number of letters before a letter on which its probability depends.
+/// Number of preceding letters on which the probability of a letter depends.
 const N_BEFORE: usize = 4;
 
-/// ln of the backoff factor for each letter that is dropped from a run which the table lacks.
+/// Natural logarithm of the backoff factor per letter dropped from a sequence not in the table.
 const LN_BACKOFF: f64 = -0.916;
 
-/// Unit of the table's costs, in ln p.
+/// Unit of the costs in the table, as a natural logarithm of probability.
 const LN_UNIT: f64 = -0.05;
 
-/// Weight of the spelling relative to the light, and fraction of words spelled at random.
+/// Weight of the spelling relative to the light, and fraction of words that are spelled at random.
 const WEIGHT: f64 = 0.6;
 const RANDOM: f64 = 0.2;
 
-/// Probability of a letter from which it is tried.
+/// Minimum probability of a letter that is tried.
 const LEAST: f64 = 0.001;
 
-/// Probability of no letter from which the letter is only a guess, and `?` is read.
+/// Probability of "no letter" above which a letter would only be a guess, so that `?` is read.
 const GAP: f64 = 0.75;
 
-/// Width of the beam, in words.
+/// Width of the beam of the search, in words.
 const N_WORDS: usize = 64;
 
-/// Mean of ln p over the letters of a word with a digit, as of one character of 36.
+/// Mean natural logarithm of probability per letter of a word with a digit: one out of 36.
 const WITH_DIGIT: f64 = -3.58;
 
-/// ln p of a single character, which has no neighbors: the mean of words and names.
+/// Natural logarithm of probability of a lone character: the mean over words and names.
 const AVERAGE: f64 = -2.2;
 
-/// Runs of letters as sorted numbers of base 27, in three bytes, and their costs.
+/// Letter sequences as sorted three-byte numbers in base 27, and their costs.
 struct Runs {
     numbers: &'static [[u8; 3]],
     costs: &'static [u8],
 }
 
-/// Costs of all runs of three letters, and the listed runs of four and of five.
+/// The costs of all sequences of three letters, and of the listed sequences of four and of five.
 static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
     let bytes: &'static [u8] = include_bytes!("spelling.bin");
     let (triples, mut bytes) = bytes.split_at(N_SYMBOLS * N_SYMBOLS * N_SYMBOLS);
@@ -62,7 +62,7 @@ static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
 });
 
 impl Runs {
-    /// Returns the cost of a run, or `None` if the table lacks it.
+    /// Returns the cost of a sequence, or `None` if the table lacks it.
     fn cost(&self, number: usize) -> Option<u8> {
         let index = self.numbers.binary_search_by_key(&number, |[a, b, c]| {
             u32::from_le_bytes([*a, *b, *c, 0]) as usize
@@ -71,12 +71,13 @@ impl Runs {
     }
 }
 
-/// Returns ln p of the symbol `next` after the four symbols before it.
+/// Returns the natural logarithm of the probability of the symbol `next` after four other symbols.
 fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
     fn number(run: &[usize]) -> usize {
         run.iter().fold(0, |number, symbol| N_SYMBOLS * number + symbol)
     }
-    // The longest run in the table counts. Each letter less costs a backoff.
+    // The longest sequence in the table is used. Each letter that the sequence lacks costs a
+    // backoff.
     let [a, b, c, d] = before;
     let run = [a, b, c, d, next];
     let (triples, [fours, fives]) = &*TABLE;
@@ -88,12 +89,12 @@ fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
     LN_UNIT * f64::from(cost) + LN_BACKOFF * backoffs
 }
 
-/// Returns the symbol of a letter, whatever its marks and case, or `None` for other characters.
+/// Returns the symbol of a letter regardless of its marks and case, or `None` for other characters.
 fn symbol(letter: char) -> Option<usize> {
     class_of(latin(letter)?.to_ascii_uppercase()).filter(|class| *class < N_SYMBOLS)
 }
 
-/// Returns the mean of ln p over the letters and ends of a text's words.
+/// Returns the mean natural logarithm of probability over the letters and word ends of a text.
 pub(super) fn mean_ln_p(text: &str) -> f64 {
     let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
     let (sum, n) = words.fold((0.0, 0.0), |(sum, n), word| {
@@ -112,7 +113,7 @@ pub(super) fn mean_ln_p(text: &str) -> f64 {
     sum / n.max(1.0)
 }
 
-/// Start of a word: its symbols, and ln p of its light and of its spelling.
+/// The start of a word: its symbols, and ln p (log probability) of its light and its spelling.
 #[derive(Clone, Default)]
 struct Spelled {
     symbols: Vec<usize>,
@@ -121,12 +122,12 @@ struct Spelled {
 }
 
 impl Spelled {
-    /// Returns ln p of light and spelling together.
+    /// Returns the logarithm of the probability of light and spelling together.
     fn ln_p(&self) -> f64 {
         self.light + WEIGHT * self.spelling
     }
 
-    /// Returns the word with one more symbol, 0 for its end.
+    /// Returns the word with one more symbol, which is 0 for the end of the word.
     fn and(&self, symbol: usize, ln_light: f64) -> Self {
         let n = self.symbols.len();
         let before = std::array::from_fn(|place| {
@@ -142,8 +143,8 @@ impl Spelled {
     }
 }
 
-/// Returns the likeliest word for the choices of its letters: either each likeliest letter, or a
-/// usual word that the light may show. `?` is light that no letter explains.
+/// Returns the likeliest word given the choices of its letters: either the likeliest letter at each
+/// position, or a usual word that the light may show. `?` is light that no letter explains.
 pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let seen: Vec<(Option<char>, f64)> =
         choices.iter().zip(expected).map(|(choice, expected)| choice.best(*expected)).collect();
@@ -151,7 +152,7 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let Some(spelled) = spell(choices, expected).filter(|_| choices.len() > 1) else {
         return light;
     };
-    // Hypotheses: random letters, each one of 36, for which only the light counts, or a usual word.
+    // Compares a usual word with random letters, one of 36 each, for which only light counts.
     let n_letters = choices.len() as f64;
     let ln_p_of_light: f64 = seen.iter().map(|(_, p)| libm::log(p.max(LEAST))).sum();
     let as_light = libm::log(RANDOM) + ln_p_of_light - WEIGHT * n_letters * libm::log(36.0);
@@ -170,7 +171,8 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     letters.collect()
 }
 
-/// Finds the likeliest spelling of the choices, only of letters, by beam search (Lowerre 1976).
+/// Finds the likeliest spelling of the choices by beam search (Lowerre 1976). The spelling has
+/// letters only.
 fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
     let mut words = vec![Spelled::default()];
     for (choice, expected) in choices.iter().zip(expected) {
@@ -182,7 +184,7 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
             }
         }
         let likely: Vec<usize> = (1..N_SYMBOLS).filter(|symbol| light[*symbol] > LEAST).collect();
-        // Each word grows by each of them, and the likeliest stay.
+        // Extends each word by each likely symbol, and keeps the likeliest words.
         let longer = words.iter().flat_map(|word| {
             likely.iter().map(|&symbol| word.and(symbol, libm::log(light[symbol])))
         });
@@ -199,8 +201,8 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
 mod tests {
     use super::*;
 
-    /// Choices of a word whose letters have these probabilities. The rest is another letter's, or
-    /// no letter's for '?'.
+    /// Returns the choices of a word whose letters have these probabilities. The rest of each
+    /// probability belongs to another letter, or to no letter for '?'.
     fn choices(letters: &[(char, f64, char)]) -> Vec<Choice> {
         let choices = letters.iter().map(|&(_, p, other)| match other {
             '?' => Choice { p, none: 1.0 - p, others: Vec::new() },

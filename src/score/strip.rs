@@ -1,4 +1,4 @@
-//! Strip: the net's input, one line of writing, upright and of fixed height.
+//! A strip, which is the input of the net: one line of writing, upright and of fixed height.
 
 use std::ops::Range;
 
@@ -10,58 +10,61 @@ use super::plane::{Grid, Placed};
 use super::raster::{Raster, narrow, whole};
 use super::view::View;
 
-/// Cap height in pixels.
+/// Cap height in a strip, in pixels.
 pub(super) const CAP_PX: usize = 22;
 
-/// Rows of a strip.
+/// Number of rows in a strip.
 pub(super) const HEIGHT: usize = 40;
 
-/// Row of the tops of capitals. Their baseline is row 30.
+/// Row of the top of capitals. The baseline is at row 30.
 pub(super) const HEAD_ROW: usize = 8;
 
-/// Columns beside the first and the last letter, as in most strips that the net was trained on.
+/// Number of columns before the first and after the last letter. Most strips that the net was
+/// trained on have as many.
 pub(super) const MARGIN_PX: usize = 13;
 
-/// Columns searched for extra letters on each side of a word: 1.5 H, wide enough for any letter.
+/// Number of columns searched for extra letters on each side of a word: 1.5 H, as wide as any.
 pub(super) const SIDE_PX: usize = 33;
 
-/// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
+/// Width of the light that is removed beside punctuation, in pixels: 0.1 H, as wide as a pen.
 const BESIDE_PX: f64 = 2.2;
 
-/// Neighbors of a strip: relative height, shift down in pixels, and relative exposure.
+/// The neighbors of a strip: relative height, shift down in pixels, and relative exposure of each.
 const NEIGHBORS: [(f64, f64, f32); 4] =
     [(1.1, -1.0, 0.7), (0.9, 1.0, 0.7), (1.05, 0.0, 0.45), (0.95, 0.0, 1.0)];
 
-/// Least light of a lit pixel, and least number of these in a lit column: hot pixels are single.
+/// Minimum level of a lit pixel, and minimum number of these in a lit column, since hot pixels are
+/// single.
 const LIT: (f32, usize) = (0.15, 2);
 
-/// Light from which a pixel counts for the width of strokes.
+/// Minimum level of a pixel that is used to measure the stroke width.
 const STROKE_LIT: f32 = 0.4;
 
-/// Quantile of the lit pixels' widths that is the stroke's: corners, spots and walls are wider.
+/// Quantile of the lit pixels' widths that is the stroke width. Corners, spots and walls are wider.
 const STROKE_RANK: f64 = 0.2;
 
-/// Half the side of the opening's square, in stroke widths, and its least value in pixels.
+/// Half the side of the opening's square, in stroke widths, and its minimum in pixels.
 const SOFT_REACH: (f64, usize) = (1.5, 3);
 
-/// Factor of wide light when it is subtracted, since a part of it was subtracted with the sky.
+/// Factor by which wide light is multiplied before it is subtracted. The factor exceeds 1 because
+/// part of that light was already subtracted with the sky.
 const SUBTRACTED: f32 = 3.0;
 
-/// A line of writing: light from 0 to 1.
+/// A line of writing, as light from 0 to 1.
 #[derive(Clone, Debug)]
 pub(super) struct Strip {
     /// Number of columns, which is even.
     pub(super) width: usize,
-    /// Luminance.
+    /// Luminance of each pixel, row by row.
     pub(super) bright: Vec<f32>,
-    /// Light in the color of the strokes.
+    /// Light in the color of the strokes, row by row.
     pub(super) pure: Vec<f32>,
-    /// Columns that are read. Start and end are even.
+    /// The columns that are read. Both ends of the range are even.
     pub(super) read: Range<usize>,
 }
 
 impl Strip {
-    /// Cuts the strip out of a photo at a grid of [`HEIGHT`] rows.
+    /// Cuts the strip at a grid of [`HEIGHT`] rows out of a photo's light.
     pub(super) fn cut(
         grid: &Grid,
         light: &Light,
@@ -70,26 +73,27 @@ impl Strip {
         ink_color: Rgb,
         full_light: f32,
     ) -> Self {
-        let pure = color::pure(ink_color);
-        let both = grid.resample(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
+        let in_color = color::pure(ink_color);
+        let both =
+            grid.resample(light, view, placed, |light| [luminance(light), in_color(light), 0.0]);
         let [bright, pure] = [0, 1].map(|channel| {
             both.iter().map(|light| (light[channel] / full_light).clamp(0.0, 1.0)).collect()
         });
         Self::of_light(grid.width, bright, pure)
     }
 
-    /// Makes a strip of a photo's light, without soft light.
+    /// Makes a strip of light, and subtracts soft light from it.
     pub(super) fn of_light(width: usize, mut bright: Vec<f32>, mut pure: Vec<f32>) -> Self {
         subtract_soft_light(width, [&mut bright, &mut pure]);
         Self { width, bright, pure, read: 0..width }
     }
 
-    /// Makes a strip of drawn light.
+    /// Makes a strip of drawn light, which has no soft light.
     pub(super) fn drawn(width: usize, light: Vec<f32>) -> Self {
         Self { width, bright: light.clone(), pure: light, read: 0..width }
     }
 
-    /// Limits reading to lit columns and a margin, since the net reads letters in wide darkness.
+    /// Limits reading to lit columns and a margin, since the net reads letters in wide dark areas.
     pub(super) fn where_lit(mut self) -> Self {
         let mut lit = (0..self.width).filter(|x| {
             let column = self.bright.iter().skip(*x).step_by(self.width);
@@ -103,7 +107,7 @@ impl Strip {
         self
     }
 
-    /// Removes the light of columns in the plane of the word, and a little beside them.
+    /// Removes the light between two positions in the word's plane, and a little beside them.
     pub(super) fn darken(&mut self, grid: &Grid, [left_m, _, right_m, _]: [f64; 4]) {
         let beside_m = BESIDE_PX * grid.pitch_m;
         let [first, end] = [left_m - beside_m, right_m + beside_m]
@@ -115,7 +119,7 @@ impl Strip {
         }
     }
 
-    /// Adds the difference of two pictures of the grid `part`, and returns the changed columns.
+    /// Adds the difference between two pictures of the grid `part`. Returns the changed columns.
     pub(super) fn change(
         &mut self,
         grid: &Grid,
@@ -123,13 +127,13 @@ impl Strip {
         before: &Raster,
         after: &Raster,
     ) -> Range<usize> {
-        // Position and pixel size of the strip's grid, in pixels of the pictures.
+        // Corner and pixel size of the strip's grid, in pixels of the pictures.
         let ratio = grid.pitch_m / part.pitch_m;
         let Point { x: left, y: top } = part.page_from_plane(Point::new(grid.left_m, grid.top_m));
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
-        // Columns of the strip that overlap the pictures.
+        // The columns of the strip that overlap the pictures.
         let [first, last] =
             [0.0, part.width as f64].map(|x| whole(((x - left) / ratio).max(0.0)).min(self.width));
         let columns = first..(last + 1).min(self.width);
@@ -145,14 +149,14 @@ impl Strip {
         columns
     }
 
-    /// True if no pixel of the columns is lit.
+    /// True if the columns have no lit pixel.
     pub(super) fn is_dark(&self, columns: Range<usize>) -> bool {
         let columns = columns.start..columns.end.min(self.width);
         let mut rows = self.bright.chunks_exact(self.width);
         rows.all(|row| row[columns.clone()].iter().all(|light| *light < LIT.0))
     }
 
-    /// Returns strips that are a little larger or smaller, higher or lower, and darker.
+    /// Returns copies of the strip that are slightly larger or smaller, moved, and darker.
     pub(super) fn neighbors(&self) -> [Self; 4] {
         NEIGHBORS.map(|(height, down_px, exposure)| {
             let [bright, pure] = [&self.bright, &self.pure].map(|light| {
@@ -164,7 +168,7 @@ impl Strip {
         })
     }
 
-    /// Returns the net's input for columns: square roots of both channels of each pixel.
+    /// Returns the net's input for some columns: square roots of each pixel's channels, as bytes.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     pub(super) fn bytes(&self, columns: Range<usize>) -> Vec<u8> {
         let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
@@ -179,7 +183,7 @@ impl Strip {
     }
 }
 
-/// Stretches light about the middle of the capitals and moves it down. Outside is dark.
+/// Stretches light vertically about the middle of the capitals and moves it down. Outside is dark.
 fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32> {
     let middle = HEAD_ROW as f64 + 0.5 * CAP_PX as f64 - 0.5;
     let mut moved = vec![0.0; light.len()];
@@ -196,10 +200,10 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
     moved
 }
 
-/// Subtracts soft light, such as a lit wall or a glow. The first channel is luminance.
+/// Subtracts soft light, such as that of a lit wall or a glow. The first channel must be luminance.
 fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
-    // Opening (Serra 1982), the maximum over squares of the minimum in each: it keeps the light
-    // that is wider than the square and loses the strokes.
+    // An opening (Serra 1982) is the maximum, over squares, of the minimum in each square. Opening
+    // keeps light that is wider than the square and removes the strokes.
     let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
     for light in channels {
         let soft = noctograph_core::dispatch!(|| {
@@ -212,11 +216,11 @@ fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     }
 }
 
-/// Returns the width of strokes: a low quantile of the shorter lit run through each lit pixel,
-/// along its row or column.
+/// Returns the width of strokes. The width is a low quantile, over all lit pixels, of the shorter
+/// of the two lit runs through the pixel, along its row and along its column.
 fn stroke_px(light: &[f32], width: usize) -> f64 {
     let height = light.len() / width;
-    // Pixels of all rows, then of all columns.
+    // Visits the pixels of each row, and then those of each column.
     let mut run = vec![usize::MAX; light.len()];
     let rows = (0..height).map(|y| (y * width..(y + 1) * width).step_by(1));
     for line in rows.chain((0..width).map(|x| (x..light.len()).step_by(width))) {
@@ -239,7 +243,7 @@ fn stroke_px(light: &[f32], width: usize) -> f64 {
     *runs.select_nth_unstable(rank).1 as f64
 }
 
-/// Returns the least or the greatest value in the square around each pixel, by `pick`.
+/// Combines the values in each pixel's square by `pick`, which selects the minimum or maximum.
 #[inline(always)]
 fn over_squares(
     light: &[f32],
@@ -250,7 +254,7 @@ fn over_squares(
     let pick_neighbors = |values: &mut [f32], near: &[f32]| {
         values.iter_mut().zip(near).for_each(|(value, near)| *value = pick(*value, *near));
     };
-    // A square is separable: along rows first, then along columns.
+    // Squares are separable, so rows are combined first and columns second.
     let mut rows = light.to_vec();
     for (row, light) in rows.chunks_exact_mut(width).zip(light.chunks_exact(width)) {
         for away in 1..(reach + 1).min(width) {

@@ -1,4 +1,4 @@
-//! Lines of light: a letter's light, thinned to lines of one pixel (Zhang and Suen 1984).
+//! Lines of light: the light of a letter, thinned to lines one pixel wide (Zhang and Suen 1984).
 
 use kurbo::Point;
 
@@ -7,16 +7,16 @@ use super::plane::xy;
 use super::raster::{Raster, whole};
 use noctograph_core::geometry;
 
-/// Least light of a line, as a fraction of full light.
+/// Minimum light of a line, as a fraction of full light.
 const LIT: f32 = 0.4;
 
-/// Distance from a moved stroke within which light fills a gap: 0.05 H.
+/// Maximum distance from a moved stroke to light that fills a gap in it: 0.05 H.
 pub(super) const CLOSE_PX: f64 = 0.05 * PX_PER_H as f64;
 
-/// Distance within which light counts for the thickness of a line.
+/// Maximum distance from a line to light that counts for the thickness of the line, in pixels.
 const NEAR_PX: f64 = 6.0;
 
-/// Light of one letter as lines.
+/// The light of one letter as lines.
 pub(super) struct LightLines {
     pub(super) width: usize,
     pub(super) lit: Vec<bool>,
@@ -31,7 +31,7 @@ impl LightLines {
         Self { width: picture.width, lit, thin }
     }
 
-    /// Returns the width of the lines, in pixels.
+    /// Returns the mean width of the lines, in pixels.
     pub(super) fn thickness(&self) -> f64 {
         let [lit, thin] =
             [&self.lit, &self.thin].map(|mask| mask.iter().filter(|lit| **lit).count());
@@ -65,17 +65,17 @@ impl LightLines {
         lit.filter(|lit| points.iter().any(|point| distance(*point, *lit) < NEAR_PX)).count()
     }
 
-    /// Returns the middle of a pixel.
+    /// Returns the center of a pixel.
     pub(super) fn middle(&self, index: usize) -> Point {
         Point::new((index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5)
     }
 
-    /// Draws only the lines, three pixels wide, without glow and noise.
+    /// Draws only the lines, three pixels wide, without their glow and noise.
     pub(super) fn redrawn(&self, picture: &Raster) -> Raster {
         let mut clean = Raster::dark(picture.width, picture.height);
         for (index, _) in self.thin.iter().enumerate().filter(|(_, line)| **line) {
             clean.values[index] = 1.0;
-            // Neighbors of the line get less light, diagonal ones the least.
+            // Neighbors of a line get less light, and diagonal neighbors the least.
             for beside in around(index, self.width, self.thin.len()) {
                 let is_above_or_below = beside % self.width == index % self.width;
                 let is_left_or_right = beside / self.width == index / self.width;
@@ -92,7 +92,7 @@ pub(super) fn distance(a: Point, b: Point) -> f64 {
     geometry::distance(xy(a), xy(b))
 }
 
-/// Returns the neighbors of a pixel, up to eight.
+/// Returns the neighbors of a pixel, of which there are up to eight.
 pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (index % width, index / width);
     let rows = y.saturating_sub(1)..(y + 2).min(n_pixels / width);
@@ -102,14 +102,13 @@ pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterat
     .filter(move |beside| *beside != index)
 }
 
-/// Thins areas to lines of one pixel (Zhang and Suen 1984).
+/// Thins lit areas to lines one pixel wide (Zhang and Suen 1984).
 fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     let height = ink.len() / width;
     loop {
         let mut changed = false;
-        // The first pass of an iteration removes edges at the lower right, the second at the upper
-        // left. All pixels of a pass are judged before any is removed, so that the lines stay in
-        // the middle.
+        // The first pass of an iteration removes edges at the lower right, the second those at the
+        // upper left. Each pass judges all pixels before it removes any, so lines stay centered.
         for pass in 0..2 {
             let inner = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x));
             let gone: Vec<usize> = inner
@@ -124,14 +123,14 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     }
 }
 
-/// True if a pixel is at an edge that a pass removes, and lines stay connected without it.
+/// True if a pixel is at an edge that the pass removes, and if the lines stay connected without it.
 fn is_removable(ink: &[bool], width: usize, pixel: usize, pass: usize) -> bool {
-    // The eight neighbors, clockwise from the one above.
+    // The eight neighbors, clockwise from the one above the pixel.
     let (up, down) = (pixel - width, pixel + width);
     let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
     let ring = ring.map(|beside| ink[beside]);
     let n_ink = ring.iter().filter(|ink| **ink).count();
-    // With one step from dark to ink around the pixel, it connects nothing.
+    // A pixel connects nothing if the ring around it has a single step from dark to ink.
     let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();
     let [up, _, right, _, down, _, left, _] = ring;
     let is_at_edge = match pass {
@@ -146,7 +145,7 @@ mod tests {
     use super::*;
     use kurbo::Line;
 
-    /// A bar 5 pixels high from column 10 to 50, and a dot beside it.
+    /// Returns a bar 5 pixels high between columns 10 and 50, with a dot beside it.
     fn bar() -> Raster {
         let mut page = Raster::dark(64, 32);
         for y in 8..13 {

@@ -1,26 +1,27 @@
-//! Orientation of a photo: writing that is on its side, upside down, or mirrored.
+//! Orientation of a photo whose writing is on its side, upside down, or mirrored.
 
 use super::reading::{Reading, read};
 use noctograph_core::photo::{Photo, PhotoData};
 
-/// Mean probability of letters from which they are upright. NOOR upside down is HOON with 0.87.
+/// Minimum mean probability of letters that are upright. NOOR upside down reads HOON with 0.87.
 const UPRIGHT: f64 = 0.92;
 
-/// Least lead in mean probability of a photo upside down: a poor MOON of 0.9 is NOOW of 0.98.
+/// Minimum gain in mean probability if the photo is upside down. A poor MOON has 0.9, upside down
+/// it reads NOOW with 0.98.
 const LEAD: f64 = 0.1;
 
-/// Least level of white paper in daylight, and how many bright pixels an edge has per dark one.
+/// Minimum level of white paper in daylight, and minimum ratio of bright to dark pixels at an edge.
 const BRIGHT: u8 = 190;
 const BRIGHT_PER_DARK: usize = 9;
 
-/// Fewest letters that show the orientation: a turned heart or arrow may be read as one or two.
+/// Minimum number of letters that show the orientation. A turned heart or arrow may read as two.
 const LEAST_LETTERS: usize = 3;
 
-/// Reads a photo, turned by quarters if only then its writing is clear. Returns the reading and the
-/// number of quarter turns, clockwise. The letters' boxes are those in the turned photo.
+/// Reads a photo, and turns it by quarters if only a turned photo reads clearly. Returns the
+/// reading, whose boxes refer to the turned photo, and the number of clockwise quarter turns.
 ///
-/// A turned photo must be clearer than the original. It must also read as `word`, unless the
-/// original is unclear. An empty `word` stands for any.
+/// A turned photo must be clearer than the original. Unless the original is unclear, it must also
+/// read as `word`. An empty `word` stands for any text.
 pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     let upright = read(photo);
     if is_right(&upright, word) {
@@ -35,13 +36,13 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     best.unwrap_or((upright, 0))
 }
 
-/// Reads the mirrored photo, as [`read_any_way_up`] does. `None` if the original, with its reading
-/// `upright`, is as clear.
+/// Reads the mirrored photo in the same way as [`read_any_way_up`]. Returns `None` if the original,
+/// whose reading is `upright`, is as clear.
 pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
     if is_right(upright, word) {
         return None;
     }
-    // Seen from behind, or as a reflection in water, which is also upside down.
+    // The writing is seen from behind, or reflected in water and therefore also upside down.
     let [left, down] =
         [0, 2].map(|quarters| (read(&quarter_turned(&mirrored(photo), quarters)), quarters));
     let is_down = down.0.mean_p() > left.0.mean_p() + LEAD;
@@ -49,17 +50,17 @@ pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Re
         .filter(|(reading, _)| is_clearer(reading, upright, word, LEAD))
 }
 
-/// True if the writing reads clearly.
+/// True if a reading has enough letters, and their mean probability is high.
 fn is_clear(reading: &Reading) -> bool {
     reading.letters.len() >= LEAST_LETTERS && reading.mean_p() >= UPRIGHT
 }
 
-/// True if a photo reads as the word, or reads clearly and `word` is empty.
+/// True if a photo reads as the word, or if it reads clearly and `word` is empty.
 fn is_right(upright: &Reading, word: &str) -> bool {
     upright.text.eq_ignore_ascii_case(word) || is_clear(upright) && word.is_empty()
 }
 
-/// True if a turned photo reads clearly, and more so than the original.
+/// True if a turned photo reads clearly, and more clearly than the original.
 fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
     let lead = if is_word { 0.0 } else { lead };
@@ -77,7 +78,7 @@ pub fn mirrored(photo: &Photo) -> Photo {
     Photo::made(photo)
 }
 
-/// True if a photo is bright along its edge: it has a white border, or dark writing.
+/// True if a photo is bright along its edge, because of a white border or dark writing on paper.
 pub fn has_bright_edge(photo: &Photo) -> bool {
     let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
     let [mut n_bright, mut n_dark] = [0, 0];
@@ -90,7 +91,7 @@ pub fn has_bright_edge(photo: &Photo) -> bool {
     n_bright > BRIGHT_PER_DARK * n_dark
 }
 
-/// Turns a photo clockwise by quarters.
+/// Turns a photo clockwise by a number of quarter turns.
 pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
     let mut photo = PhotoData::clone(photo);
     for _ in 0..quarters % 4 {

@@ -14,54 +14,55 @@ use noctograph_core::strokes::Strokes;
 pub struct Verdict {
     /// The expected word.
     pub word: String,
-    /// The likeliest letter for each expected one, `?` for none. Punctuation is copied.
+    /// The likeliest letter for each expected one, or `?` for no letter. Punctuation is copied.
     pub read: String,
-    /// True if the readability reaches [`super::ScoreOptions::legible_probability`], and no other
-    /// word is likelier.
+    /// True if no other word is likelier and the readability reaches
+    /// [`super::ScoreOptions::legible_probability`].
     pub legible: bool,
     /// Probability that a viewer reads the word at first sight, 0 to 1.
     pub readability: f64,
     /// The likeliest other word, or `None` if nothing is visible.
     pub rival: Option<RivalWord>,
-    /// Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the
-    /// strokes that has light and the fraction of the light that has strokes. `None` if it was not
-    /// computed.
+    /// Agreement of the light with the intended strokes, 0 to 1: the harmonic mean of the fraction
+    /// of strokes with light and the fraction of light near strokes. The value is `None` if it was
+    /// not computed.
     pub faithfulness: Option<f64>,
-    /// The regression that gave the readability.
+    /// The regression from which the readability was computed.
     pub calibration: Calibration,
-    /// Placement of the word, or `None` if there is no light.
+    /// Placement of the word, or `None` if the photo has no light of the word.
     pub placement: Option<Placement>,
-    /// Height of a capital in the photo, pixels, or `None` if the word is outside the photo.
+    /// Height of a capital in the photo in pixels, or `None` if the word is outside the photo.
     pub cap_height_px: Option<f64>,
-    /// One verdict for each letter of the word, in its order.
+    /// The verdicts on the letters, in the order of the word.
     pub letters: Vec<LetterVerdict>,
-    /// Why the word is not legible, or `None` if it is.
+    /// The reason why the word is not legible, or `None` if it is.
     pub reason: Option<Reason>,
-    /// The text that is read without knowledge of the word, or `None` if nothing is visible.
+    /// The text that is read without knowing the word, or `None` if nothing is visible.
     pub second_opinion: Option<String>,
-    /// Faults, the most costly first, or empty if not computed.
+    /// Faults, in order of decreasing gain. The list is empty if they were not computed.
     pub causes: Vec<Cause>,
-    /// At most three changes, those with the largest gain first, or empty if not computed.
+    /// At most three changes, in order of decreasing gain. The list is empty if they were not
+    /// computed.
     pub advice: Vec<Advice>,
 }
 
-/// A word that a photo may be taken for.
+/// Another word that a photo may be read as.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RivalWord {
     /// The word.
     pub word: String,
-    /// Probability of the word in the choice between it and the expected one, 0 to 1.
+    /// Probability of this word if a viewer chooses between it and the expected word, 0 to 1.
     pub p: f64,
 }
 
-/// Placement of the word against the intended one.
+/// Placement of the word relative to the intended one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Placement {
-    /// Shift to the right and up, in the plane of the word.
+    /// Shift in the plane of the word: right and up.
     pub shift_m: [f64; 2],
     /// Ratio of the size to the intended size.
     pub scale: f64,
-    /// Rotation about the middle of the word, counterclockwise.
+    /// Counterclockwise rotation about the center of the word.
     pub rotation_rad: f64,
 }
 
@@ -70,28 +71,28 @@ pub struct Placement {
 pub struct LetterVerdict {
     /// The expected letter.
     pub expected: char,
-    /// The likeliest letter, or `None` if light that is no letter is likelier.
+    /// The likeliest letter, or `None` if it is likelier that no letter is there.
     pub best: Option<char>,
-    /// Probability of the expected letter in the choice among all, the other letters being right, 0
-    /// to 1, or `None` for punctuation, which is not judged.
+    /// Probability of the expected letter among all letters, 0 to 1, if the other letters of the
+    /// word are right. `None` for punctuation, which is not judged.
     pub p: Option<f64>,
-    /// Probability of no letter at all, 0 to 1, or `None` for punctuation.
+    /// Probability that no letter is there, 0 to 1. `None` for punctuation.
     pub no_letter: Option<f64>,
-    /// The three likeliest other letters, the likeliest first.
+    /// The three likeliest other letters, in descending order of probability.
     #[serde(default)]
     pub rivals: Vec<Rival>,
-    /// Offset of the letter from its position in the word, to the right and up. This and the next
-    /// four fields are `None` if not computed.
+    /// Offset of the letter from its position in the word: right and up. Like the next four fields,
+    /// it is `None` if it was not computed.
     pub shift_m: Option<[f64; 2]>,
     /// Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights.
     pub recall: Option<f64>,
-    /// Fraction of the light's lines within 0.1 cap heights of an intended stroke.
+    /// Fraction of the light's lines that lies within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
     /// Length of the intended strokes without light.
     pub missing_mm: Option<f64>,
-    /// Length of the light's lines away from the intended strokes.
+    /// Length of the light's lines that are away from the intended strokes.
     pub stray_mm: Option<f64>,
-    /// Probabilities of all letters in the choice, the likeliest first, down to a thousandth.
+    /// Probabilities of all letters that have a probability of at least 0.001, in descending order.
     #[serde(default)]
     pub confusion: Vec<Rival>,
 }
@@ -101,50 +102,51 @@ pub struct LetterVerdict {
 pub struct Rival {
     /// The letter.
     pub letter: char,
-    /// Probability of the letter in the choice among all, 0 to 1.
+    /// Probability of this letter among all letters, 0 to 1.
     pub p: f64,
 }
 
-/// Why a word is not legible.
+/// The reason why a word is not legible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
-    /// The position of the word is outside the photo.
+    /// The expected position of the word is outside the photo.
     NotInPhoto,
-    /// Nothing at the position of the word is brighter than the sky.
+    /// Nothing at the expected position of the word is brighter than the sky.
     NoLight,
     /// Capitals are less than 20 pixels high in the photo.
     TooSmall,
-    /// The word is farther than 0.6 cap heights from its place, or is larger or smaller than
-    /// intended by more than a sixth, or turned by more than 8 degrees.
+    /// The word is more than 0.6 cap heights from its expected position, more than a sixth larger
+    /// or smaller than intended, or turned by more than 8 degrees.
     OutOfRange,
     /// The photo shows a word of another length.
     OtherLength,
-    /// Another word is likelier, or a letter looks like another one or like none.
+    /// Another word is likelier, or a letter looks like another letter or like none.
     Misread,
-    /// Every letter is the likeliest, but the readability is too low.
+    /// Every letter is the likeliest one, but the readability is too low.
     Unsure,
 }
 
 impl Verdict {
-    /// Returns the probability that a viewer reads this word and no other, by which studies rank
-    /// and tune: the readability, limited by the probability against a likelier rival.
+    /// Returns the probability that a viewer reads this word and no other. This probability is the
+    /// readability, limited by the probability against a likelier rival. Studies rank and tune by
+    /// this probability.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
     }
 
-    /// Makes the word illegible, whatever its letters look like.
+    /// Makes the word illegible, regardless of its letters.
     pub fn refuse(&mut self, reason: Reason) {
         (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
     }
 
-    /// True if blind recognition reads another text than the word, apart from equal shapes.
+    /// True if blind recognition reads another text, where characters that look alike are equal.
     pub fn is_contradicted(&self) -> bool {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
 
-    /// Returns the verdict on a photo without the word's light.
+    /// Returns the verdict on a photo that does not show the word's light.
     pub(super) fn unseen(
         strokes: &Strokes,
         reason: Option<Reason>,
@@ -177,7 +179,8 @@ impl From<&Placed> for Placement {
 }
 
 impl Placement {
-    /// True if the word is within reach of its place, and nearly as large and upright as intended.
+    /// True if the word is within reach of its position, and nearly as large and upright as
+    /// intended.
     pub(super) fn overlaps_page(&self, reach_m: f64) -> bool {
         libm::hypot(self.shift_m[0], self.shift_m[1]) <= reach_m
             && (SCALES[0]..=SCALES[1]).contains(&self.scale)

@@ -1,4 +1,4 @@
-//! View of the plane of the word: through a known camera, or by four corners in the picture.
+//! View of the plane of the word: by a known camera, or by four corners in the photo.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -7,7 +7,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::distance;
 use noctograph_core::photo::{Photo, PhotoData};
 
-/// The projection of the word's plane (x and height, meters) onto the picture.
+/// Projection of the word's plane (x and height in meters) onto the photo.
 #[derive(Clone, Debug)]
 pub enum View {
     /// Projection by a camera with known position and lens.
@@ -33,8 +33,8 @@ impl From<&Camera> for View {
 }
 
 impl View {
-    /// Projects a point of the plane. Returns pixels from the left and upper edge, or `None` if the
-    /// photo cannot show the point.
+    /// Projects a point of the plane. Returns pixels from the left and the upper edge, or `None` if
+    /// the photo cannot show the point.
     pub fn image_from_plane(&self, [x_m, height_m]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = match self {
             Self::Camera(camera) => {
@@ -52,7 +52,7 @@ impl View {
         (x.is_finite() && y.is_finite()).then_some([x, y])
     }
 
-    /// Renders a part of the plane (`[left, bottom, right, top]`) seen square on, by nearest
+    /// Renders a part of the plane (`[left, bottom, right, top]`) as seen square on, by nearest
     /// pixels.
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
@@ -74,12 +74,12 @@ impl View {
         Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
-    /// Renders a line of writing seen square on, with a margin for letters that leave its box.
-    /// `corners_px` are the box's corners in the photo, clockwise from the upper left.
+    /// Renders a line of writing as seen square on, with a margin for letters that leave its box.
+    /// `corners_px` are the corners of the box in the photo, clockwise from the upper left.
     ///
     /// # Errors
     ///
-    /// As [`Homography::from_corners`].
+    /// Returns the same errors as [`Homography::from_corners`].
     pub fn rectified_by_corners(photo: &Photo, corners_px: [[f64; 2]; 4]) -> Result<Photo> {
         let [top, right, bottom, left] =
             [0, 1, 2, 3].map(|n| distance(corners_px[n], corners_px[(n + 1) % 4]));
@@ -91,14 +91,14 @@ impl View {
         Ok(Self::Plane(plane).square_on(photo, bounds, 1.0))
     }
 
-    /// Renders the word's plane seen square on, from a photo that `camera` took.
+    /// Renders the word's plane as seen square on, from a photo that `camera` took.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a camera that looks past the plane.
+    /// Returns [`Error::Input`] if the camera does not see the plane in all of its picture.
     pub fn rectified_by_camera(photo: &Photo, camera: &Camera) -> Result<Photo> {
         let bounds_m = camera.plane_bounds_m().ok_or_else(|| {
-            let wanted = "a camera all of whose picture shows the plane of the word";
+            let wanted = "a camera whose whole picture shows the plane of the word";
             let hint = "name the scene of the photo, or the corners of the word in the photo";
             Error::input("camera", "one that looks past the word", wanted, hint)
                 .coded("word-unseen")
@@ -107,7 +107,7 @@ impl View {
         Ok(Self::from(camera).square_on(photo, bounds_m, px_per_m))
     }
 
-    /// Returns width and height of the photo.
+    /// Returns the width and the height of the photo.
     pub fn size_px(&self) -> [u32; 2] {
         match self {
             Self::Camera(camera) => [camera.width_px, camera.height_px],
@@ -116,13 +116,13 @@ impl View {
     }
 }
 
-/// Margin around a box given by its corners, in heights of the box.
+/// Margin around a box given by its corners, in heights of that box.
 const CORNERS_MARGIN: f64 = 0.5;
 
-/// Longest side of a picture seen square on.
+/// Maximum side of a picture seen square on, in pixels.
 const MAX_SQUARE_ON_PX: f64 = 4096.0;
 
-/// Returns the color of a photo at a point, black outside.
+/// Returns the color of a photo at a point, or black outside the photo.
 fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
     let inside =
         x >= 0.0 && y >= 0.0 && x < f64::from(photo.width_px) && y < f64::from(photo.height_px);
@@ -132,12 +132,12 @@ fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
 }
 
 impl Homography {
-    /// Returns the view that shows a box of the plane (`[left, bottom, right, top]`) at four
-    /// corners of the photo: upper left, upper right, lower right, lower left.
+    /// Returns the view that maps a box of the plane (`[left, bottom, right, top]`) onto four
+    /// corners in the photo: upper left, upper right, lower right and lower left.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] if the corners do not go round a convex figure clockwise.
+    /// Returns [`Error::Input`] unless the corners form a convex figure in clockwise order.
     pub fn from_corners(
         [left, bottom, right, top]: [f64; 4],
         corners_px: [[f64; 2]; 4],
@@ -147,8 +147,8 @@ impl Homography {
             let [a, b, c] = [0, 1, 2].map(|step| corners_px[(first + step) % 4]);
             (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 1.0
         });
-        // Direct linear transform (Hartley and Zisserman 2004) with h₃₃ = 1: two equations a
-        // corner, u (h₃₁ x + h₃₂ y + 1) = h₁₁ x + h₁₂ y + h₁₃ and the same of v.
+        // Direct linear transform (Hartley and Zisserman 2004) with h₃₃ = 1. Each corner gives two
+        // equations: u (h₃₁ x + h₃₂ y + 1) = h₁₁ x + h₁₂ y + h₁₃, and the same for v.
         let plane = [[left, top], [right, top], [right, bottom], [left, bottom]];
         let mut rows = SMatrix::<f64, 8, 8>::zeros();
         let mut values = SVector::<f64, 8>::zeros();
@@ -162,13 +162,13 @@ impl Homography {
                 "corners",
                 format!("{corners_px:?}"),
                 "the word's upper left, upper right, lower right and lower left corner, in pixels \
-                 from the photo's upper left, each a left or right turn from the next the same way",
-                "read the four corners of the word's box off the photo, clockwise from upper left",
+                 from the photo's upper left, which form a convex figure in this order",
+                "read off the corners of the word's box in the photo, clockwise from the upper left",
             )
         })?;
         let mut image_from_plane =
             Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0);
-        // In front of the camera the third coordinate is positive.
+        // The third coordinate is made positive in front of the camera.
         let middle = Vector3::new(0.5 * (left + right), 0.5 * (bottom + top), 1.0);
         if (image_from_plane * middle).z < 0.0 {
             image_from_plane = -image_from_plane;

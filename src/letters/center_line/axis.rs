@@ -1,9 +1,9 @@
 //! The medial axis of an outline, as a graph.
 //!
 //! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles in the
-//! ink are the nodes, joined if their triangles have a side in common. As samples become dense this
-//! is the set of centers of all discs that touch the outline twice (Brandt and Algazi, CVGIP 55,
-//! 1992). The radius of a node's disc is half the stroke's width there.
+//! ink become nodes, which are linked if their triangles have a common side. With denser samples
+//! the graph approaches the set of centers of all discs that touch the outline twice (Brandt and
+//! Algazi, CVGIP 55, 1992). The radius of a node's disc is half the stroke's width there.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -14,7 +14,7 @@ use noctograph_core::geometry::distance;
 /// Grid to which samples are rounded, in cap heights.
 const SAMPLE_GRID: f64 = 1e-6;
 
-/// A graph of disc centers. Nodes that were cut off remain, without neighbors.
+/// A graph of disc centers. Nodes that were cut off remain, but without neighbors.
 #[derive(Debug, Default)]
 pub(super) struct Axis {
     pub(super) middles: Vec<[f64; 2]>,
@@ -22,13 +22,14 @@ pub(super) struct Axis {
     pub(super) neighbors: Vec<Vec<usize>>,
 }
 
-/// A path between two nodes, both included. A loop has its first node again at its end.
+/// A path between two nodes, including both. The path of a loop ends with its first node.
 pub(super) type Path = Vec<usize>;
 
 impl Axis {
-    /// Returns the axis of the ink within an outline. Empty without ink.
+    /// Returns the axis of the ink inside an outline. The axis is empty if there is no ink.
     pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
-        // Contours that run along each other would have samples a rounding error apart.
+        // Contours that run along each other would otherwise have samples that only differ by
+        // rounding.
         let samples = ink_edges
             .iter()
             .flatten()
@@ -43,7 +44,7 @@ impl Axis {
             let (middle, radius_squared) = face.circumcircle();
             let middle = [middle.x, middle.y];
             let centroid = face.center();
-            // Samples on a straight side are not exactly collinear, so the discs of their slivers
+            // Samples on a straight side are not exactly collinear, and form slivers whose discs
             // are far away.
             if ink.holds([centroid.x, centroid.y]) && ink.holds(middle) {
                 node_of[face.fix().index()] = Some(axis.middles.len());
@@ -51,7 +52,7 @@ impl Axis {
                 axis.radii.push(radius_squared.sqrt());
             }
         }
-        // Voronoi edges, the dual of the triangles' sides, join the centers.
+        // Links the centers by Voronoi edges, which are the dual of the triangles' sides.
         axis.neighbors = vec![Vec::new(); axis.middles.len()];
         for side in mesh.undirected_edges() {
             let faces = [side.as_directed().face(), side.as_directed().rev().face()];
@@ -63,23 +64,23 @@ impl Axis {
         axis
     }
 
-    /// Number of neighbors of a node.
+    /// Returns the number of neighbors of a node.
     pub(super) fn degree(&self, node: usize) -> usize {
         self.neighbors[node].len()
     }
 
-    /// Length of a path.
+    /// Returns the length of a path.
     pub(super) fn length(&self, path: &[usize]) -> f64 {
         path.windows(2).map(|step| self.distance(step[0], step[1])).sum()
     }
 
-    /// Distance between two nodes.
+    /// Returns the distance between two nodes.
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
         distance(self.middles[a], self.middles[b])
     }
 
-    /// The path from a node through a neighbor, up to a node for which `is_end` is true, to a node
-    /// without another neighbor, or back to its beginning.
+    /// Returns the path from a node through a neighbor, up to a node for which `is_end` is true, to
+    /// a node without another neighbor, or back to its start.
     pub(super) fn path(&self, from: usize, through: usize, is_end: &dyn Fn(usize) -> bool) -> Path {
         let mut path = vec![from, through];
         loop {
@@ -94,8 +95,8 @@ impl Axis {
         }
     }
 
-    /// Unit vector from a node to the point of the path through a neighbor that is a length along
-    /// it, or to its end if it is shorter.
+    /// Returns the unit vector from a node to the point that is `length` along the path through a
+    /// neighbor, or to the end of a shorter path.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
         let path = self.path(from, through, &|node| self.degree(node) != 2);
         let mut walked = 0.0;
@@ -118,14 +119,14 @@ impl Axis {
                 let path = self.path(node, *next, is_end);
                 path[1..path.len() - 1].iter().for_each(|inner| seen[*inner] = true);
                 let end = path[path.len() - 1];
-                // Each is found from both of its ends, and a loop through both of its sides.
+                // Each path is traced from both of its ends, and a loop in both directions.
                 let back = (end, path[path.len() - 2]);
                 if (node, *next) <= back {
                     paths.push(path);
                 }
             }
         }
-        // Nodes that no end leads to are on loops.
+        // Nodes that are on no path from an end are on loops.
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
                 let path = self.path(node, self.neighbors[node][0], &|_| false);

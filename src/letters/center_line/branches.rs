@@ -1,20 +1,19 @@
-//! Branches of the axis, whose ends at junctions are repaired, and their chains.
+//! Branches of the axis, whose ends at junctions are repaired, and chains of branches.
 
 use noctograph_core::geometry::{arc_lengths, distance};
 use noctograph_core::statistics::median;
 
 use super::super::vector::{ahead, direction, minus};
 
-/// A branch is used from the point at which its radius has fallen to this multiple of its median
-/// radius.
+/// A branch is used from where its radius has fallen to this multiple of its median radius.
 const SETTLED: f64 = 1.06;
 
-/// Least and greatest distance from the junction at which a branch is used, in radii of the
-/// junction, and the largest fraction of a branch that is left out.
+/// Minimum and maximum distance from the junction at which a branch is used, in radii of the
+/// junction, and maximum fraction of a branch that is not used.
 const SKIPPED: [f64; 2] = [0.7, 2.2];
 const SKIPPED_FRACTION: f64 = 0.4;
 
-/// A branch is straight if its chord is this fraction of its length.
+/// Minimum ratio of a straight branch's chord to its length.
 const STRAIGHT: f64 = 0.94;
 
 /// A point of a line, and true if the line has a corner there.
@@ -28,12 +27,12 @@ pub(super) struct Knot {
 #[derive(Debug)]
 pub(super) struct Arm {
     pub(super) branch: usize,
-    /// True if it is the branch's end, not its beginning.
+    /// True for the end of the branch, false for its start.
     pub(super) tail: bool,
-    /// First point of its usable center line, and the direction there away from the junction.
+    /// First point of the arm's usable center line, and the direction there away from the junction.
     pub(super) from: [f64; 2],
     pub(super) away: [f64; 2],
-    /// Its median radius.
+    /// Median radius of the branch.
     pub(super) radius: f64,
 }
 
@@ -43,7 +42,7 @@ pub(super) struct Branch {
     pub(super) points: Vec<[f64; 2]>,
     /// Radius at each point.
     pub(super) radii: Vec<f64>,
-    /// Connections at its first and after its last point.
+    /// Connections before the first and after the last point.
     pub(super) ends: [Connection; 2],
     used: bool,
 }
@@ -52,17 +51,17 @@ pub(super) struct Branch {
 #[derive(Default)]
 pub(super) struct Connection {
     pub(super) knots: Vec<Knot>,
-    /// The next branch, true if it is entered at its tail.
+    /// The next branch, with true if it is entered at its tail.
     pub(super) next: Option<(usize, bool)>,
 }
 
 impl Branch {
-    /// A branch through points with their radii, without connections.
+    /// Returns a branch through points with their radii, without connections.
     pub(super) fn new(points: Vec<[f64; 2]>, radii: Vec<f64>) -> Self {
         Self { points, radii, ..Self::default() }
     }
 
-    /// Reverses the branch if `tail`, so that its tail comes first, or last again.
+    /// Reverses the branch if `tail`, which puts its tail first. A second call restores the order.
     fn turn(&mut self, tail: bool) {
         if tail {
             self.points.reverse();
@@ -70,12 +69,11 @@ impl Branch {
         }
     }
 
-    /// Cuts off the points near an end that the junction of a radius pulls aside. Returns the arm
-    /// that begins at the first point kept.
+    /// Cuts off the points near an end that a junction of some radius pulls aside. Returns the arm
+    /// that starts at the first point that is kept.
     pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
-        // The disc of a junction bulges, so the branch is used only from the point at which its
-        // radius has settled.
+        // A junction's disc bulges, so the branch is only used from where its radius has settled.
         let along = arc_lengths(&self.points);
         let n = self.points.len();
         let length = along[n - 1];
@@ -86,7 +84,7 @@ impl Branch {
             (0..n).find(|i| along[*i] >= earliest && self.radii[*i] <= SETTLED * median_radius);
         let first = settled.filter(|i| along[*i] <= latest);
         let first = first.unwrap_or_else(|| along.partition_point(|s| *s < latest).min(n - 2));
-        // The direction over about a radius of the junction.
+        // The direction is measured over about one radius of the junction.
         let until = along[first] + radius.min(0.5 * (length - along[first])).max(1e-9);
         let last = along.partition_point(|s| *s < until).clamp(first + 1, n - 1);
         let from = self.points[first];
@@ -97,7 +95,7 @@ impl Branch {
         Arm { branch, tail, from, away, radius: median_radius }
     }
 
-    /// Turns a straight branch about its other end, so that it leads to `to`, not `from`.
+    /// Turns a straight branch about its other end, so that it leads to `to` instead of `from`.
     pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
         self.turn(tail);
         let along = arc_lengths(&[&[from][..], &self.points].concat());
@@ -113,10 +111,11 @@ impl Branch {
     }
 }
 
-/// The lines that follow connected branches from end to end, each branch once.
+/// Returns the lines that follow connected branches from end to end. Every branch belongs to
+/// exactly one line.
 pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     let mut lines = Vec::new();
-    // From loose ends first. The rest are closed lines.
+    // Lines from loose ends come first, and then closed lines.
     for from_loose in [true, false] {
         for begin in 0..branches.len() {
             for tail in [false, true] {
@@ -130,12 +129,13 @@ pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     lines
 }
 
-/// The line of knots along connected branches from one end of a branch on, each marked as used.
+/// Follows connected branches from an end of one, marks them as used, and returns the line of
+/// knots.
 fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
     let (mut index, mut enters_by_tail) = (begin, tail);
     loop {
-        // A branch in its direction, with what leads to its ends.
+        // Appends a branch in its direction, with the knots at both of its ends.
         let branch = &mut branches[index];
         branch.used = true;
         let (entry, exit) = (usize::from(enters_by_tail), usize::from(!enters_by_tail));

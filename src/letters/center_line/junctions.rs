@@ -1,5 +1,5 @@
-//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke. Here the
-//! lines are extended straight until they meet.
+//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke. The lines
+//! are extended straight here until they meet.
 
 use super::super::outline::Filled;
 use super::super::vector::{ahead, cross, dot, mean, minus, segments};
@@ -7,35 +7,37 @@ use super::axis::{Axis, Path};
 use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
 
-/// Two junctions nearer than this by the larger radius are one: a crossing appears as two. The
-/// second value is for two bends, which are one bend if a tip is cut off flat (v, M).
+/// Maximum distance between two junctions that count as one, relative to the larger radius, since a
+/// crossing appears as two. The second value applies to two bends, which are one at a flat tip (v,
+/// M).
 const ONE_JUNCTION: f64 = 1.0;
 const ONE_BEND: f64 = 2.5;
 
-/// Cosine of the largest turn of a stroke that goes through a junction: 75°, since a bowl turns on,
-/// and at a bend of a single stroke, 25°.
+/// Cosine of the maximum turn of a stroke that goes through a junction, 75° because a bowl turns
+/// further, and of one that goes through a bend of a single stroke, 25°.
 const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
 
-/// A limit of the cosine that every turn exceeds.
+/// Cosine limit that every turn exceeds.
 const ANY_TURN: f64 = -2.0;
 
-/// Sine of the largest angle between an upright arm and the vertical or horizontal: 3°.
+/// Sine of the maximum angle between an upright arm and the vertical or horizontal: 3°.
 const UPRIGHT: f64 = 0.05;
 
-/// Least determinant of the normal equations of lines that cross.
+/// Minimum determinant of the normal equations of lines that cross.
 const PARALLEL: f64 = 1e-3;
 
-/// Farthest crossing of lines from their junction, by its radius: beyond a tip that is cut off.
+/// Maximum distance between a crossing of lines and their junction, relative to its radius. The
+/// value reaches beyond flat tips.
 const FAR: f64 = 10.0;
 
-/// Farthest that a meeting point may lie from its junction, in radii of the junction.
+/// Maximum distance between a meeting point and its junction, in radii of the junction.
 const REACH: f64 = 3.0;
 
-/// Budget steps of comparing a pair of arms.
+/// Budget steps for comparing a pair of arms.
 const STEPS_PER_PAIR: usize = 3;
 
-/// The lines of an axis as knots: its branches, extended at junctions until they meet, with
+/// Returns the lines of an axis as knots: its branches, extended at junctions until they meet, with
 /// straight strokes joined. `bends` is true for each node at which a line has a corner.
 pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Knot>> {
     let is_key = Vec::from_iter((0..axis.middles.len()).map(|node| match axis.degree(node) {
@@ -46,7 +48,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, is_inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
-    // The branches at each cluster, with true for those that end there, false for a beginning.
+    // The branches at each cluster, with true for those that end there and false otherwise.
     let mut branch_ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
     for (path, _) in paths.iter().zip(&is_inner).filter(|(_, is_inner)| !**is_inner) {
         let (first, last) = (path[0], path[path.len() - 1]);
@@ -57,13 +59,13 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         let points = path.iter().map(|node| axis.middles[*node]).collect();
         branches.push(Branch::new(points, path.iter().map(|node| axis.radii[*node]).collect()));
     }
-    // At each junction, the branches are cut back and connected anew.
+    // At each junction, the branches are cut back and reconnected.
     let mut members_of: Vec<Vec<usize>> = vec![Vec::new(); axis.middles.len()];
     for node in (0..axis.middles.len()).filter(|node| is_key[*node]) {
         members_of[cluster_of[node]].push(node);
     }
     for (cluster, ends) in branch_ends.into_iter().enumerate().filter(|(_, ends)| ends.len() > 1) {
-        // The arms that go through are searched among all pairs, again and again.
+        // Each search for arms that go through compares all pairs, and the search is repeated.
         let n_pairs = ends.len() * ends.len();
         if !ink.budget().spend_steps(STEPS_PER_PAIR * n_pairs * (ends.len() / 2 + 1)) {
             break;
@@ -78,7 +80,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     chain(&mut branches)
 }
 
-/// The smallest node of a node's cluster (union-find).
+/// Returns the smallest node of a node's cluster (union-find).
 fn root(cluster_of: &[usize], mut node: usize) -> usize {
     while cluster_of[node] != node {
         node = cluster_of[node];
@@ -86,13 +88,13 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// The smallest node of each node's cluster of junctions, and true for each path within one.
+/// Returns the smallest node in each node's cluster of junctions, and true for each path in one.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let mut is_inner = vec![false; paths.len()];
     for (path, is_inner) in paths.iter().zip(&mut is_inner) {
         let (a, b) = (path[0], path[path.len() - 1]);
-        // A path shorter than its junctions are wide joins their clusters.
+        // A path shorter than the width of its junctions joins their clusters.
         let are_junctions = axis.degree(a) > 1 && axis.degree(b) > 1 && a != b;
         let radius = axis.radii[a].max(axis.radii[b]);
         let reach = if axis.degree(a) + axis.degree(b) == 4 { ONE_BEND } else { ONE_JUNCTION };
@@ -106,7 +108,7 @@ fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     (roots, is_inner)
 }
 
-/// A junction: its middle, and the radius of its largest disc.
+/// A junction: its center, and the radius of its largest disc.
 struct Joint<'a> {
     middle: [f64; 2],
     radius: f64,
@@ -114,14 +116,14 @@ struct Joint<'a> {
 }
 
 impl Joint<'_> {
-    /// True if a point is within some radii of the junction's middle.
+    /// True if a point is within some radii of the junction's center.
     fn is_near(&self, point: [f64; 2], reach: f64) -> bool {
         distance(point, self.middle) <= reach * self.radius
     }
 
-    /// The point where arms meet. Each arm is extended toward the crossing of their lines as far as
-    /// a pen of its width stays in the ink. The point is the mean of the ends. Only vertical and
-    /// horizontal arms count if there are any, so that they keep their lines.
+    /// Returns the point where arms meet. Each arm is extended toward the crossing of their lines
+    /// as far as a pen of its width stays in the ink, and the point is the mean of the ends. If
+    /// there are vertical or horizontal arms, only these count, so that they keep their lines.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
@@ -129,7 +131,7 @@ impl Joint<'_> {
             upright.extend(arms);
         }
         let ends = upright.iter().map(|arm| {
-            // The farthest of 40 even steps whose pen still ends in the ink.
+            // Selects the farthest of 40 even steps at which the pen's end is still in the ink.
             let reach = dot(minus(crossing, arm.from), arm.away).min(0.0);
             let mut steps = (0..=40).rev().map(|k| reach * f64::from(k) / 40.0);
             let inked = steps.find(|s| self.ink.holds(ahead(arm.from, arm.away, s - arm.radius)));
@@ -140,10 +142,10 @@ impl Joint<'_> {
     }
 }
 
-/// Connects the arms of a junction: arms that go straight through are joined by a curve, and the
-/// others end on it. Without any, all arms meet in a point.
+/// Connects the arms of a junction. Arms that go straight through are joined by a curve, on which
+/// the others end. If no arm goes straight through, all meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
-    // The straightest pair comes first. Each arm of a pair gets half of the curve between them.
+    // Joins the straightest pair first. Each arm of a pair gets half of the curve between them.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
@@ -168,8 +170,8 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     }
 }
 
-/// Connects the arms of a junction in the point where their lines cross, or in its middle if they
-/// cross elsewhere. The two that turn least continue as one stroke with a corner.
+/// Connects the arms of a junction in the point where their lines cross, or at its center if they
+/// cross elsewhere. The two arms that turn least continue as one stroke with a corner.
 fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     let crossing = crossing(arms).filter(|p| {
         joint.is_near(*p, FAR) && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
@@ -178,7 +180,7 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     for arm in arms {
         branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
     }
-    // One pair is joined, and the other arms end in the point.
+    // Joins one pair, and lets the other arms end in the point.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
         join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
@@ -189,12 +191,12 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     }
 }
 
-/// A single knot with a corner.
+/// Returns a single knot with a corner.
 fn corner(position: [f64; 2]) -> Vec<Knot> {
     vec![Knot { position, corner: true }]
 }
 
-/// Joins two arms into one line: each is extended by its knots and continues in the other.
+/// Joins two arms into one line: each arm is extended by its knots and continues in the other arm.
 fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     for ((arm, other), knots) in [(arms[0], arms[1]), (arms[1], arms[0])].into_iter().zip(knots) {
         let next = Some((other.branch, other.tail));
@@ -202,8 +204,8 @@ fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     }
 }
 
-/// The pair of free arms with the least turn from one into the other, by their indices. `None` if
-/// the cosine of its turn is not above a limit.
+/// Returns the indices of the pair of free arms with the smallest turn from one into the other, or
+/// `None` if the cosine of its turn is not above the limit.
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
     let turns = pairs.map(|(a, b)| ((a, b), -dot(arms[a].away, arms[b].away)));
@@ -211,9 +213,9 @@ fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize
     best.filter(|(_, cosine)| *cosine > limit).map(|(pair, _)| pair)
 }
 
-/// The 17 points of a cubic Bézier curve from one arm into another in their directions.
+/// Returns the 17 points of a cubic Bézier curve from one arm into another, in their directions.
 fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
-    // Control points a third of the distance along each arm.
+    // The control points are a third of the distance away along each arm.
     let third = distance(a.from, b.from) / 3.0;
     Vec::from_iter((0..=16).map(|k| {
         let t = f64::from(k) / 16.0;
@@ -228,9 +230,9 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
     }))
 }
 
-/// The point nearest to the lines of all arms. `None` if they are nearly parallel.
+/// Returns the point nearest to the lines of all arms, or `None` if they are nearly parallel.
 fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
-    // Least squares: the sum of (n · p − offset)² over the normals n has its normal equations here.
+    // Least squares: the sum of (n · p − offset)² over the normals n gives these normal equations.
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for arm in arms {
         let [nx, ny] = [-arm.away[1], arm.away[0]];
@@ -242,12 +244,12 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
     (determinant > PARALLEL).then(|| [(c * d - b * e) / determinant, (a * e - b * d) / determinant])
 }
 
-/// The point where an arm, extended straight, first meets a line. `None` if it does not.
+/// Returns the point where an arm, extended straight, first meets a line, or `None` if it does not.
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
     let hits = segments(line).filter_map(|[from, to]| {
         let (gap, segment) = (minus(from, arm.from), minus(to, from));
-        // arm.from + t · onward = from + s · segment, by Cramer's rule.
+        // arm.from + t · onward = from + s · segment is solved by Cramer's rule.
         let area = cross(onward, segment);
         let (t, s) = (cross(gap, segment) / area, cross(gap, onward) / area);
         (t >= 0.0 && (0.0..=1.0).contains(&s)).then_some(t)

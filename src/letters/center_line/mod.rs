@@ -1,8 +1,8 @@
-//! Center lines: the strokes of a pen that would leave an outline's ink.
+//! Center lines: the strokes of a pen that would leave the ink inside an outline.
 //!
 //! The medial axis of the ink ([`axis`]) loses its spurs into corners ([`prune`]). At junctions the
-//! center lines are extended straight until they meet, and two that are nearly in line are one
-//! stroke ([`junctions`]). Between corners lines are smoothed within a stated error. A blob without
+//! center lines are extended straight until they meet, and two that are nearly in line become one
+//! stroke ([`junctions`]). Between corners, lines are smoothed within a given error. A blob without
 //! a line, such as a full stop, becomes a dot.
 
 use super::outline::{Contour, Filled, ink_edges, mean_stroke_width};
@@ -19,31 +19,30 @@ mod branches;
 mod junctions;
 mod prune;
 
-/// Largest distance by which smoothing moves a line, in cap heights: 2 mm on letters of 0.5 m.
+/// Maximum distance by which smoothing moves a line, in cap heights: 2 mm for letters of 0.5 m.
 const SMOOTHING_ERROR: f64 = 0.004;
 
-/// Largest distance of the resulting polyline from the line, in cap heights.
+/// Maximum distance between the resulting polyline and the line, in cap heights.
 const FLATNESS: f64 = 0.0015;
 
 /// Spacing of the points that are smoothed, in cap heights.
 const SPACING: f64 = 0.008;
 
-/// Spacing of samples of the outline in mean widths of a stroke, and its least and greatest value
-/// in cap heights.
+/// Spacing of the outline's samples in mean stroke widths, and its limits in cap heights.
 const SAMPLE_SPACING: f64 = 0.15;
 const SAMPLING: [f64; 2] = [1e-3, 0.01];
 
-/// A part with less length than this by its radius is a dot.
+/// Maximum length of a part that becomes a dot, relative to its radius.
 const BLOB: f64 = 0.8;
 
-/// Least radius of a dot, by the median half width of the strokes.
+/// Minimum radius of a dot, relative to the median half width of the strokes.
 const LEAST_DOT: f64 = 0.1;
 
-/// A stroke is lost if this many half widths of the axis are untouched. The axis into the corner of
-/// a stroke's end has 0.9, into that of a serif less than 2.
+/// Minimum untouched length of the axis, in half widths, for a stroke to be lost. The axis into the
+/// corner of a stroke's end has 0.9, and that into a serif less than 2.
 const LOST: f64 = 3.0;
 
-/// Length of the line that represents a dot, in cap heights, as in the stroke fonts.
+/// Length of the line that represents a dot in cap heights, as in the stroke fonts.
 const DOT: f64 = 0.01 / 21.0;
 
 /// Center lines, and the median half width of the strokes.
@@ -53,32 +52,34 @@ pub(super) struct CenterLines {
     pub(super) half_width: f64,
     /// Half width of the thickest ink.
     pub(super) thickest: f64,
-    /// Longest part of the axis that no line touches: a stroke that was lost. In cap heights.
+    /// Length in cap heights of the longest part of the axis that no line touches, that is, of a
+    /// lost stroke.
     pub(super) lost_length: f64,
 }
 
 impl CenterLines {
-    /// Length of all lines.
+    /// Returns the length of all lines.
     pub(super) fn length(&self) -> f64 {
         self.lines.iter().map(|line| polyline_length_m(line)).sum()
     }
 }
 
-/// Budget steps of triangulating a sample, of smoothing a point, and of a distance from a segment.
+/// Budget steps for triangulating a sample, for smoothing a point, and for a distance to a segment.
 const STEPS_PER_SAMPLE: usize = 2000;
 const STEPS_PER_POINT: usize = 500;
 const STEPS_PER_DISTANCE: usize = 5;
 
-/// The center lines of an outline in cap heights. Some are missing if the budget is spent.
+/// Returns the center lines of an outline in cap heights. Some lines are missing if the budget is
+/// spent.
 pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
-    // Samples of the outline, as dense as the strokes are thin.
+    // Samples the outline more densely if the strokes are thinner.
     let ink = Filled::new(contours, budget);
     let spacing = (SAMPLE_SPACING * mean_stroke_width(contours)).clamp(SAMPLING[0], SAMPLING[1]);
     let ink_edges = ink_edges(contours, &ink, spacing);
     if !budget.spend_steps(STEPS_PER_SAMPLE * ink_edges.iter().map(Vec::len).sum::<usize>()) {
         return CenterLines::default();
     }
-    // The medial axis. Spurs are cut off before junctions are examined.
+    // Computes the medial axis, and removes its spurs before junctions are examined.
     let mut axis = Axis::new(&ink_edges, &ink);
     let parts = parts(&axis.neighbors);
     let unpruned = axis.neighbors.clone();
@@ -90,17 +91,18 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     for part in parts {
         replace_blob(&part, &axis, half_width, &mut lines, budget);
     }
-    // Last, the axis before pruning shows which strokes no line draws.
+    // The axis before pruning shows which strokes are not drawn by any line.
     let n_segments = lines.iter().map(Vec::len).sum::<usize>();
-    let lost_length = match budget.spend_steps(STEPS_PER_DISTANCE * n_segments * unpruned.len()) {
-        true => lost_length(&axis, &unpruned, &lines, half_width),
-        false => 0.0,
+    let lost_length = if budget.spend_steps(STEPS_PER_DISTANCE * n_segments * unpruned.len()) {
+        lost_length(&axis, &unpruned, &lines, half_width)
+    } else {
+        0.0
     };
     let thickest = axis.radii.iter().copied().fold(0.0, f64::max);
     CenterLines { lines, half_width, thickest, lost_length }
 }
 
-/// Replaces the lines in a connected part of the axis that is short for its radius by a dot.
+/// Replaces the lines in a connected part of the axis by a dot if the part is short for its radius.
 fn replace_blob(
     part: &[usize],
     axis: &Axis,
@@ -121,24 +123,24 @@ fn replace_blob(
     }
 }
 
-/// Length of the links of some nodes, each of which is listed at both of its nodes.
+/// Returns the length of the links of some nodes, each of which is listed at both of its nodes.
 fn axis_length(axis: &Axis, nodes: &[usize], links: &[Vec<usize>]) -> f64 {
     let pairs = nodes.iter().flat_map(|node| links[*node].iter().map(|other| (*node, *other)));
     pairs.map(|(a, b)| 0.5 * axis.distance(a, b)).sum()
 }
 
-/// The edges of the ink of contours in cap heights, simplified within [`FLATNESS`].
+/// Returns the edges of the ink inside contours in cap heights, simplified within [`FLATNESS`].
 pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2]>> {
     let ink_edges = ink_edges(contours, &Filled::new(contours, budget), SAMPLING[1]);
     ink_edges.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
-/// A vertical line too short to be seen, which represents a dot.
+/// Returns a vertical line too short to be visible, which represents a dot.
 pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
-/// Length of the longest part of the axis whose discs no line enters, or 0 if that is short.
+/// Returns the length of the longest part of the axis whose discs no line enters, or 0 if short.
 fn lost_length(
     axis: &Axis,
     unpruned: &[Vec<usize>],
@@ -149,7 +151,7 @@ fn lost_length(
     let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
-    // Links between untouched nodes remain, and their connected parts are measured.
+    // Only links between untouched nodes are kept, and the connected parts are measured.
     let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);
@@ -159,7 +161,7 @@ fn lost_length(
     if longest > LOST * half_width { longest } else { 0.0 }
 }
 
-/// The connected components of a graph, each as a list of nodes (breadth-first search).
+/// Returns the connected components of a graph as lists of nodes (breadth-first search).
 fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let mut seen = vec![false; neighbors.len()];
     let mut parts = Vec::new();
@@ -168,7 +170,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
         seen[start] = true;
         let mut next = 0;
         while next < part.len() {
-            // Neighbors that are seen for the first time join the end of the queue.
+            // Neighbors that are seen for the first time are appended to the queue.
             let links = &neighbors[part[next]];
             part.extend(links.iter().filter(|node| !std::mem::replace(&mut seen[**node], true)));
             next += 1;
@@ -180,19 +182,20 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     parts
 }
 
-/// A line smoothed between its corners and simplified, or its beginning beyond the budget.
+/// Smooths a line between its corners and simplifies it. Beyond the budget only its start is
+/// returned.
 fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let closed = line.len() > 3 && line[0].position == line[line.len() - 1].position;
     let mut line = line.to_vec();
     if closed {
-        // A closed line begins at a corner if it has one.
+        // A closed line is rotated to start at a corner if it has one.
         line.pop();
         if let Some(corner) = line.iter().position(|knot| knot.corner) {
             line.rotate_left(corner);
         }
         line.push(line[0]);
     }
-    // Each span between two corners is smoothed with its ends fixed.
+    // Each span between two corners is smoothed with fixed ends.
     let corners = (1..line.len() - 1).filter(|i| line[*i].corner);
     let cuts: Vec<usize> = std::iter::once(0).chain(corners).chain([line.len() - 1]).collect();
     let mut fitted: Vec<[f64; 2]> = Vec::new();
@@ -218,7 +221,7 @@ mod tests {
         Budget::new("face.ttf", "none")
     }
 
-    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths.
+    /// Returns the sorted center lines of rectangles (left, bottom, right, top), in hundredths.
     fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
         let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
         let contours: Vec<Contour> = rectangles.iter().map(contour).collect();

@@ -1,57 +1,59 @@
-//! Spurs: branches of the medial axis into corners and ripples, which no pen would draw.
+//! Prunes spurs: branches of the medial axis into corners and ripples, which no pen would draw.
 
 use super::super::vector::{direction, dot};
 use super::axis::{Axis, Path};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
 
-/// Budget steps of visiting a node.
+/// Budget steps for visiting a node.
 const STEPS_PER_NODE: usize = 10;
 
-/// Protrusion of a spur, by the radius at its root, below which it is a ripple of the outline, or a
-/// stroke's end: a square end has 0.41, a round end 0.
+/// Protrusion of a spur, relative to the radius at its root, below which it is a ripple of the
+/// outline or a stroke's end. A square end has 0.41, and a round end 0.
 const RIPPLE: f64 = 0.02;
 const BLUNT: f64 = 0.46;
 
-/// A spur whose radius falls below this fraction of its root's radius ends in a corner.
+/// A spur ends in a corner if its radius falls below this fraction of its root's radius.
 const SHARP: f64 = 0.45;
 
-/// Longest spur into a corner, by the radius at its root: 1 / sin of half the corner's angle. At
-/// this value it is 32°: sharper than a slanted stroke that is cut level (K, X: 35° to 50°),
-/// blunter than a stroke that tapers.
+/// Maximum length of a spur into a corner, relative to the radius at its root, or 1 / sin of half
+/// the corner's angle. The value 3.6 means 32°, which is sharper than a flat end of a slanted
+/// stroke (K, X: 35° to 50°) and blunter than a tapering stroke.
 const LONGEST: f64 = 3.6;
 
-/// A longer spur belongs to a corner only if it ends in a point, relative to the radius at its
-/// root. The arm of a cross by a fine pen is blunter.
+/// A longer spur only belongs to a corner if it ends in a point, relative to the radius at its
+/// root. The arm of a cross that a fine pen drew is blunter.
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
-/// Least protrusion of a spur into a corner at which the line bends there. 0.1 is a corner of 130°.
+/// Minimum protrusion of a spur into a corner at which the line bends. 0.1 is a corner of 130°.
 const BENDS: f64 = 0.1;
 
-/// A path's end is a tip if its radius falls below the first value, relative to the path's median
-/// radius. It is cut off up to the point at which the radius has risen to the second value.
+/// The end of a path is a tip if its radius falls below the first value, relative to the path's
+/// median radius. The tip is cut off up to where the radius reaches the second value.
 const TIP: [f64; 2] = [0.6, 0.92];
 
 /// Length of a stub between a crotch and the tip above it (A, M, N, V, W), in radii at its root: a
-/// factor on what the angle of its arms gives, and an addend.
+/// factor on the value that the angle of its arms gives, and an addend.
 const STUB: [f64; 2] = [1.3, 1.4];
-/// From this cosine between stub and arm on, the length is at least the second value, with the
-/// third for each unit of the cosine more, up to the last value.
+/// Above the first value, which is the cosine between stub and arm, the length is at least the
+/// second value. The length increases by the third value per unit of the cosine, up to the last
+/// value.
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
-/// Length over which the direction of an arm is taken, in radii at its root.
+/// Length over which the direction of an arm is measured, in radii at its root.
 const HEADING: f64 = 2.5;
-/// Cosine of the widest angle between the arms of a crotch, 75°, and the largest difference of the
+/// Cosine of the maximum angle between the arms of a crotch, 75°, and maximum difference of the
 /// cosines between the stub and its arms. At a wider angle an arch leaves a stem (n, u). A stub
-/// that goes on with one arm is the stem's end.
+/// that is in line with one arm is the end of that stem.
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs. Returns true for each node at which a line bends, because its spur belongs
-/// to a corner.
+/// Cuts off all spurs. Returns true for each node at which a line bends because the node's spur
+/// belongs to a corner.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
-    // Ripples first, since they split branches. Each kind is cut until none is left.
+    // Ripples are cut first because they split branches. Each kind of spur is cut until none is
+    // left.
     let kinds: [fn(&Axis, &Path) -> bool; 3] =
         [|axis, spur| protrusion(axis, spur) < RIPPLE, is_spur, is_stub];
     for is_unwanted in kinds {
@@ -61,14 +63,14 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Takes the steps of walks from every end off the budget, each over all nodes at most. Returns
-/// false once the budget is spent.
+/// Charges walks from every end to the budget, each over at most all nodes. Returns false if the
+/// budget is spent.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the tapering ends of paths, up to where a path is about as wide as usual.
+/// Cuts off the tapering ends of paths, up to where a path has about its usual width.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
@@ -100,14 +102,14 @@ fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path
     !spurs.is_empty()
 }
 
-/// Length by which the disc at a spur's end protrudes from the disc at its root, relative to the
-/// root's radius.
+/// Returns the length by which the disc at a spur's end protrudes from the disc at its root,
+/// relative to the root's radius.
 fn protrusion(axis: &Axis, spur: &Path) -> f64 {
     let [root, end] = [spur[0], spur[spur.len() - 1]].map(|node| axis.radii[node]);
     (axis.length(spur) + end - root) / root
 }
 
-/// True for a spur into a corner of the outline, or into the blunt end of a stroke.
+/// True for a spur into a corner of the outline or into the blunt end of a stroke.
 fn is_spur(axis: &Axis, spur: &Path) -> bool {
     let [root, end] = [spur[0], spur[spur.len() - 1]].map(|node| axis.radii[node]);
     let is_corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
@@ -126,7 +128,8 @@ fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let cosine = dot(*a, *b);
     let away = direction(axis.middles[root], axis.middles[tip]);
     let askew = (dot(away, *a) - dot(away, *b)).abs();
-    // Sine of half the angle. The disc in the crotch touches its corner and both outer sides.
+    // `sine` is the sine of half the angle between the arms. The disc in the crotch touches its
+    // corner and both outer sides.
     let sine = ((1.0 - cosine) / 2.0).max(0.01).sqrt();
     let by_angle = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
     let [least_cosine, least, slope, most] = SHARP_STUB;

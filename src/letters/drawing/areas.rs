@@ -1,10 +1,10 @@
-//! Areas and lines: which patches of ink are drawn along their outline, and which along their
-//! center.
+//! Areas and lines: decides which patches of ink are drawn along their outline and which along
+//! their center.
 //!
 //! A patch is a line if it is thin for its size, or if a pen along its center lines would leave the
 //! same ink in one stroke. A patch of several strokes, or a ring, is a line if the drawing has such
-//! a pen: that of its thin lines, or of writing in a row. Other patches are areas, or points if
-//! they are tiny.
+//! a pen, as shown by thin lines or by writing in a row. Other patches are areas, or points if they
+//! are tiny.
 
 use crate::center_line::{CenterLines, center_lines, outlines};
 use crate::outline::{Contour, Filled, mean_stroke_width};
@@ -13,54 +13,55 @@ use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, segment_distance};
 use noctograph_core::statistics::median;
 
-/// Mean width of a line, by the larger side of its patch.
+/// Maximum mean width of a line, relative to the larger side of its patch.
 const THIN: f64 = 0.1;
-/// Greatest mean width of a patch that may be a pen's line, by its larger side.
+/// Maximum mean width of a patch that may be a pen's line, relative to its larger side.
 const SOLID: f64 = 0.3;
-/// A patch that is smaller than this fraction of the drawing is a point.
+/// Maximum side of a patch that is a point, relative to the drawing's larger side.
 const POINT: f64 = 0.025;
-/// Greatest thickness of a line and of a dot, in pens.
+/// Maximum thickness of a line and of a dot, in pen widths.
 const PENS: f64 = 2.0;
 const DOTS: f64 = 1.5;
-/// Least length of a pen's line, in half its greatest thickness.
+/// Minimum length of a pen's line, relative to half its maximum thickness.
 const LONG: f64 = 4.0;
-/// Least intersection over union of a patch and a pen's line along its center: of a line, and of a
-/// line of the drawing's pen or a letter beside others.
+/// Minimum intersection over union of a patch with a pen's line along its center: for a line, and
+/// for a line of the drawing's pen or a letter beside others.
 const PENNED: [f64; 2] = [0.82, 0.65];
-/// Side of the grid of points on which it is estimated.
+/// Number of points along a side of the grid on which it is estimated.
 const GRID: u32 = 40;
-/// Largest ratio of heights and of thicknesses of letters in a row.
+/// Maximum ratio of heights, and of thicknesses, between letters in a row.
 const ALIKE: f64 = 1.6;
-/// Largest gap between two letters, by their height.
+/// Maximum gap between two letters, relative to their height.
 const GAP: f64 = 2.5;
-/// Least number of neighbors of a letter.
+/// Minimum number of neighbors of a letter.
 const LETTERS: usize = 2;
 
-/// Budget steps of measuring the distance from a segment.
+/// Budget steps for measuring the distance to a segment.
 const STEPS_PER_DISTANCE: usize = 10;
 
-/// Pixels of a small patch's unit of length. The tolerance of smoothing is 0.004 of it, about the
-/// error of an edge between pixels. A larger patch has its size as its unit, up to one letter's.
+/// Number of pixels in a small patch's unit of length. Smoothing has a tolerance of 0.004 units,
+/// about an edge's error between pixels. The unit of a larger patch is its size, up to that of a
+/// letter.
 const SMALL_PX: f64 = 100.0;
 
 /// A patch of ink: a contour and its holes.
 pub(super) struct Patch<'a> {
-    /// In the patch's unit.
+    /// Contours in the patch's unit of length.
     contours: Vec<Contour>,
     unit_px: f64,
     bounds_px: [f64; 4],
-    /// Mean width by its larger side.
+    /// Mean width of the patch, relative to its larger side.
     width: f64,
     center: Option<CenterLines>,
-    /// Half of its width, and half of its greatest width, in pixels. 0 without center lines.
+    /// Half the pen's width and half its maximum width in pixels, or 0 without center lines.
     pen_px: [f64; 2],
-    /// Intersection over union with the pen's line along its center. 0 for a thin patch.
+    /// Intersection over union with a pen's line along the center, or 0 for a thin patch.
     penned: f64,
     budget: &'a Budget,
 }
 
 impl<'a> Patch<'a> {
-    /// A patch of contours in pixels. `larger_px` is the larger side of the drawing,
+    /// Makes a patch from contours in pixels. `larger_px` is the larger side of the drawing, and
     /// `cap_height_px` the height that its letters would have.
     pub(super) fn new(
         mut contours: Vec<Contour>,
@@ -72,7 +73,7 @@ impl<'a> Patch<'a> {
         let width = mean_stroke_width(&contours) / size_px;
         let unit_px = size_px.max(SMALL_PX).min(cap_height_px);
         contours.iter_mut().flatten().flatten().for_each(|x| *x /= unit_px);
-        // Only a patch that may be a pen's line has center lines, in its unit of length.
+        // Only a patch that may be a pen's line has center lines, in its own unit of length.
         let may_be_line = width < SOLID || size_px < THIN * larger_px;
         let center = may_be_line.then(|| center_lines(&contours, budget));
         let pen = center.as_ref().map_or([0.0; 2], |center| [center.half_width, center.thickest]);
@@ -84,19 +85,19 @@ impl<'a> Patch<'a> {
         Self { contours, unit_px, bounds_px, width, center, pen_px, penned, budget }
     }
 
-    /// Its outline, in pixels.
+    /// Returns the patch's outline in pixels.
     pub(super) fn outline(&self) -> Vec<Vec<[f64; 2]>> {
         self.in_pixels(outlines(&self.contours, self.budget))
     }
 
-    /// Lines in the patch's unit, converted to pixels.
+    /// Converts lines from the patch's unit to pixels.
     fn in_pixels(&self, mut lines: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
         lines.iter_mut().flatten().flatten().for_each(|x| *x *= self.unit_px);
         lines
     }
 
-    /// True if two patches may be neighbors in a line of writing: they are about as high and as
-    /// thick, overlap in height and have a small gap.
+    /// True if two patches may be neighbors in a line of writing, that is, have about the same
+    /// height and thickness, overlap in height, and have a small gap between them.
     fn is_beside(&self, other: &Self) -> bool {
         let ([left_a, bottom_a, right_a, top_a], [left_b, bottom_b, right_b, top_b]) =
             (self.bounds_px, other.bounds_px);
@@ -109,23 +110,22 @@ impl<'a> Patch<'a> {
             && gap < GAP * height_a.max(height_b)
     }
 
-    /// True if the patch is a letter beside others, of which one is surely a stroke of a pen.
+    /// True if the patch is a letter beside others, one of which is clearly a pen's stroke.
     fn is_letter(&self, patches: &[Self]) -> bool {
         let is_beside = |other: &&Self| !std::ptr::eq(self, *other) && self.is_beside(other);
-        let mut beside = patches.iter().filter(is_beside).peekable();
-        let (n_beside, is_written) =
-            (beside.clone().count(), beside.any(|other| other.penned > PENNED[0]));
-        self.penned >= PENNED[1] && n_beside >= LETTERS && is_written
+        let beside: Vec<&Self> = patches.iter().filter(is_beside).collect();
+        let is_written = beside.iter().any(|other| other.penned > PENNED[0]);
+        self.penned >= PENNED[1] && beside.len() >= LETTERS && is_written
     }
 }
 
-/// The larger side of a box.
+/// Returns the larger side of a box.
 fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
     (right - left).max(top - bottom)
 }
 
-/// Intersection over union of the ink in contours and what a pen along their center lines covers,
-/// estimated on a grid. 0 if the lines are short, or the budget is spent.
+/// Returns the intersection over union of the ink inside contours and what a pen along their center
+/// lines covers, estimated on a grid. Returns 0 if the lines are short or the budget is spent.
 fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
     let segments: Vec<[[f64; 2]; 2]> =
         center.lines.iter().flat_map(|line| segments(line)).collect();
@@ -134,7 +134,7 @@ fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f
     {
         return 0.0;
     }
-    // Points of a grid over the patch, in the ink and within half a pen of a center line.
+    // Counts grid points in the ink, and within half a pen's width of a center line.
     let ink = Filled::new(contours, budget);
     let [left, bottom, right, top] = bounds(contours[0].iter().copied());
     let [mut n_both, mut n_any] = [0; 2];
@@ -150,18 +150,18 @@ fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f
     f64::from(n_both) / f64::from(n_any.max(1))
 }
 
-/// The lines of all patches in pixels: center lines of what a pen may have drawn, and outlines of
-/// areas. `larger_px` is the larger side of the drawing.
+/// Returns the lines of all patches in pixels: center lines of what a pen may have drawn, and
+/// outlines of areas. `larger_px` is the larger side of the drawing.
 pub(super) fn lines(patches: &[Patch<'_>], larger_px: f64) -> Vec<Vec<[f64; 2]>> {
     let letters = Vec::from_iter(patches.iter().map(|patch| patch.is_letter(patches)));
-    // The pen of the drawing, by its thin lines and by its letters.
+    // The drawing's pen, measured on its thin lines and on its letters.
     let thin = patches.iter().filter(|patch| patch.width <= THIN);
     let pen_px = median(thin.map(|patch| patch.pen_px[0])).unwrap_or(0.0);
     let written = patches.iter().zip(&letters).filter(|(_, is_letter)| **is_letter);
     let letter_px = median(written.map(|(patch, _)| patch.pen_px[0])).unwrap_or(0.0);
     let lines = patches.iter().zip(&letters).flat_map(|(patch, is_letter)| {
         let line = patch.center.as_ref().filter(|center| {
-            // The patch is a line by itself, or beside others, or for a pen of the drawing.
+            // The patch is a line by itself, beside others, or because the drawing has such a pen.
             let thickest_px = patch.pen_px[1];
             let is_point = size(patch.bounds_px) < POINT * larger_px;
             let is_dot =

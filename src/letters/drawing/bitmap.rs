@@ -1,9 +1,9 @@
 //! Bitmaps: line art, handwriting on paper and logos, turned upright by their EXIF.
 //!
 //! The ink is separated from the paper ([`super::ink`]). Its patches ([`super::patches`]) are
-//! traced along their center like a typeface's characters, or along their outline if they are areas
-//! ([`areas`]). A line has the hue of its ink unless that is gray. Photographs of anything else are
-//! refused.
+//! traced along their center like the characters of a typeface, or along their outline if they are
+//! areas ([`areas`]). A line has the hue of its ink, or is black if that is gray. Photographs of
+//! anything else are refused.
 
 use std::io::Cursor;
 
@@ -12,7 +12,7 @@ use image::{DynamicImage, ImageDecoder, ImageReader, Rgb, RgbImage, RgbaImage};
 
 use super::areas::{self, Patch};
 use super::ink::Field;
-use super::patches::without_specks;
+use super::patches::{Counts, without_specks};
 use super::sheet::{Corners, Map, is_convex, square_on};
 use super::{ColoredLine, MAX_POINTS};
 use crate::options::{LetterOptions, Trace};
@@ -22,42 +22,45 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::bounds;
 
-/// Length in pixels to which the longer side of a larger picture is scaled down.
+/// Length in pixels to which the longer side of a larger picture is reduced.
 const LONGER_SIDE: u32 = 1200;
 
-/// Budget steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
+/// Budget steps for decoding a byte. A picture of three channels may have 40 million pixels.
 const STEPS_PER_BYTE: usize = 8;
 
-/// Fraction of a picture in soft tones beyond which it is not a photograph of lines.
+/// Maximum fraction of soft tones in a photograph of lines.
 const SOFT: f64 = 0.04;
 
-/// Backgrounds for a transparent picture: the first on which nearly all of its ink stands out. A
-/// mostly opaque picture that is as white as paper gets white.
+/// Background levels for a transparent picture. The first level is used on which nearly all of the
+/// ink stands out. A mostly opaque picture that is as white as paper gets white.
 const GROUNDS: [u8; 3] = [255, 0, 128];
-/// Levels by which ink stands out from a background, and the fraction of it that may not.
+/// Number of levels by which ink must stand out from a background, and the maximum fraction of ink
+/// that may not.
 const APART: u8 = 40;
 const LOST: f64 = 0.01;
-/// Least fraction of opaque pixels, and of white ones among these, of a picture with its own paper.
+/// Minimum fraction of opaque pixels, and of white ones among these, of a picture with its paper.
 const PAPER: f64 = 0.5;
 
-/// Largest difference of a checkerboard's pixels from their gray, and between its two grays.
+/// Maximum difference between a checkerboard's pixels and their gray, and the possible differences
+/// between its two grays.
 const GRAY: u8 = 5;
 const GRAYS_APART: std::ops::RangeInclusive<u8> = 8..=90;
-/// Most pixels between two squares of a checkerboard that was scaled.
+/// Maximum number of pixels between two squares of a checkerboard that was scaled.
 const BLENDED: usize = 2;
 
-/// Lines of a bitmap.
+/// Lines traced in a bitmap.
 pub(super) struct Traced {
-    /// In pixels, y up, with their colors. Gray ink is black.
+    /// Lines in pixels (y up), with their colors. Gray ink is drawn in black.
     pub(super) lines: Vec<ColoredLine>,
     /// Corners of the sheet that is cut out, in pixels of the file.
     pub(super) corners_px: Option<Corners>,
-    /// From pixels of the lines, y down, to those of the file.
+    /// Map from pixels of the lines (y down) to those of the file.
     pub(super) in_file: Map,
 }
 
-/// Traces the lines of a bitmap, with warnings. `size` gives the size of a pixel in cap heights
-/// from the bounds of the ink. Fails for a photograph of something else, and without ink.
+/// Traces the lines of a bitmap, and returns them with warnings. `size` gives the size of a pixel
+/// in cap heights, from the bounds of the ink. Fails without ink, and for a photograph of something
+/// other than lines.
 pub(super) fn read(
     bytes: &[u8],
     options: &LetterOptions,
@@ -65,7 +68,8 @@ pub(super) fn read(
     file: &str,
 ) -> Result<Warned<Traced>> {
     let budget = Budget::new(file, "make the picture smaller, or draw less");
-    // The picture as it is meant: upright, on one ground, and of a sheet if its corners are known.
+    // The picture as it is meant: upright, on a plain background, and cut out if the sheet's
+    // corners are known.
     let (mut picture, file_scale, is_checkered) = upright(bytes, &budget, file)?;
     let mut in_file = Map([[file_scale, 0.0, 0.0], [0.0, file_scale, 0.0], [0.0, 0.0, 1.0]]);
     let corners = corners(options, file)?;
@@ -73,36 +77,37 @@ pub(super) fn read(
         picture = square_on(&picture, &corners.map(|corner| corner.map(|x| x / file_scale)));
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
-    // Its ink, unless it is a photograph of something else.
+    // The ink is separated, unless the picture is a photograph of something else.
     let mut field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         return Err(photograph(file));
     }
     let n_rulings = if field.is_photo { 0 } else { field.drop_rulings() };
-    // Patches of ink before lines: specks and surroundings would count as pens.
+    // Specks and surroundings are dropped before lines are traced, because they would affect the
+    // measured pen.
     let (patches, n_cut) = field.patches();
     let (patches, n_specks) = without_specks(patches, field.width.max(field.height) as f64);
     if patches.is_empty() {
         return Err(blank(file));
     }
-    let lines = lines(patches, options.trace, size, &budget)?.into_iter();
-    let lines = lines.filter(|line| line.len() > 1).map(|line| {
+    let traced = lines(patches, options.trace, size, &budget)?.into_iter();
+    let colored = traced.filter(|line| line.len() > 1).map(|line| {
         let hue = field.hue(&line);
         (line, hue)
     });
-    let lines: Vec<ColoredLine> = lines.collect();
+    let lines: Vec<ColoredLine> = colored.collect();
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
-    let mut warnings = field.warnings([n_cut, n_specks, n_rulings, lines.len()]);
-    warnings.retain(|warning| corners.is_none() || warning.code != "picture-photo");
+    let counts = Counts { n_cut, n_specks, n_rulings, n_lines: lines.len() };
+    let mut warnings = field.warnings(&counts, corners.is_some());
     if is_checkered {
         warnings.insert(0, Diagnostic::warning("picture-checkerboard", CHECKERBOARD));
     }
     Ok(Warned { product: Traced { lines, corners_px: corners, in_file }, warnings })
 }
 
-/// The center lines or outlines of patches of ink, in pixels.
+/// Returns the center lines or outlines of patches of ink, in pixels.
 fn lines(
     patches: Vec<Vec<Contour>>,
     trace: Trace,
@@ -112,7 +117,7 @@ fn lines(
     let extent = bounds(patches.iter().flatten().flatten().copied());
     let larger_px = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let cap_height_px = 1.0 / size(extent)?;
-    // Patches are traced before any is drawn, since a letter is judged by its neighbors.
+    // All patches are traced before any is drawn, because a letter is judged by its neighbors.
     let patches = patches.into_iter();
     let patches = patches.map(|contours| Patch::new(contours, [larger_px, cap_height_px], budget));
     let patches: Vec<Patch<'_>> = patches.collect();
@@ -124,30 +129,30 @@ fn lines(
     Ok(lines)
 }
 
-/// Warning of a picture with a checkerboard.
-const CHECKERBOARD: &str = "the checkerboard that stands for transparency is part of this picture: \
-                            it is left out";
+/// Warning about a picture that contains a checkerboard.
+const CHECKERBOARD: &str = "this picture contains the checkerboard that stands for transparency, which \
+     is left out";
 
-/// What is wanted in place of a picture without lines.
+/// What an error wants in place of a picture without lines.
 const DRAWINGS: &str = "a drawing, handwriting or a logo";
 
-/// The error of a photograph without lines.
+/// Returns the error for a photograph without lines.
 fn photograph(file: &str) -> Error {
     let hint = "draw its lines on paper or in a drawing program, or scan the paper with a \
-                phone's scanner app; letters.corners_px cuts a sheet of paper out";
-    let photograph = "a photograph, of tones without lines";
+                phone's scanner app. To cut out a sheet of paper, set letters.corners_px";
+    let photograph = "a photograph, which has tones but no lines";
     Error::input(file, photograph, DRAWINGS, hint).coded("picture-none")
 }
 
-/// The error of a picture without ink.
+/// Returns the error for a picture without ink.
 fn blank(file: &str) -> Error {
     let content = "a picture without lines that stand out from its paper";
     let hint = "photograph the drawing in even light, or draw with a darker pen";
     Error::input(file, content, DRAWINGS, hint).coded("picture-none")
 }
 
-/// The corners of the sheet that the options name, in pixels of the file. `None` if they name none.
-/// Fails if they are not convex in clockwise order.
+/// Returns the corners of the sheet that the options give, in pixels of the file, or `None` if they
+/// give none. Fails if the corners are not convex in clockwise order.
 fn corners(options: &LetterOptions, file: &str) -> Result<Option<Corners>> {
     let Some([a, b, c, d, e, f, g, h]) = options.corners_px else { return Ok(None) };
     let corners = [[a, b], [c, d], [e, f], [g, h]];
@@ -155,18 +160,18 @@ fn corners(options: &LetterOptions, file: &str) -> Result<Option<Corners>> {
         return Ok(Some(corners));
     }
     let wanted = "x and y of the upper left, upper right, lower right and lower left corner";
-    let hint = "read the corners of the sheet off the picture, clockwise from upper left";
+    let hint = "give the pixels of the sheet's corners, clockwise from the upper left";
     Err(Error::input("corners", format!("{corners:?}"), wanted, hint).in_file(file, None))
 }
 
-/// The error of a picture that cannot be decoded.
+/// Returns the error for a picture that cannot be decoded.
 fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
-    Error::input(file, cause, wanted, "choose another file; or save it as PNG, or smaller")
+    Error::input(file, cause, wanted, "choose another file, or save it as PNG or at a smaller size")
 }
 
-/// The picture upright, opaque and at most as large as needed, the file's pixels in one of its
-/// pixels, and true if it had a checkerboard. Fails for an unsupported or broken file.
+/// Returns the picture upright, opaque and at most as large as needed, the size of its pixels in
+/// pixels of the file, and true if it had a checkerboard. Fails for an unsupported or broken file.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, bool)> {
     refuse_foreign(bytes, file)?;
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
@@ -177,10 +182,10 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, 
         return Err(unreadable(file, format!("{width} × {height} pixels")));
     }
     spend_decoding(bytes, decoder.total_bytes(), budget, file)?;
-    // Smaller before it is turned, which is less work.
+    // The picture is reduced before it is turned, which is less work.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(file, e))?;
-    // The squares of a checkerboard have their colors only in the size of the file.
+    // Only at the size of the file do the squares of a checkerboard have their exact colors.
     let mut is_checkered = false;
     if is_opaque(&picture) {
         let mut opaque = picture.into_rgb8();
@@ -207,7 +212,7 @@ fn is_opaque(picture: &DynamicImage) -> bool {
     }
 }
 
-/// Fails for an unsupported kind of file by its first bytes, whatever the ending of its name.
+/// Refuses an unsupported kind of file by its first bytes, whatever extension its name has.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
         return Err(super::foreign("heic", file));
@@ -218,7 +223,7 @@ fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Charges the budget for the work and memory of decoding, both known from the header. Refuses a
+/// Charges the work and memory of decoding, both known from the header, to the budget. Refuses a
 /// truncated JPEG.
 fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> Result<()> {
     let n_decoded = usize::try_from(n_decoded).unwrap_or(usize::MAX);
@@ -231,10 +236,10 @@ fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> 
     if frame.has_end { Ok(()) } else { Err(unreadable(file, "a JPEG that is cut off")) }
 }
 
-/// A transparent picture on a ground from which its ink stands out.
+/// Returns a transparent picture on a background from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
     let opaque = picture.pixels().filter(|pixel| pixel.0[3] > 127);
-    // Pixels that would vanish on each ground.
+    // Number of pixels that would be invisible on each background.
     let n_opaque = opaque.clone().count() as f64;
     let n_lost = GROUNDS.map(|ground| {
         let lost = opaque
@@ -246,7 +251,7 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
     let has_paper = n_opaque > PAPER * n_pixels && n_lost[0] > PAPER * n_opaque;
     let contrasting = (0..GROUNDS.len()).find(|k| n_lost[*k] <= LOST * n_opaque);
     let ground = if has_paper { GROUNDS[0] } else { GROUNDS[contrasting.unwrap_or(0)] };
-    // Alpha compositing: value · α + ground · (1 - α), rounded.
+    // Alpha compositing: value · α + background · (1 - α), rounded.
     let mut opaque = RgbImage::new(picture.width(), picture.height());
     for (pixel, rgba) in opaque.pixels_mut().zip(picture.pixels()) {
         let [.., alpha] = rgba.0.map(u32::from);
@@ -258,12 +263,12 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
     opaque
 }
 
-/// Replaces the checkerboard that stands for transparency by one of its two grays. Returns true if
-/// there is one: two grays cover most pixels, in squares of one size.
+/// Replaces the checkerboard that stands for transparency with one of its two grays. Returns true
+/// if there is one, that is, if two grays cover most pixels in squares of one size.
 fn without_checkerboard(picture: &mut RgbImage) -> bool {
     let Some(grays) = two_grays(picture) else { return false };
-    // Lengths of the runs of one gray between two of the other, along rows. Pixels between two
-    // squares may have a gray between theirs.
+    // Lengths of the runs of one gray between two runs of the other, along rows. Pixels between two
+    // squares may have an intermediate gray.
     let mut n_of_length = std::collections::BTreeMap::<usize, usize>::new();
     for row in picture.rows() {
         let tones: Vec<_> = row.map(|pixel| near_gray(pixel, grays)).collect();
@@ -276,7 +281,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
             *n_of_length.entry(run[1].len()).or_default() += 1;
         }
     }
-    // At least two of three runs have the usual length, and there is one in each row.
+    // At least two of three runs must have the usual length, and there must be one run per row.
     let n_runs: usize = n_of_length.values().sum();
     let usual = n_of_length.iter().max_by_key(|(_, n)| **n).map_or(0, |(length, _)| *length);
     let n_usual: usize =
@@ -294,7 +299,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
     true
 }
 
-/// The two most frequent grays, if they cover half of a picture and the second one a fifth.
+/// Returns the two most frequent grays if they cover half of a picture, and the second one a fifth.
 fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     let mut counts = [0_usize; 256];
     for [r, g, b] in picture.pixels().map(|pixel| pixel.0) {
@@ -312,12 +317,12 @@ fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     (is_half && 5 * n_near(second) >= n_pixels).then_some([first, second])
 }
 
-/// The gray of two that a pixel is near. `None` if it is near neither.
+/// Returns the one of two grays that a pixel is close to, or `None` if it is close to neither.
 fn near_gray(pixel: &Rgb<u8>, grays: [u8; 2]) -> Option<u8> {
     grays.into_iter().find(|gray| is_gray(pixel) && pixel.0[1].abs_diff(*gray) <= GRAY)
 }
 
-/// True if a pixel has about no color.
+/// True if a pixel has almost no color.
 fn is_gray(Rgb([r, g, b]): &Rgb<u8>) -> bool {
     r.max(g).max(b) - r.min(g).min(b) <= 2 * GRAY
 }

@@ -1,4 +1,4 @@
-//! Detail: a drawing in fewer, longer and smoother strokes.
+//! Detail: reduces a drawing to fewer, longer and smoother strokes.
 
 use super::super::smooth::{simplified, smooth};
 use super::super::vector::{direction, dot};
@@ -9,27 +9,28 @@ use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m};
 
-/// Limits of the roughest drawing, by its larger side: the shortest stroke, the largest gap between
-/// two strokes that become one, and the largest distance by which smoothing moves a line.
+/// Limits of the roughest drawing, relative to its larger side: minimum length of a stroke, maximum
+/// gap between two strokes that are joined, and maximum distance by which smoothing moves a line.
 const SHORTEST: f64 = 0.25;
 const GAP: f64 = 0.03;
 const BEND: f64 = 0.01;
 
-/// Largest distance of the resulting polyline from a smoothed line, by that of the smoothing.
+/// Maximum distance between the resulting polyline and a smoothed line, relative to that of the
+/// smoothing.
 const FLATNESS: f64 = 0.1;
 
-/// Strokes become one where they go on within 60° of straight.
+/// Cosine of the maximum turn between two strokes that are joined: 60°.
 const STRAIGHT: f64 = 0.5;
 
-/// Points that are smoothed, along the larger side.
+/// Number of smoothed points along the larger side.
 const POINTS: f64 = 200.0;
 
-/// Budget steps of comparing two lines, and of smoothing a point.
+/// Budget steps for comparing two lines, and for smoothing a point.
 const STEPS_PER_PAIR: usize = 10;
 const STEPS_PER_POINT: usize = 500;
 
-/// The lines of a drawing of larger side `size` with less detail, and what is left out: lines that
-/// continue each other are joined, short ones dropped, and the rest smoothed.
+/// Returns the lines of a drawing of larger side `size` with less detail, and what is left out.
+/// Lines that continue each other are joined, short ones are dropped, and the rest is smoothed.
 pub(super) fn reduced(
     lines: Vec<ColoredLine>,
     detail: f64,
@@ -40,13 +41,13 @@ pub(super) fn reduced(
     if roughness <= 0.0 {
         return Ok((lines, LeftOut::default()));
     }
-    // Lines are joined before short ones are dropped: many short ones may make a long one.
+    // Lines are joined before short ones are dropped, because many short ones may form a long one.
     let total: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
     let budget = Budget::new(file, "draw less, or raise letters.detail");
     budget.steps(STEPS_PER_PAIR.saturating_mul(lines.len().saturating_mul(lines.len())))?;
     let lines = joined(lines, GAP * roughness);
     let longest = lines.iter().map(|(line, _)| polyline_length_m(line)).fold(0.0, f64::max);
-    // The longest line always stays.
+    // The longest line is always kept.
     let shortest = (SHORTEST * roughness).min(longest);
     let (mut lines, short): (Vec<_>, Vec<_>) =
         lines.into_iter().partition(|(line, _)| polyline_length_m(line) >= shortest);
@@ -60,13 +61,13 @@ pub(super) fn reduced(
     Ok((lines, LeftOut { strokes: short.len(), length_fraction: dropped_fraction }))
 }
 
-/// The lines, with those joined that continue each other in one color over less than `gap`.
+/// Joins lines of one color that continue each other across less than `gap`.
 fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
     let mut remaining: Vec<Option<ColoredLine>> = lines.into_iter().map(Some).collect();
     let mut joined = Vec::new();
     for start in 0..remaining.len() {
         let Some((mut line, color)) = remaining[start].take() else { continue };
-        // On from its end, then from its beginning.
+        // Extends the line from its end, and then from its start.
         for _ in 0..2 {
             while line[0] != line[line.len() - 1]
                 && let Some((index, is_backward)) = next_line(&line, color, &remaining, gap)
@@ -84,8 +85,8 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
     joined
 }
 
-/// The index of the nearest remaining line that continues another at its end, and true if it does
-/// so from its own end. `None` if none is within the gap.
+/// Returns the index of the nearest remaining line that continues another one at its end, and true
+/// if it does so with its own end. Returns `None` if no line is within the gap.
 fn next_line(
     line: &[[f64; 2]],
     color: Color,
@@ -99,7 +100,7 @@ fn next_line(
     for (index, next) in remaining.iter().enumerate() {
         let Some((next, _)) = next.as_ref().filter(|(_, ink)| *ink == color) else { continue };
         let last = next.len() - 1;
-        // From its beginning, or backward from its end.
+        // The next line is used from its start, or backward from its end.
         for (is_backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
             let [near, then] = ends.map(|end| next[end]);
             let is_open = next[0] != next[last];

@@ -1,14 +1,15 @@
-//! Handwriting as JSON, as a page on a tablet writes it.
+//! Handwriting as JSON, as a page on a tablet stores it.
 //!
 //! ```json
 //! {"strokes": [[[12, 40, 0.00], [13, 44, 0.02]], [[30, 41, 0.35], [36, 41, 0.40]]], "y": "down"}
 //! ```
 //!
 //! A stroke is a list of points from pen down to pen up. A point is x, y and, if known, the time in
-//! seconds. Units of length are arbitrary. `y` grows `down` (the default, as on screens) or `up`.
-//! `"colors": [[255, 0, 0], [0, 0, 255]]` has red, green and blue of each stroke. Black leaves the
-//! lamp its color. `"canvas": [left, top, right, bottom]` is the page that was written on: it is
-//! placed as a whole, and a single tap is a dot. Other keys are ignored.
+//! seconds. Units of length are arbitrary. `y` increases `down` (the default, as on screens) or
+//! `up`. `"colors": [[255, 0, 0], [0, 0, 255]]` contains red, green and blue of each stroke. A
+//! black stroke keeps the lamp's own color. `"canvas": [left, top, right, bottom]` is the page that
+//! was written on: it is placed as a whole, and a single tap is a dot. All other keys of the file
+//! are ignored.
 
 use serde::Deserialize;
 
@@ -25,35 +26,35 @@ use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 use noctograph_core::input_error;
 use noctograph_core::strokes::{Source, StrokesData};
 
-/// Spacing of points at which handwriting is smoothed, by its height.
+/// Spacing of the points at which handwriting is smoothed, relative to its height.
 const SPACING: f64 = 0.01;
 
-/// Slowest pace of handwriting, as a fraction of the stroke speed.
+/// Minimum pace of handwriting, as a fraction of the stroke speed.
 const SLOWEST: f64 = 0.25;
 
-/// A trace of the pen shorter than this, by the drawing's height, is a tap: a dot.
+/// Length below which a trace of the pen is a tap (a dot), relative to the drawing's height.
 const TAP: f64 = 0.02;
 
-/// Length of the line that stands for a dot, by the drawing's height.
+/// Length of the line that represents a dot, relative to the drawing's height.
 const DOT: f64 = 1e-3 * TAP;
 
-/// Largest coordinate or time.
+/// Maximum coordinate or time.
 const LARGEST: f64 = 1e9;
 
-/// Hint for a file that is broken.
+/// Hint for a malformed file.
 const HINT: &str = "write {\"strokes\": [[[x, y, t], ...], ...]} with t in seconds, or [x, y]";
 
 /// A stroke of handwriting.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Written {
-    /// Points, y up, in the writer's units.
+    /// Points (y up) in the writer's units.
     points: Vec<[f64; 2]>,
-    /// When each point was written. Empty if the file does not say it.
+    /// Time at which each point was written. Empty if the file does not contain times.
     times_s: Vec<f64>,
     color: Option<[u8; 3]>,
 }
 
-/// The strokes of handwriting: those that the options choose, placed and smoothed.
+/// Returns the strokes of handwriting that the options choose, placed and smoothed.
 pub(super) fn draw(
     text: &str,
     options: &LetterOptions,
@@ -85,7 +86,8 @@ enum Upward {
     Up,
 }
 
-/// The strokes of a file, and its canvas: left, bottom, right, top. Fails if it is malformed.
+/// Parses the strokes of a file, and its canvas: left, bottom, right and top. Fails if the file is
+/// malformed.
 fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
     let page: Page = serde_json::from_str(text).map_err(|broken| {
         let place = format!("{file}:{}:{}", broken.line(), broken.column());
@@ -102,7 +104,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
         ));
     }
     let canvas = page.canvas(file)?;
-    // All points have as many values as the first, and their times never fall.
+    // All points must have as many values as the first, and their times must not decrease.
     let mut traces = Vec::new();
     let mut n_values = None;
     let mut latest_s = f64::NEG_INFINITY;
@@ -127,7 +129,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
 }
 
 impl Page {
-    /// The factor that makes y point up.
+    /// Returns the factor that makes y point up.
     fn sign(&self) -> f64 {
         match self.y {
             Upward::Down => -1.0,
@@ -135,7 +137,8 @@ impl Page {
         }
     }
 
-    /// The canvas, if any: left, bottom, right, top. Fails if it has no extent, or is too large.
+    /// Returns the canvas if there is one: left, bottom, right and top. Fails if it has no extent
+    /// or is too large.
     fn canvas(&self, file: &str) -> Result<Option<[f64; 4]>> {
         let canvas = self.canvas.map(|[left, top, right, bottom]| {
             let [bottom, top] = [self.sign() * bottom, self.sign() * top];
@@ -151,8 +154,8 @@ impl Page {
         Ok(canvas)
     }
 
-    /// What is wanted in place of a point's values, if anything is wrong with them. All points have
-    /// `n_values`, and none is earlier than `latest_s`.
+    /// Returns what is wanted in place of a point's values if any of these is wrong. All points
+    /// must have `n_values`, and none may be earlier than `latest_s`.
     fn problem(
         &self,
         values: &[f64],
@@ -172,15 +175,15 @@ impl Page {
         } else if is_off_canvas {
             Some("a point on the canvas")
         } else if values.get(2).is_some_and(|time_s| *time_s < latest_s) {
-            Some("a time not before that of the point before it")
+            Some("a time not before that of the previous point")
         } else {
             None
         }
     }
 }
 
-/// The traces placed by their canvas, or by their bounds without one, and smoothed. Fails for too
-/// many points, or no extent.
+/// Places the traces by their canvas, or else by their bounds, and smooths them. Fails for too many
+/// points or no extent.
 fn write(
     traces: Numbered<Written>,
     canvas: Option<[f64; 4]>,
@@ -199,7 +202,7 @@ fn write(
     let mut numbers = Vec::new();
     for (number, trace) in &traces {
         numbers.push(placing.label(*number, &trace.points));
-        // A glyph for each run of strokes of one color, in the writer's order.
+        // Each run of strokes of one color is a glyph, in the writer's order.
         let color = trace.color.filter(|_| ink == Ink::ByColor);
         if glyphs.is_empty() || color != colors.last().copied() {
             glyphs.push(Vec::new());
@@ -207,7 +210,7 @@ fn write(
         }
         let line: Vec<_> = placing.run(&trace.points).points.into_iter().map(coordinates).collect();
         let (points, times_s) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
-        // Segments without length are no moves, and have no duration.
+        // Segments without length are not moves and have no duration.
         let moved = points.windows(2).map(|ends| ends[0] != ends[1]);
         let segments_s = times_s.windows(2).map(|t| t[1] - t[0]).zip(moved);
         durations_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
@@ -222,7 +225,7 @@ fn write(
 }
 
 /// Gives lit moves the pace of the writer's pen, as a fraction of its mean speed, from the duration
-/// of each. Without durations it does nothing.
+/// of each. Does nothing if there are no durations.
 fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(durations_s.iter().copied()).collect();
@@ -234,8 +237,8 @@ fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     }
 }
 
-/// The points of a stroke smoothed and simplified, and their times, if there are any. A tap becomes
-/// a dot. `height_m` is that of the drawing.
+/// Smooths and simplifies the points of a stroke, and returns them with their times, if there are
+/// any. A tap becomes a dot. `height_m` is the drawing's height.
 fn smoothed(
     line: &[[f64; 2]],
     times_s: &[f64],
@@ -255,9 +258,10 @@ fn smoothed(
     // The time of a point is that of the raw line at the same fraction of its length.
     let kept = simplify(&points, options.tolerance_m);
     let times_s = kept.iter().filter(|_| !times_s.is_empty()).map(|index| {
-        let fraction = match is_tap || options.smoothing_m > 0.0 {
-            true => *index as f64 / (points.len() - 1) as f64,
-            false => along[*index] / length_m,
+        let fraction = if is_tap || options.smoothing_m > 0.0 {
+            *index as f64 / (points.len() - 1) as f64
+        } else {
+            along[*index] / length_m
         };
         if length_m == 0.0 {
             // A tap lasts as long as the pen was down.
@@ -269,7 +273,7 @@ fn smoothed(
     (kept.iter().map(|index| points[*index]).collect(), times_s)
 }
 
-/// The time at a length along a line, interpolated between the times of its points.
+/// Returns the time at a length along a line, interpolated between the times of its points.
 fn time_along_s(length_m: f64, arc_lengths_m: &[f64], times_s: &[f64]) -> f64 {
     let next = arc_lengths_m.partition_point(|s| *s < length_m).clamp(1, arc_lengths_m.len() - 1);
     let (from, to) = (arc_lengths_m[next - 1], arc_lengths_m[next]);

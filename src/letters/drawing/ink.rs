@@ -1,16 +1,15 @@
-//! Ink: the pixels of a picture that differ from its paper, in lightness or in color.
+//! Ink: the pixels of a picture that differ from its paper in lightness or in color.
 //!
 //! If most of the picture's edge has one color, that is the paper, and everything darker or lighter
-//! is ink. Otherwise the picture is a photograph, and its threshold is adaptive: a pixel is ink if
-//! it is darker than its surroundings by a fraction (Bradley and Roth, Journal of Graphics Tools
-//! 12, 2007), or lighter if most of the picture is dark. In place of the mean over a window, which
-//! leaves a band along a shadow and the middle of a filled shape empty, the surroundings are a
-//! morphological closing, wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27,
-//! 1979). A second closing, wider than any shape, tells filled shapes from shadows by depth and
-//! hue.
+//! is ink. Otherwise the picture is a photograph with an adaptive threshold: a pixel is ink if it
+//! is darker than its surroundings by a fraction (Bradley and Roth, Journal of Graphics Tools 12,
+//! 2007), or lighter if most of the picture is dark. The mean over a window would leave a band
+//! along shadows and holes in filled shapes. Therefore the surroundings are a morphological closing
+//! that is wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27, 1979). A second
+//! closing, wider than any shape, distinguishes filled shapes from shadows by depth and hue.
 //!
-//! The strongest of red, green and blue counts: yellow is as strong as blue. Not modeled: ink on
-//! a ground of several colors, the edge of a sheet.
+//! The strongest of red, green and blue is used, so that yellow is as strong as blue. Ink on a
+//! background of several colors and the edge of a sheet are not modeled.
 
 use std::ops::Range;
 
@@ -19,110 +18,114 @@ use image::imageops::grayscale;
 
 use super::levels::{closed, extremes, quantile, softened};
 
-/// Channels of a color.
+/// Number of channels of a color.
 const CHANNELS: usize = 3;
 
-/// Largest difference of a pixel from paper of one color, in levels of 255.
+/// Maximum difference between a pixel and paper of one color, in levels out of 255.
 const SAME_COLOR: f64 = 8.0;
-/// Least fraction of the picture's edge, and of the picture, that has the color of the paper.
+/// Minimum fraction of the picture's edge, and of the picture, that has the color of the paper.
 const EVEN: [f64; 2] = [0.6, 0.2];
 
-/// Blocks along the longer side that tell light from dark ink, and the least ratio of the two.
+/// Number of blocks along the longer side that tell light from dark ink, and minimum ratio of both.
 const BLOCKS: usize = 24;
 const SKEWED: f64 = 1.4;
-/// Least fraction of blocks within a bright area that is paper.
+/// Minimum fraction of blocks within a bright area that is paper.
 const PAPER: f64 = 0.2;
 
-/// The picture's longer side in half widths of the widest pen, and of the widest filled shape.
+/// The picture's longer side, in half widths of the widest pen and of the widest filled shape.
 const PEN: u32 = 40;
 const SHAPE: u32 = 3;
 /// An area wider than a pen is paper in shadow if it has at least this fraction of the light around
-/// it, and the fractions of its channels differ by no more than this ratio.
+/// it, and if the ratio between the fractions of its channels is at most the second value.
 const SHADOW: f64 = 0.22;
 const HUE: f64 = 1.3;
 
-/// Least contrast of ink by the paper's brightness: on paper of one color, and in a photograph.
+/// Minimum contrast of ink relative to the paper's brightness, for even paper and for photographs.
 const LEAST: [f64; 2] = [0.07, 0.10];
-/// Least contrast of ink by that of strong ink: on paper with grain, and if its edges are soft as
-/// those of a shadow or a glow. Rulings are weaker.
+/// Minimum contrast of ink relative to that of strong ink: on paper with grain, and if its edges
+/// are as soft as those of a shadow or a glow. Rulings are weaker.
 const FAINT: [f64; 2] = [0.4, 0.55];
-/// An edge is soft if the least contrast around it is at least this fraction of the most.
+/// Minimum ratio of the smallest to the largest contrast around a soft edge.
 const SOFT: f64 = 0.2;
-/// Fraction of soft edges from which on faint tones are no ink.
+/// Fraction of soft edges above which faint tones are not ink.
 const SOFT_EDGES: f64 = 0.15;
-/// Median change of contrast over two pixels from which on paper has grain.
+/// Median change of contrast over two pixels above which paper has grain.
 const GRAIN: f64 = 1e-3;
-/// Fraction of the ink that is weaker than strong ink.
+/// Quantile of the ink's contrast that is strong ink.
 const STRONG: f64 = 0.97;
 
-/// Tones between paper and strong ink, by the contrast of the latter. Their change from one side to
-/// the other, and the pixels to both sides.
+/// Soft tones between paper and strong ink: their range relative to the contrast of strong ink, the
+/// range of their change from one side to the other, and the number of pixels on each side.
 type Tones = (Range<f64>, Range<f64>, usize);
-/// The tones of a photograph.
+/// The soft tones of a photograph.
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
-/// The tones of a glare or a soft shadow on paper of one color: more than the noise of a JPEG.
+/// The soft tones of glare or a shadow on paper of one color, above the noise of a JPEG.
 const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
-/// Fraction of a picture in the latter from which on its paper is not of one color.
+/// Fraction of a picture in glare above which its paper does not have one color.
 const GLARING: f64 = 0.01;
 
-/// Pixels to both sides within which a pixel's ink is compared: more than the blur of a lens.
+/// Number of pixels on each side with which a pixel's ink is compared: more than a lens blurs.
 const NEAR: usize = 3;
 
-/// Least change of a color over four pixels that is the edge of another ink.
+/// Minimum change of a color over four pixels at the edge between two inks.
 const APART: f64 = 0.2;
 
-/// Threshold of the edge of ink, relative to the ink: see [`Field::ink`].
+/// Threshold at the edge of ink, relative to the ink (see [`Field::ink`]).
 pub(super) const EDGE: f64 = 0.5;
 
-/// Ink pixel by pixel, with a margin of a pixel of paper.
+/// Ink of each pixel, with a margin of one pixel of paper.
 pub(super) struct Field {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Relative to the strongest ink around it, 0 to 1, so that pale lines beside dark ones count.
+    /// Ink relative to the strongest ink around it, 0 to 1, so pale lines beside dark ones count.
     pub(super) ink: Vec<f64>,
-    /// Fraction of the paper's brightness that the ink takes, 0 to 1.
+    /// Fraction of the paper's brightness that the ink absorbs, 0 to 1.
     pub(super) contrast: Vec<f64>,
-    /// The ink's red, green and blue relative to the paper's, or those of light ink, 0 to 1.
+    /// Red, green and blue of the ink relative to the paper's, or those of light ink, 0 to 1.
     pub(super) color: Vec<[f64; CHANNELS]>,
-    /// Fraction of the picture in marks that are too faint for ink.
+    /// Fraction of the picture with marks that are too faint to be ink.
     pub(super) faint: f64,
-    /// True for a photograph: its paper is not of one color.
+    /// True for a photograph, whose paper does not have one color.
     pub(super) is_photo: bool,
     /// True for a photograph or a scan, false for a picture that was drawn on a screen.
     pub(super) has_grain: bool,
-    /// Fraction of the picture in soft tones between paper and strong ink.
+    /// Fraction of the picture with soft tones between paper and strong ink.
     pub(super) soft: f64,
 }
 
 impl Field {
-    /// The ink of a picture, or `None` if nothing differs from its paper.
+    /// Returns the ink of a picture, or `None` if nothing differs from its paper.
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
         let Some(paper) = even_paper(picture) else { return Self::on_paper(picture, None) };
         let field = Self::on_paper(picture, Some(paper))?;
-        // Soft tones on paper of one color are light and shadow: a photograph in even light.
+        // Soft tones on paper of one color are light and shadow of an evenly lit photograph.
         let has_glare = !field.has_grain && field.soft > GLARING;
         if has_glare { Self::on_paper(picture, None) } else { Some(field) }
     }
 
-    /// The ink on paper of one color, or in a photograph without one. `None` if there is none.
+    /// Returns the ink on paper of one color, or in a photograph if `paper` is `None`. Returns
+    /// `None` if there is no ink.
     fn on_paper(picture: &RgbImage, paper: Option<[f64; CHANNELS]>) -> Option<Self> {
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
         let (contrast, color) = match paper {
             Some(paper) => with_margin(&inks_on(picture, paper), width, height),
             None => with_margin(&inks(picture), width, height),
         };
-        // What counts as ink depends on the strong ink, and on the grain of the paper.
+        // The minimum contrast of ink depends on the strong ink and on the grain of the paper.
         let is_photo = paper.is_none();
         let least = LEAST[usize::from(is_photo)];
         let has_grain = is_photo || median_change(&contrast, width) > GRAIN;
         let inked = contrast.iter().filter(|contrast| **contrast > least);
         let strong = quantile(inked.map(|contrast| 255.0 * contrast), STRONG) / 255.0;
-        // A pixel counts by the strongest ink around it, but by no less than faint ink.
+        // A pixel is compared with the strongest ink around it, or with faint ink if that is
+        // stronger.
         let levels = extremes(&contrast, width, NEAR, f64::max);
-        let least_fraction = match has_grain {
-            true => FAINT[0],
-            false if has_soft_edges(&contrast, &levels, width, least) => FAINT[1],
-            false => 0.0,
+        let least_fraction = if has_grain {
+            FAINT[0]
+        } else if has_soft_edges(&contrast, &levels, width, least) {
+            FAINT[1]
+        } else {
+            0.0
         };
         let faint = least.max(least_fraction * strong);
         let ink = contrast.iter().zip(&levels);
@@ -135,7 +138,7 @@ impl Field {
         (strong > 0.0).then_some(field)
     }
 
-    /// Number of pixels along edges between two inks, with ink all around.
+    /// Returns the number of pixels along edges between two inks, with ink on all sides.
     pub(super) fn inner_edges(&self) -> usize {
         let within = extremes(&self.ink, self.width, NEAR, f64::min);
         let inner = (2 * self.width..within.len() - 2 * self.width).filter(|p| within[*p] > EDGE);
@@ -148,7 +151,7 @@ impl Field {
         edges.count()
     }
 
-    /// The color of a pixel. In a photograph it has no brightness, which a shadow changes.
+    /// Returns the color of a pixel. In a photograph it has no brightness, which shadows change.
     fn shade(&self, pixel: usize) -> [f64; CHANNELS] {
         let color = self.color[pixel];
         let light = if self.has_grain { color.iter().sum::<f64>().max(APART) } else { 1.0 };
@@ -159,8 +162,8 @@ impl Field {
 /// The ink of a pixel: its contrast and its color.
 type Inked = (f64, [f64; CHANNELS]);
 
-/// The contrasts and colors of inks, within a margin of a pixel of paper, so that every patch has a
-/// closed contour. Width and height include the margin.
+/// Returns the contrasts and colors of inks inside a margin of one pixel of paper, which gives
+/// every patch a closed contour. Width and height include the margin.
 fn with_margin(inks: &[Inked], width: usize, height: usize) -> (Vec<f64>, Vec<[f64; CHANNELS]>) {
     let mut contrast = vec![0.0; width * height];
     let mut color = vec![[1.0; CHANNELS]; width * height];
@@ -172,7 +175,7 @@ fn with_margin(inks: &[Inked], width: usize, height: usize) -> (Vec<f64>, Vec<[f
     (contrast, color)
 }
 
-/// The red, green and blue values of a picture or its negative, smoothed.
+/// Returns the smoothed red, green and blue values of a picture or of its negative.
 fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     [0, 1, 2].map(|c| {
         let values = picture.pixels().map(|pixel| f64::from(pixel.0[c]));
@@ -181,7 +184,7 @@ fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     })
 }
 
-/// The color of the paper, if most of the picture's edge and some of the picture have one color.
+/// Returns the color of the paper if most of the picture's edge and part of the picture have it.
 fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     let edge: Vec<_> = edge_pixels(picture).map(|color| color.map(f64::from)).collect();
     let paper = [0, 1, 2].map(|c| quantile(edge.iter().map(|color| color[c]), 0.5));
@@ -194,7 +197,8 @@ fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     is_even.then_some(paper)
 }
 
-/// The ink of each pixel on paper of one color, darker or lighter.
+/// Returns the ink of each pixel on paper of one color. The ink may be darker or lighter than the
+/// paper.
 fn inks_on(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
     let channels = channels(picture, false);
     Vec::from_iter((0..channels[0].len()).map(|pixel| {
@@ -206,31 +210,31 @@ fn inks_on(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
     }))
 }
 
-/// The ink of each pixel of a photograph relative to the paper around it, either dark or light.
+/// Returns the ink of each pixel of a photograph relative to the paper around it. Either all ink is
+/// darker than the paper, or all is lighter.
 fn inks(picture: &RgbImage) -> Vec<Inked> {
     let is_light = has_light_ink(picture);
     let channels = channels(picture, is_light);
     let papers = paper_around(&channels, picture.dimensions()).into_iter().enumerate();
     Vec::from_iter(papers.map(|(pixel, paper)| {
         let values = [0, 1, 2].map(|c| channels[c][pixel]);
-        // A dark channel of colored paper is noise: it counts by the paper's mean brightness.
+        // A dark channel of colored paper is noise, and is compared with the mean brightness.
         let mean = paper.iter().sum::<f64>() / CHANNELS as f64;
         let contrasts = [0, 1, 2].map(|c| (paper[c] - values[c]) / paper[c].max(mean));
         let most = contrasts.into_iter().fold(0.0, f64::max);
-        let color = [0, 1, 2].map(|c| match is_light {
-            true => (255.0 - values[c]) / 255.0,
-            false => (values[c] / paper[c]).min(1.0),
+        let color = [0, 1, 2].map(|c| {
+            if is_light { (255.0 - values[c]) / 255.0 } else { (values[c] / paper[c]).min(1.0) }
         });
         (most.min(1.0), color)
     }))
 }
 
-/// The color of the paper around each pixel of a photograph.
+/// Returns the color of the paper around each pixel of a photograph.
 fn paper_around(
     values: &[Vec<f64>; CHANNELS],
     (width, height): (u32, u32),
 ) -> Vec<[f64; CHANNELS]> {
-    // Beside a pen's line, and beside a filled shape.
+    // Paper beside a pen's line, and paper beside a filled shape.
     let (longer, width) = (width.max(height), width as usize);
     let [near, far] = [PEN, SHAPE].map(|part| {
         let paper = values.each_ref().map(|v| closed(v, width, longer.div_ceil(part) as usize));
@@ -238,7 +242,7 @@ fn paper_around(
             (0..values[0].len()).map(|pixel| [0, 1, 2].map(|c| paper[c][pixel].max(1.0))),
         )
     });
-    // An area wider than a pen is a filled shape unless it is a shadow, and so is its edge.
+    // An area wider than a pen is a filled shape, including its edge, unless it is a shadow.
     let filled = near.iter().zip(&far).map(|(near, far)| {
         let lights = [0, 1, 2].map(|c| near[c] / far[c]);
         let [least, most] =
@@ -251,13 +255,14 @@ fn paper_around(
     papers.map(|((near, far), filled)| if filled > 0.0 { far } else { near }).collect()
 }
 
-/// True if ink is lighter than its paper. The blocks within a large bright area decide, since it is
-/// the paper and the rest a desk. Otherwise all blocks decide, or else the edge of the picture.
+/// True if ink is lighter than its paper. The blocks within a large bright area decide, because
+/// that area is paper and the rest is a desk. If there is no such area, all blocks decide, or else
+/// the picture's edge.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    // The tones block by block, since light changes from block to block.
+    // The tones of each block, because light changes from block to block.
     let corners =
         (0..height).step_by(block).flat_map(|y| (0..width).step_by(block).map(move |x| (x, y)));
     let blocks: Vec<[f64; 3]> = corners
@@ -268,7 +273,7 @@ fn has_light_ink(picture: &RgbImage) -> bool {
         .collect();
     let [dark, _, bright] = extreme_tones(luma.iter().copied());
     let middle = 0.5 * (dark + bright);
-    // Without the blocks along the border of the bright area, which are partly desk.
+    // The blocks along the border of the bright area are excluded, because they are partly desk.
     let is_bright: Vec<f64> =
         blocks.iter().map(|block| f64::from(u8::from(block[1] > middle))).collect();
     let within = extremes(&is_bright, width.div_ceil(block), 1, f64::min);
@@ -284,8 +289,8 @@ fn has_light_ink(picture: &RgbImage) -> bool {
     on_sheet.or_else(|| is_skewed_to_bright(blocks.iter())).unwrap_or_else(edge_is_dark)
 }
 
-/// True if the few outlying pixels of blocks are brighter than the rest, false if they are darker.
-/// `None` if both occur alike.
+/// True if the few outlying pixels of blocks are brighter than the rest, and false if they are
+/// darker. Returns `None` if both kinds are about equal.
 fn is_skewed_to_bright<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> Option<bool> {
     let (mut darker, mut brighter) = (0.0, 0.0);
     for [dark, usual, bright] in blocks {
@@ -295,12 +300,12 @@ fn is_skewed_to_bright<'a>(blocks: impl Iterator<Item = &'a [f64; 3]>) -> Option
     is_clear.then_some(brighter > darker)
 }
 
-/// The 2nd, 50th and 98th percentiles of tones.
+/// Returns the 2nd, 50th and 98th percentiles of tones.
 fn extreme_tones(tones: impl Iterator<Item = u8> + Clone) -> [f64; 3] {
     [0.02, 0.5, 0.98].map(|rank| quantile(tones.clone().map(f64::from), rank))
 }
 
-/// The colors of the pixels at the edge of a picture.
+/// Returns the colors of the pixels at the edge of a picture.
 fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
     let (width, height) = picture.dimensions();
     let edge = picture.enumerate_pixels().filter(move |(x, y, _)| {
@@ -309,7 +314,7 @@ fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
     edge.map(|(.., pixel)| pixel.0)
 }
 
-/// Number of pixels in tones between paper and strong ink that change slowly.
+/// Returns the number of pixels with slowly changing tones between paper and strong ink.
 fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> usize {
     let inner = step * width..contrast.len().saturating_sub(step * width);
     let soft = inner.filter(|pixel| {
@@ -320,16 +325,15 @@ fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Ton
     soft.count()
 }
 
-/// Median difference of the contrasts of pixels, two apart along rows.
+/// Returns the median difference between the contrasts of pixels that are two apart in a row.
 fn median_change(contrast: &[f64], width: usize) -> f64 {
     let pairs = contrast.chunks(width).flat_map(|row| row.iter().zip(&row[2..]));
-    // In 4000ths, so that the finest grain has a level.
+    // In units of 1/4000, even the finest grain has a level.
     quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
 }
 
 /// True if many edges of the ink, which has a contrast above `least`, are soft: no pixel nearby has
-/// much less contrast than the strongest one. `levels` are the greatest contrasts around each
-/// pixel.
+/// much less contrast than the strongest one. `levels` are the maximum contrasts around each pixel.
 fn has_soft_edges(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> bool {
     let weakest = extremes(contrast, width, NEAR, f64::min);
     let edges = (width..contrast.len()).filter(|pixel| {

@@ -1,4 +1,4 @@
-//! What lies on a page of an SVG file: areas in colors, and what cuts them.
+//! The content of an SVG page: colored areas, and what cuts them.
 
 use kurbo::{Affine, BezPath, PathEl, Point};
 
@@ -8,24 +8,24 @@ use super::MAX_POINTS;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::bounds;
 
-/// Red, green and blue (sRGB).
+/// A color as red, green and blue (sRGB).
 pub(super) type Color = [u8; 3];
 
-/// Largest distance of an area's edge from its curves, by the page's larger side.
+/// Maximum distance between an area's edge and its curves, relative to the page's larger side.
 pub(super) const FLATNESS: f64 = 2e-4;
 
-/// Largest difference of a rectangle's area from that of its box, as a fraction, for rounding.
+/// Maximum relative difference between a rectangle's area and that of its box, caused by rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Largest distance of a subpath's points from a line by its largest coordinate, for rounding.
+/// Maximum distance of a flat subpath's points from a line, relative to its largest coordinate.
 const FLAT: f64 = 1e-6;
 
-/// Budget steps of a point of an area.
+/// Budget steps for a point of an area.
 const STEPS_PER_POINT: usize = 200;
 
-/// An element that is painted: its colors have their opacities.
+/// An element that is painted, with its colors and their opacities.
 pub(super) struct Painted {
-    /// Its path, y up.
+    /// Path of the element (y up).
     pub(super) path: BezPath,
     pub(super) even_odd: bool,
     pub(super) fill: Option<(Color, f64)>,
@@ -35,7 +35,7 @@ pub(super) struct Painted {
 }
 
 impl Painted {
-    /// Its path with every subpath closed, as a fill closes it, without those that enclose nothing.
+    /// Returns the path with every subpath closed, as for a fill, except flat subpaths.
     pub(super) fn closed(&self) -> BezPath {
         let mut closed = BezPath::new();
         let subpaths = subpaths(&self.path).into_iter();
@@ -50,17 +50,17 @@ impl Painted {
         closed
     }
 
-    /// The layer of its fill, if it has one. `element` is its index on the page.
+    /// Returns the layer of the fill, if any. `element` is the element's index on the page.
     pub(super) fn fill_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
         let (color, alpha) = self.fill?;
         let area = scale.area(&self.path, self.even_odd);
         Some(Layer { element, area, color, alpha, cuts: self.cuts.clone(), is_stroke: false })
     }
 
-    /// The layer of its stroke, if it has one: the outline of a pen of the stroke's width.
+    /// Returns the layer of the stroke, if any: the outline of a pen of the stroke's width.
     pub(super) fn stroke_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
         let (color, alpha, style) = self.stroke.as_ref()?;
-        // A pen is round in the units of the element, which its transform may stretch.
+        // The pen is round in the units of the element, and its transform may stretch it.
         let path = self.placed.inverse() * &self.path;
         let scale_factor = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
         let tolerance = FLATNESS * scale.size / scale_factor;
@@ -71,7 +71,7 @@ impl Painted {
     }
 }
 
-/// True if all points of a subpath lie on one line, but for rounding.
+/// True if all points of a subpath are on one line, apart from rounding.
 fn is_flat(first: Point, elements: &[PathEl]) -> bool {
     let points = elements.iter().flat_map(|element| match *element {
         PathEl::MoveTo(p) | PathEl::LineTo(p) => vec![p],
@@ -95,7 +95,7 @@ pub(super) struct Area<'a> {
     pub(super) bounds: [f64; 4],
 }
 
-/// The larger side of a page, which sets the tolerance of areas, and the budget of their work.
+/// The larger side of a page, which sets the tolerance of areas, and the budget for their work.
 #[derive(Clone, Copy)]
 pub(super) struct Scale<'a> {
     pub(super) size: f64,
@@ -103,7 +103,8 @@ pub(super) struct Scale<'a> {
 }
 
 impl<'a> Scale<'a> {
-    /// The area of a path. Empty if it has too many points, or the budget is spent.
+    /// Returns the area of a path. The area is empty if there are too many points or the budget is
+    /// spent.
     pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
         let Self { size, budget } = self;
         let max_points = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
@@ -118,7 +119,7 @@ impl<'a> Scale<'a> {
 }
 
 impl Area<'_> {
-    /// True if a point is in the area.
+    /// True if a point is inside the area.
     pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
         if !self.meets([x, y, x, y]) {
             return false;
@@ -127,7 +128,7 @@ impl Area<'_> {
         if self.even_odd { winding % 2 != 0 } else { winding != 0 }
     }
 
-    /// True if it is a rectangle that covers a page, within a slack.
+    /// True if the area is a rectangle that covers a page, within some slack.
     pub(super) fn is_page(&self, [width, height]: [f64; 2], slack: f64) -> bool {
         let [left, bottom, right, top] = self.bounds;
         let is_as_wide = left <= slack && right >= width - slack;
@@ -137,16 +138,16 @@ impl Area<'_> {
         is_as_wide && is_as_high && (area.abs() - box_).abs() < ROUNDING * box_
     }
 
-    /// True if its bounds meet a box: left, bottom, right, top.
+    /// True if the bounds of the area meet a box: left, bottom, right and top.
     pub(super) fn meets(&self, other: [f64; 4]) -> bool {
         let [left, bottom, right, top] = self.bounds;
         left <= other[2] && other[0] <= right && bottom <= other[3] && other[1] <= top
     }
 }
 
-/// An area in a color.
+/// An area with a color.
 pub(super) struct Layer<'a> {
-    /// The element that it is of.
+    /// Index of the layer's element.
     pub(super) element: usize,
     pub(super) area: Area<'a>,
     pub(super) color: Color,
@@ -155,18 +156,18 @@ pub(super) struct Layer<'a> {
     pub(super) is_stroke: bool,
 }
 
-/// What limits where an element shows.
+/// A limit on where an element is visible.
 pub(super) enum Cut<'a> {
     /// The edge of the page.
     Page(Area<'a>),
-    /// The areas of a clip path, each with the cuts of its own.
+    /// The areas of a clip path, each with its own cuts.
     Clip(Vec<Layer<'a>>),
     /// A mask: its elements, true if only their opacity counts, and its rectangle.
     Mask(Vec<Layer<'a>>, bool, Area<'a>),
 }
 
 impl<'a> Cut<'a> {
-    /// The area that bounds it, if any, and the layers that it is made of.
+    /// Returns the area that bounds the cut, if there is one, and the layers that form the cut.
     pub(super) fn parts(&self) -> (Option<&Area<'a>>, &[Layer<'a>]) {
         match self {
             Self::Page(edge) => (Some(edge), &[]),

@@ -1,6 +1,6 @@
-//! Levels of a picture: values pixel by pixel, averaged, closed, and their quantiles.
+//! Levels of a picture: smoothing, morphological closing and quantiles of pixel values.
 
-/// The values smoothed with the kernel 1 2 1 in both directions, against contours around noise.
+/// Smooths values with the kernel 1 2 1 in both directions, which prevents contours around noise.
 pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     let mut values = values.to_vec();
     for (step, n) in [(1, width), (width, values.len() / width)] {
@@ -15,13 +15,14 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     values
 }
 
-/// The morphological closing, which removes dark marks narrower than `steps` to both sides.
+/// Returns the morphological closing, which removes dark marks narrower than `steps` on each side.
 pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     let brightest = extremes(values, width, steps, f64::max);
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The extreme in a square of `steps` around each pixel (van Herk, Pattern Recogn. Lett. 13, 1992).
+/// Returns the extreme in a square of `steps` around each pixel (van Herk, Pattern Recogn. Lett.
+/// 13, 1992).
 pub(super) fn extremes(
     values: &[f64],
     width: usize,
@@ -32,13 +33,14 @@ pub(super) fn extremes(
     let mut values = values.to_vec();
     let height = values.len() / width;
     let (mut line, mut to_block_end) = (Vec::new(), vec![0.0; width.max(height)]);
-    // Along rows, then along columns, whose pixels are `step` apart.
+    // Goes along rows and then along columns, whose pixels are `step` apart.
     for (step, n, n_lines) in [(1, width, height), (width, height, width)] {
         for first in (0..n_lines).map(|line| line * if step == 1 { width } else { 1 }) {
             line.clear();
             line.extend(values[first..].iter().step_by(step).take(n));
-            // In blocks of the window's size: the extremes from each pixel to the end of its block,
-            // and from the block's beginning to it. A window spans two blocks at most.
+            // In blocks of the window's size, the extremes are computed from each pixel to the end
+            // of its block and from the start of the block to the pixel. A window spans at most two
+            // blocks.
             for index in (0..n).rev() {
                 let ends_block = index + 1 == n || (index + 1) % size == 0;
                 to_block_end[index] = if ends_block {
@@ -65,7 +67,7 @@ pub(super) fn extremes(
     values
 }
 
-/// A quantile of values from 0 to 255. 0 without values.
+/// Returns a quantile of values from 0 to 255, or 0 if there are none.
 pub(super) fn quantile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut counts = [0_usize; 256];
     values.into_iter().for_each(|value| counts[level(value)] += 1);
@@ -78,7 +80,7 @@ pub(super) fn quantile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 
     reached.unwrap_or(255) as f64
 }
 
-/// A value as one of 256 levels.
+/// Converts a value to one of 256 levels.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 pub(super) fn level(value: f64) -> usize {
     (value as usize).min(255)

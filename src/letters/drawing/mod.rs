@@ -1,8 +1,8 @@
 //! Drawings: an SVG file, a bitmap, or handwriting as JSON becomes strokes.
 //!
-//! A drawing fills its canvas as far as its proportions allow. It is placed on the baseline and
-//! aligned like a line of text. It has no word: it is one glyph, or one of each color, with the
-//! character [`DRAWING`].
+//! A drawing fills its canvas as far as its proportions allow. The drawing is placed on the
+//! baseline and aligned like a line of text. Having no word, it is a single glyph, or one glyph for
+//! each color, with the character [`DRAWING`].
 
 use std::path::Path;
 
@@ -42,58 +42,59 @@ mod visibility;
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';
 
-/// Largest file that is read.
+/// Maximum size of a file that is read.
 pub const LIMIT: Limit = Limit {
     bytes: 8 << 20,
     what: "a drawing",
     hint: "simplify its paths, or make the picture smaller",
 };
 
-/// Most points of a drawing. At 0.2 m/s and a millimeter each, these are 16 minutes of flight.
+/// Maximum number of points of a drawing. At 0.2 m/s and a millimeter per point, they take 16
+/// minutes of flight.
 const MAX_POINTS: usize = 200_000;
 
-/// Most colors of a drawing in color.
+/// Maximum number of colors of a drawing in color.
 const MAX_COLORS: usize = 64;
 
-/// Default canvas of a drawing, in cap heights: width and height.
+/// Default width and height of a drawing's canvas, in cap heights.
 const CANVAS: [f64; 2] = [4.0, 1.0];
 
-/// Least extent of a drawing, by the largest of its coordinates: more than their rounding.
+/// Minimum extent of a drawing relative to its largest coordinate, above rounding errors.
 const ROUNDING: f64 = 1e-9;
 
-/// Height of a level line's cell, or width of an upright one's, by its length.
+/// Height of a horizontal line's cell, or width of a vertical line's cell, relative to its length.
 const FLAT: f64 = 1e-3;
 
-/// Codes of errors: a drawing without strokes, and one of too many.
+/// Error codes of a drawing without strokes and of a drawing with too many.
 const EMPTY: &str = "drawing-empty";
 const LARGE: &str = "drawing-large";
 
-/// How the colors of a drawing count.
+/// How the colors of a drawing are used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
-    /// They do not: the drawing is one glyph.
+    /// Colors are ignored: the drawing is a single glyph.
     Alike,
-    /// Each color of an SVG file or a picture is a glyph, in the order in which they first occur.
-    /// Handwriting keeps its order: each run of strokes of one color is a glyph.
+    /// Each color of an SVG file or a picture is a glyph, in the order of first occurrence.
+    /// Handwriting keeps its order, so each run of strokes of one color is a glyph.
     ByColor,
 }
 
-/// A line of a picture in its own units, y up, and its color.
+/// A line of a picture in the picture's units (y up), and its color.
 type ColoredLine = (Vec<[f64; 2]>, Color);
 
 /// Reads a drawing: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`, `*.gif` (its first frame) or
 /// `*.bmp`, or handwriting `*.json`.
 ///
-/// An SVG file is drawn as a browser shows it: strokes along their line, fills along their outline.
-/// In a picture, lines on paper are drawn along their center and patches along their outline.
-/// Handwriting keeps its order and direction. Unsupported features are named in the warnings, and
-/// text is refused.
+/// An SVG file is drawn as a browser shows it, with strokes along their line and fills along their
+/// outline. In a picture, lines on paper are drawn along their center, and patches along their
+/// outline. Handwriting keeps its order and direction. Unsupported features are named in the
+/// warnings, and text is refused.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be read. [`Error::Input`] if it is broken, too large, draws
-/// nothing, is of another kind, or has more than 64 colors by which it is to be written, or for an
-/// option out of range.
+/// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] if the file is
+/// broken, too large, of another kind, draws nothing, or has more than 64 colors when it is written
+/// by color, and for an option out of range.
 pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     options.check()?;
     let file = path.display().to_string();
@@ -107,7 +108,7 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     })
 }
 
-/// The strokes of an SVG file.
+/// Returns the strokes of an SVG file.
 fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
     let Warned { product: drawing, warnings } = svg::read(bytes, file)?;
     let mut placing = Placing::new(drawing.bounds(), options, file)
@@ -116,7 +117,7 @@ fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result
     let lines = drawing.flatten(options.tolerance_m / placing.scale, file)?;
     let mut detailed = Detailed::new(lines, size, |point| point, options, file)?;
     if !(options.ink.is_empty() && options.without.is_empty()) {
-        // The chosen strokes fill the canvas, and are as smooth as they should be at that size.
+        // The chosen strokes fill the canvas, and are flattened again for that size.
         placing = Placing::new(extent(&detailed.lines), options, file)?;
         let lines = drawing.flatten(options.tolerance_m / placing.scale, file)?;
         let source = detailed.source;
@@ -129,14 +130,14 @@ fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result
     Ok(StrokesData { left_out, warnings, source, ..strokes })
 }
 
-/// The strokes of a bitmap.
+/// Returns the strokes of a bitmap.
 fn of_bitmap(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
     let size = |extent| Ok(Placing::new(extent, options, file)?.scale / options.cap_height_m);
     let Warned { product: Traced { lines, corners_px, in_file }, warnings } =
         bitmap::read(bytes, options, size, file)?;
     let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
     let larger_side = Placing::new(bounds(points), options, file)?.size();
-    // Traced points count from the middle of a pixel of margin, half a pixel before the picture.
+    // Traced points are relative to the center of a margin pixel, half a pixel before the picture.
     let in_file = |point: [f64; 2]| in_file.apply(point.map(|x| x - 0.5));
     let Detailed { lines, left_out, source } =
         Detailed::new(lines, larger_side, in_file, options, file)?;
@@ -146,23 +147,23 @@ fn of_bitmap(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Res
     Ok(StrokesData { left_out, warnings, source, ..strokes })
 }
 
-/// The error of a file of an unsupported kind, with a hint how to convert it.
+/// Returns the error for a file of an unsupported kind, with a hint about how to convert it.
 fn foreign(kind: &str, file: &str) -> Error {
     let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
     let (content, hint) = match kind {
         "heic" | "heif" | "avif" => (
-            "a photo of a kind that is not read",
+            "a photo in an unsupported format",
             "save it as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most Compatible",
         ),
         "tif" | "tiff" | "jp2" | "jxl" | "pgm" | "ppm" | "pbm" | "tga" | "psd" | "psb" | "ico"
         | "xcf" | "kra" | "procreate" => (
-            "a picture of a kind that is not read",
+            "a picture in an unsupported format",
             "open it in the program that made it, and export it as PNG",
         ),
         "pdf" | "ai" | "eps" => {
             ("a document", "save the page as SVG, for example with Inkscape, or as PNG")
         }
-        _ => ("a file of another kind", "save the drawing as SVG"),
+        _ => ("a file in an unsupported format", "save the drawing as SVG"),
     };
     Error::input(file, content, wanted, hint)
 }
@@ -172,13 +173,13 @@ struct Detailed {
     /// The chosen lines.
     lines: Numbered<ColoredLine>,
     left_out: LeftOut,
-    /// All strokes as they lie in the file.
+    /// All strokes, in the coordinates of the file.
     source: Vec<SourceStroke>,
 }
 
 impl Detailed {
-    /// The lines of a drawing whose larger side is `size`, reduced and chosen as the options say.
-    /// `in_file` maps points with y down to the file.
+    /// Reduces the lines of a drawing whose larger side is `size`, and chooses those that the
+    /// options name. `in_file` maps points with y down to the file.
     fn new(
         lines: Vec<ColoredLine>,
         size: f64,
@@ -193,8 +194,8 @@ impl Detailed {
     }
 }
 
-/// The strokes of lines: one glyph, or one of each color in the order in which they first occur.
-/// Fails for more than [`MAX_COLORS`].
+/// Returns the strokes of lines as one glyph, or as one glyph for each color in the order of first
+/// occurrence. Fails for more than [`MAX_COLORS`] colors.
 fn by_color(
     lines: &Numbered<ColoredLine>,
     placing: &Placing,
@@ -214,7 +215,7 @@ fn by_color(
             file,
             "a drawing of more colors",
             "at most {MAX_COLORS} colors",
-            "draw with fewer colors, or write with another lamp than color-led",
+            "draw with fewer colors, or with a lamp other than color-led",
         ));
     }
     let numbers = lines.iter().map(|(number, (line, _))| placing.label(*number, line)).collect();
@@ -225,12 +226,12 @@ fn by_color(
     Ok(StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
-/// The bounds of lines: left, bottom, right, top.
+/// Returns the bounds of lines: left, bottom, right and top.
 fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
     bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
 }
 
-/// The error of an empty drawing with the warnings added to its hint: they may be the reason.
+/// Adds warnings to the hint of an empty drawing's error, because they may be the reason.
 fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
     let mut hint = error.hint().to_owned();
     for warning in warnings {
@@ -239,7 +240,7 @@ fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
     error.with_hint(hint)
 }
 
-/// The transform from a drawing's units, y up, to the plane of the word.
+/// The transform from a drawing's units (y up) to the plane of the word.
 struct Placing {
     left: f64,
     bottom: f64,
@@ -249,7 +250,7 @@ struct Placing {
 }
 
 impl Placing {
-    /// Places a drawing with these bounds on the canvas. Fails if it has no extent.
+    /// Places a drawing with these bounds on the canvas. Fails if the drawing has no extent.
     fn new(bounds: [f64; 4], options: &LetterOptions, file: &str) -> Result<Self> {
         let [left, bottom, right, top] = bounds;
         let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * options.cap_height_m));
@@ -258,11 +259,11 @@ impl Placing {
         let size = left.abs().max(right.abs()).max(bottom.abs()).max(top.abs());
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > ROUNDING * size) {
             let content = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
-            let hint = "visible paths are drawn";
+            let hint = "add a visible path, since only these are drawn";
             return Err(Error::input(file, content, "at least one stroke", hint).coded(EMPTY));
         }
         let (width_m, height_m) = (width * scale, height * scale);
-        // A drawing has no gaps, so that the reference flight's alignment centers it.
+        // A drawing has no gaps, so the alignment of the reference flight centers it.
         let left_m = match options.align {
             Align::Left => 0.0,
             Align::Ae483 | Align::Center => -0.5 * width_m,
@@ -274,18 +275,18 @@ impl Placing {
         Ok(Self { left, bottom, scale, cell })
     }
 
-    /// The drawing's larger side in its units.
+    /// Returns the larger side of the drawing in its own units.
     fn size(&self) -> f64 {
         self.cell.width_m.max(self.cell.cap_height_m) / self.scale
     }
 
-    /// The point in the plane of the word of a point of the drawing.
+    /// Maps a point of the drawing to the plane of the word.
     fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (x_m, y_m) = ((x - self.left) * self.scale, (y - self.bottom) * self.scale);
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
-    /// A line's number, and its place in the picture of the plan: halfway along the line.
+    /// Returns a line's number, and the position of its label in the plan's picture, halfway along.
     fn label(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
         let along = arc_lengths(line);
         let half = 0.5 * along[along.len() - 1];
@@ -294,7 +295,7 @@ impl Placing {
         (number, self.place([0, 1].map(|i| 0.5 * (a[i] + b[i]))))
     }
 
-    /// The lit run along a line. A single point is repeated.
+    /// Returns the lit run along a line. A single point is repeated.
     fn run(&self, line: &[[f64; 2]]) -> Run {
         let mut points: Vec<_> = line.iter().map(|place| point(self.place(*place))).collect();
         if points.len() == 1 {
@@ -303,7 +304,8 @@ impl Placing {
         Run { lit: true, points }
     }
 
-    /// The strokes of runs, one glyph for each list, whose cell is the whole drawing.
+    /// Returns the strokes of runs, with one glyph for each list. The cell of each glyph is the
+    /// whole drawing.
     fn strokes(&self, glyphs: Vec<Vec<Run>>, order: StrokeOrder) -> StrokesData {
         let glyphs = glyphs.into_iter().map(|runs| {
             let mut moves = pen_moves(&runs, |point| point);
@@ -314,7 +316,7 @@ impl Placing {
     }
 }
 
-/// The error of a drawing of more than [`MAX_POINTS`].
+/// Returns the error for a drawing of more than [`MAX_POINTS`].
 fn too_many(file: &str) -> Error {
     input_error!(
         file,

@@ -1,9 +1,9 @@
-//! Notes: features of an SVG file that usvg does not support. They are named, and the file is
-//! edited so that none is drawn wrongly.
+//! Notes on features of an SVG file that usvg does not support. Warnings name such features, and
+//! the file is edited so that none is drawn wrongly.
 //!
-//! An element that would be drawn in the wrong place is left out. Text, pictures and other foreign
-//! content become a sign: a shape that shows whether the content would be visible. Other
-//! unsupported features change the look of a line, not its place.
+//! An element that would be drawn in the wrong position is left out. Text, pictures and other
+//! foreign content are replaced by a sign, a shape that shows whether the content would be visible.
+//! Other unsupported features change the look of a line but not its position.
 
 use std::ops::Range;
 use std::str::FromStr as _;
@@ -12,7 +12,7 @@ use usvg::roxmltree::Node;
 
 use super::styles::{Named, Styles, has_escapes};
 
-/// Properties that are supported, belong to text, or do not change a line's place and color.
+/// Properties that are supported, only affect text, or do not change a line's position and color.
 const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-label background \
     background-color baseline-shift block-progression border bottom box-sizing clip clip-path \
     clip-rule color color-interpolation color-interpolation-filters color-profile color-rendering \
@@ -28,43 +28,44 @@ const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-lab
     vector-effect vertical-align visibility white-space will-change word-spacing writing-mode \
     z-index";
 
-/// Unsupported properties that also work as attributes.
+/// Unsupported properties that also exist as attributes.
 const OTHERS: &str = "animation animation-name backdrop-filter background-image clip-path-box \
     content-visibility mask-border mask-clip mask-image mask-mode mask-position mask-size \
     offset-distance offset-path perspective perspective-origin rotate scale shape-outside \
     stroke-alignment translate zoom";
 
-/// Properties of geometry, which usvg reads only as attributes, and of unsupported transforms.
+/// Properties of geometry, which usvg only reads as attributes, and of unsupported transforms.
 const PLACES: &str = "cx cy d height r rx ry width x y translate rotate scale";
 
-/// Values without effect for an unsupported property.
+/// Values with which an unsupported property has no effect.
 const NEUTRAL: &str = "none normal auto 0 1 visible";
 
-/// Values that refer to another one.
+/// Values that refer to another value.
 const WORDS: &str = "inherit currentColor currentcolor";
 
-/// Elements that are drawn and have a place.
+/// Elements that are drawn and have a position.
 const SHAPES: &str = "circle ellipse g line path polygon polyline rect svg symbol use";
 
-/// Elements whose content only browsers draw.
+/// Elements whose content only browsers can draw.
 pub(super) const FOREIGN: &str = "text image foreignObject video iframe canvas mesh solidcolor";
 
-/// Elements whose content is not drawn: a pattern is a shade.
+/// Elements whose content is not drawn. A pattern is drawn as a shade.
 pub(super) const EMPTIED: &str = "pattern filter";
 
-/// Elements that have an effect where they are referred to.
+/// Elements that only have an effect if other elements refer to them.
 const REFERRED: &str = "clipPath mask linearGradient radialGradient pattern marker symbol filter";
 
 const ANIMATIONS: &str = "animate animateTransform animateMotion animateColor set";
 
-/// Most stops of a gradient that are read.
+/// Maximum number of stops of a gradient that are read.
 const MAX_STOPS: usize = 16;
 
-/// Where signs begin, and how many there may be: numbers that are exact in single precision.
+/// The x coordinate of signs, and the maximum number of signs. Both numbers are exact in single
+/// precision.
 pub(super) const SIGN_X: f32 = 7_777_777.0;
 const MAX_SIGNS: usize = 10_000;
 
-/// Rules that usvg is given besides those of the file.
+/// Style rules that usvg gets in addition to those of the file.
 pub(super) const RULES: &str = "*{filter:none!important}marker *{marker:none!important}\
     [pathLength]{stroke-dasharray:none!important}\
     [noctograph]{fill:#000!important;stroke:none!important;clip-path:none!important;\
@@ -75,11 +76,11 @@ pub(super) fn has(words: &str, word: &str) -> bool {
     words.split_ascii_whitespace().any(|other| other == word)
 }
 
-/// The namespace of drawings.
+/// The XML namespace of drawings.
 pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// The text of a file with what usvg does not know replaced by what it does: https in namespaces,
-/// `:root`, `background:` and units in CSS transforms.
+/// Returns the text of a file in terms that usvg knows. Replaces https in namespaces, `:root`,
+/// `background:` and units in CSS transforms.
 pub(super) fn in_words_of_usvg(text: String) -> String {
     let mut text = text;
     for namespace in ["2000/svg", "1999/xlink"] {
@@ -91,7 +92,7 @@ pub(super) fn in_words_of_usvg(text: String) -> String {
     }
     let text = text.replace("svg:root", "svg").replace(":root", "svg");
     let text = text.replace("background:", "background-color:");
-    // CSS transforms have units, attributes have none: usvg reads the latter.
+    // Transforms have units in CSS but not in attributes, and usvg only reads the latter form.
     let mut parts = text.split("transform:");
     let mut written = parts.next().unwrap_or("").to_owned();
     for part in parts {
@@ -107,14 +108,14 @@ pub(super) fn in_words_of_usvg(text: String) -> String {
 pub(super) struct Notes<'a, 'b, 'input> {
     pub(super) styles: &'b Styles<'a, 'input>,
     pub(super) named: &'b mut Named,
-    /// The elements in whose place there are signs.
+    /// The elements that were replaced by signs.
     pub(super) signs: Vec<Node<'a, 'input>>,
-    /// Replacements of parts of the text, in order.
+    /// The ranges of the text that are replaced, in order, with their new text.
     pub(super) edits: Vec<(Range<usize>, String)>,
 }
 
 impl<'a, 'input> Notes<'a, '_, 'input> {
-    /// The text with all edits applied, as usvg reads it.
+    /// Returns the text with all edits applied, which usvg then reads.
     pub(super) fn edited(&self, text: &str) -> String {
         let (mut edited, mut end) = (String::with_capacity(text.len()), 0);
         for (range, new) in &self.edits {
@@ -125,8 +126,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         edited + &text[end..]
     }
 
-    /// Notes the unsupported features of an element and those within it. The error names a kind of
-    /// element of which there are too many.
+    /// Notes the unsupported features of an element and of its descendants. The error names a kind
+    /// of element of which there are too many.
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some(SVG)) {
@@ -159,7 +160,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// Removes an id after its first element: browsers refer to the first one, usvg to the last.
+    /// Removes an id that an earlier element has as well. Browsers refer to the first element with
+    /// an id, but usvg refers to the last one.
     fn only_first(&mut self, node: Node<'a, 'input>) {
         let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
             return;
@@ -177,7 +179,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 
     /// Replaces an element by a sign: a polyline with the element's attributes, whose points encode
-    /// its index. usvg transforms or hides the sign as it would the element. Fails for too many.
+    /// the element's index. usvg transforms or hides the sign as it would the element. Fails if
+    /// there are too many signs.
     fn sign(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let name = node.tag_name().name();
         let mut texts = node.descendants().filter_map(|part| part.text());
@@ -190,7 +193,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             return Err(format!("more than {MAX_SIGNS} elements <{name}>"));
         }
         self.signs.push(node);
-        // The prefix and the attributes as they are written: the same namespace and style.
+        // The sign has the prefix and the attributes as written, so that its namespace and style
+        // are the same.
         let text = node.document().input_text();
         let qualified = text[node.range().start + 1..].split(|c: char| "/> \t\r\n".contains(c));
         let prefix = qualified.map(|name| name.rsplit_once(':')).next().flatten();
@@ -207,13 +211,13 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         Ok(())
     }
 
-    /// Removes the content of a pattern or a filter. A pattern with a shape keeps a square, without
-    /// which usvg would drop it.
+    /// Removes the content of a pattern or a filter. A pattern that has a shape gets a square
+    /// instead, because usvg drops patterns without shapes.
     fn empty(&mut self, node: Node<'a, 'input>) {
         let (Some(first), Some(last)) = (node.first_child(), node.last_child()) else { return };
         let range = first.range().start..last.range().end;
         let is_pattern = node.tag_name().name() == "pattern";
-        // In the namespace of the pattern, whatever its prefix.
+        // The square is in the namespace of the pattern, whatever its prefix is.
         let shape =
             node.children().find(|child| is_pattern && has(SHAPES, child.tag_name().name()));
         let shape = shape.map_or(String::new(), |_| "<path d=\"M0 0h1v1z\"/>".to_owned());
@@ -225,7 +229,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let mut is_left_out = false;
         for (name, value, of_css) in self.styles.declared(node).iter().copied() {
             let value = value.trim();
-            // Only the value that is in force counts, and variables of CSS have no effect.
+            // Only the value in force matters. CSS variables by themselves have no effect.
             if of_css && name.starts_with("--") || self.styles.value(node, name) != Some(value) {
                 continue;
             }
@@ -259,8 +263,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         }
     }
 
-    /// The name of a declaration that is drawn otherwise than in a browser, and how it is drawn.
-    /// `None` if it is drawn as in a browser.
+    /// Returns the name of a declaration that is not drawn as in a browser, and how it is drawn.
+    /// Returns `None` if it is drawn as in a browser.
     fn note(
         &self,
         node: Node<'a, 'input>,
@@ -274,7 +278,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             return Some(note);
         }
         Some(match name {
-            // References.
+            // Declarations that refer to other elements.
             "marker-start" | "marker-mid" | "marker-end" | "marker"
                 if target == "marker"
                     && node.ancestors().any(|node| node.tag_name().name() == "marker") =>
@@ -284,7 +288,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             "href" if tag == "use" && !value.starts_with('#') => {
                 ("another file (`use`)".into(), "not followed")
             }
-            // Paths.
+            // Declarations of paths.
             "d" if !of_css
                 && tag == "path"
                 && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
@@ -305,7 +309,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         })
     }
 
-    /// True if a browser follows a declaration that has no effect here.
+    /// True if browsers follow a declaration that has no effect here.
     fn is_ignored(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
         let is_shape = has(SHAPES, node.tag_name().name());
         let is_reset = has("initial unset revert revert-layer", value);
@@ -324,7 +328,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 value != "auto" && svgtypes::Length::from_str(value).is_err()
             }
             _ if has(KNOWN, name) => is_reset,
-            // Properties of text.
+            // Properties that only affect text.
             _ if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => false,
             // Browsers, too, ignore attributes that are not properties.
             _ => !is_neutral(value) && (of_css || has(OTHERS, name)),
@@ -332,10 +336,10 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 }
 
-/// The name of a paint that is not one color and how it is drawn. `None` for any other declaration.
-/// `target` is the tag of the element that it refers to.
+/// Returns the name of a paint that is not a single color, and how it is drawn, or `None` for any
+/// other declaration. `target` is the tag of the element to which it refers.
 fn paint_note(name: &str, value: &str, target: &str) -> Option<(String, &'static str)> {
-    const TRANSPARENT: &str = "drawn where it is transparent, too";
+    const TRANSPARENT: &str = "drawn even where it is transparent";
     Some(match name {
         "fill" | "stroke" if target.ends_with("Gradient") => {
             (format!("{name} by a gradient"), "in the color of its middle stop")
@@ -343,7 +347,7 @@ fn paint_note(name: &str, value: &str, target: &str) -> Option<(String, &'static
         "fill" | "stroke" if target == "pattern" => {
             (format!("{name} by a pattern"), "drawn as a shade")
         }
-        "fill" if is_unreadable(name, value) => (shown(name, value), "black in its place"),
+        "fill" if is_unreadable(name, value) => (shown(name, value), "drawn in black instead"),
         "stop-color" if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) => {
             ("a transparent stop-color".into(), TRANSPARENT)
         }
@@ -356,17 +360,17 @@ fn paint_note(name: &str, value: &str, target: &str) -> Option<(String, &'static
     })
 }
 
-/// A declaration in a warning: its name and the beginning of its value.
+/// Returns a declaration as shown in a warning: its name and the start of its value.
 fn shown(name: &str, value: &str) -> String {
     format!("{name} `{}`", value.chars().take(40).collect::<String>())
 }
 
-/// True for a value without effect.
+/// True for a value that has no effect.
 fn is_neutral(value: &str) -> bool {
     value.is_empty() || has(NEUTRAL, value)
 }
 
-/// True for a value that is no paint, color or length where one is wanted.
+/// True for a value that cannot be read as the paint, color or length that its property takes.
 fn is_unreadable(name: &str, value: &str) -> bool {
     !has(WORDS, value)
         && match name {
@@ -396,7 +400,7 @@ mod tests {
         strokes.glyphs[0].moves.iter().filter(|step| step.lit).count()
     }
 
-    /// Six levels of an element, each of ten that refer to the next.
+    /// Returns six levels of an element, each with ten references to the next level.
     fn levels(open: &str, part: &str, close: &str) -> String {
         let levels = (0..12).map(|n: usize| {
             let part = part.replace("NEXT", &format!("e{}", n + 1)).repeat(10);

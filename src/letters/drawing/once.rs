@@ -1,9 +1,9 @@
-//! What is seen once is drawn once: parts of lines under a stroke that covers them, or along a line
-//! that is drawn already, are left out.
+//! Draws only once what is visible only once. Parts of lines under a stroke that covers them, or
+//! along a line that is already drawn, are left out.
 //!
-//! Lines are taken from the front to the back, and each is compared by place with those in front of
-//! it: an edge between two colors is one line, and so is the edge of a color under its outline. A
-//! line that only crosses a stroke stays whole.
+//! Lines are compared from the front to the back, each with those near it in front. An edge between
+//! two colors thus becomes one line, and so does a color's edge under its outline. A line that only
+//! crosses a stroke stays whole.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -13,45 +13,46 @@ use super::visibility::Part;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m, segment_distance};
 
-/// Distance up to which two lines are one, by the drawing's larger side: a millimeter of a drawing
-/// of a meter. More joins lines that are told apart in a photograph.
+/// Maximum distance between two lines that count as one, relative to the drawing's larger side: 1
+/// mm for a drawing of 1 m. A larger distance joins lines that a photograph can resolve.
 const NEAR: f64 = 1e-3;
 
-/// Cells of the finest index along the drawing's larger side.
+/// Number of cells of the finest index along the drawing's larger side.
 const CELLS: f64 = 128.0;
 
-/// Longest part under a stroke that only crosses, by half the stroke's width: an angle of 20°.
+/// Maximum length of a part under a stroke that only crosses, relative to half the stroke's width:
+/// an angle of 20°.
 const CROSSING: f64 = 6.0;
 
-/// Budget steps of visiting a cell, and of comparing with a piece in it.
+/// Budget steps for visiting a cell, and for comparing with a piece in it.
 const STEPS_PER_CELL: usize = 20;
 const STEPS_PER_PIECE: usize = 8;
 
-/// Slack of a piece's ends, as a fraction of its length, for rounding.
+/// Slack for rounding at a piece's ends, as a fraction of its length.
 const END_SLACK: f64 = 1e-6;
 
-/// Halvings that find where a line goes under another.
+/// Number of halvings to locate the point where a line goes under another.
 const HALVINGS: usize = 5;
 
-/// Sine of the angle up to which two lines that have no width are one.
+/// Sine of the maximum angle between two lines without width that count as one.
 const SLANT: f64 = 0.3;
 
-/// A piece of a line in front.
+/// A piece of a line that is in front.
 struct Piece {
     element: usize,
-    /// Half the width of its stroke, if that is opaque.
+    /// Half the width of the piece's stroke, if that is opaque.
     reach: f64,
     ends: [[f64; 2]; 2],
 }
 
-/// The lines in front, in cells by place. Wide strokes are in levels of larger cells.
+/// The lines in front, indexed by cells. Wide strokes are in levels with larger cells.
 pub(super) struct Front<'a> {
     budget: &'a Budget,
     near: f64,
     cell: f64,
     pieces: Vec<Piece>,
     cells: HashMap<(i32, i64, i64), Vec<usize>>,
-    /// The farthest reach in each level.
+    /// Maximum reach of the pieces in each level.
     levels: BTreeMap<i32, f64>,
 }
 
@@ -59,15 +60,15 @@ pub(super) struct Front<'a> {
 type Stretch = (Vec<[f64; 2]>, Option<f64>);
 
 impl<'a> Front<'a> {
-    /// An empty index for a drawing of a larger side.
+    /// Returns an empty index for a drawing with a given larger side.
     pub(super) fn new(size: f64, budget: &'a Budget) -> Self {
         let (near, cell) = (NEAR * size, size / CELLS);
         let (cells, levels) = (HashMap::new(), BTreeMap::new());
         Self { budget, near, cell, pieces: Vec::new(), cells, levels }
     }
 
-    /// Adds an element's lines to those in front. Returns the parts of them that nothing in front
-    /// covers, or `None` if that is all of them.
+    /// Adds an element's lines to those in front. Returns the parts that nothing in front covers,
+    /// or `None` if nothing is covered.
     pub(super) fn uncovered(
         &mut self,
         lines: &[Vec<[f64; 2]>],
@@ -83,33 +84,33 @@ impl<'a> Front<'a> {
                 _ => visible_parts(stretches, line, self.near),
             };
             is_whole &= visible.len() == 1 && visible[0] == *line;
-            // What is covered is not drawn, and need not cover anything.
+            // Covered parts are not drawn, and so need not cover anything.
             visible.iter().for_each(|part| self.add(part, element, reach));
             parts.extend(visible.into_iter().map(|part| (part, color)));
         }
         (!is_whole).then_some(parts)
     }
 
-    /// The cell of a place in a level.
+    /// Returns the cell of a position in a level.
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     fn key(&self, level: i32, place: [f64; 2]) -> [i64; 2] {
         place.map(|x| (x / self.cell_of(level)).floor() as i64)
     }
 
-    /// Side of the cells of a level.
+    /// Returns the side of the cells of a level.
     fn cell_of(&self, level: i32) -> f64 {
         self.cell * libm::exp2(f64::from(level))
     }
 
-    /// Adds a line to those in front, in pieces of half a cell at most. Its level is the one whose
-    /// cells are at least twice its reach. Stops once the budget is spent.
+    /// Adds a line to those in front, in pieces of at most half a cell. The line's level is the one
+    /// with cells at least twice as wide as its reach. Stops if the budget is spent.
     fn add(&mut self, line: &[[f64; 2]], element: usize, reach: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "at most the exponent of a float")]
         let level = libm::log2(2.0 * reach / self.cell).ceil().max(0.0) as i32;
         let farthest = self.levels.entry(level).or_insert(self.near);
         *farthest = farthest.max(reach);
         let longest = 0.5 * self.cell_of(level);
-        // A piece is found by the cell of its middle.
+        // A piece is indexed by the cell of its middle.
         for segment in segments(line) {
             for ends in cut(segment, longest) {
                 if self.budget.bytes(2 * size_of::<Piece>()).is_err() {
@@ -122,12 +123,12 @@ impl<'a> Front<'a> {
         }
     }
 
-    /// The greatest reach of the pieces that cover a place of an element, on a line in the
-    /// direction `along`. `None` if nothing covers it.
+    /// Returns the maximum reach of the pieces that cover a position of an element on a line with
+    /// direction `along`, or `None` if nothing covers it.
     fn cover(&self, place: [f64; 2], along: [f64; 2], element: usize) -> Option<f64> {
         let mut most: Option<f64> = None;
         for (level, farthest) in &self.levels {
-            // A piece's middle is a quarter of a cell from its ends.
+            // A piece's middle is at most a quarter of a cell from its ends.
             let range = 0.25 * self.cell_of(*level) + farthest;
             let [low, high] =
                 [-range, range].map(|offset| self.key(*level, place.map(|x| x + offset)));
@@ -143,9 +144,9 @@ impl<'a> Front<'a> {
         most
     }
 
-    /// The reach of a piece if it covers a place of an element. `None` beyond the piece's ends,
-    /// beyond its reach (for a piece of the same element, that of a line without width), and if a
-    /// line without width only crosses it.
+    /// Returns the reach of a piece if it covers a position of an element. Returns `None` beyond
+    /// the piece's ends or its reach (for a piece of the same element, the reach of a line without
+    /// width), and if it has no width and only crosses.
     fn reach(
         &self,
         piece: usize,
@@ -155,7 +156,7 @@ impl<'a> Front<'a> {
     ) -> Option<f64> {
         let Piece { element: other, reach, ends } = &self.pieces[piece];
         let reach = if *other == element { self.near } else { reach.max(self.near) };
-        // The place is projected onto the piece.
+        // Projects the position onto the piece.
         let along = minus(ends[1], ends[0]);
         let fraction = dot(minus(place, ends[0]), along) / dot(along, along);
         let is_beside = (-END_SLACK..=1.0 + END_SLACK).contains(&fraction);
@@ -165,14 +166,14 @@ impl<'a> Front<'a> {
         (is_beside && !is_crossed && segment_distance(place, *ends) <= reach).then_some(reach)
     }
 
-    /// A line divided into stretches that are covered or not.
+    /// Splits a line into stretches that are covered or not.
     fn stretches(&self, line: &[[f64; 2]], element: usize) -> Vec<Stretch> {
         if self.pieces.is_empty() {
             return vec![(line.to_vec(), None)];
         }
         let mut stretches: Vec<Stretch> = Vec::new();
         for [from, to] in segments(line).flat_map(|ends| cut(ends, 0.5 * self.cell)) {
-            // One test for each piece of half a cell. Where the state changes, bisect.
+            // Tests each piece of half a cell once, and bisects where the result changes.
             let along = minus(to, from);
             let here = self.cover(between(from, to, 0.5), along, element);
             match stretches.last_mut() {
@@ -202,11 +203,11 @@ impl<'a> Front<'a> {
     }
 }
 
-/// The visible parts of a line from its stretches. A stroke that only crosses hides nothing, and a
-/// short gap between two covered stretches is hidden.
+/// Returns the visible parts of a line, from its stretches. A stroke that only crosses hides
+/// nothing, and a short gap between two covered stretches is hidden.
 fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
-    // First, short gaps between covered stretches are covered.
+    // First, short gaps between covered stretches become covered.
     let mut stretches = joined(stretches, is_closed);
     let covers: Vec<Option<f64>> = stretches.iter().map(|stretch| stretch.1).collect();
     for (index, (points, cover)) in stretches.iter_mut().enumerate() {
@@ -216,28 +217,30 @@ fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<V
             *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
     }
-    // Then stretches that are no longer than a crossing stroke is wide are visible.
+    // Then makes stretches visible that are no longer than a crossing stroke is wide.
     let mut stretches = joined(stretches, is_closed);
     let n = stretches.len();
     for (index, (points, cover)) in stretches.iter_mut().enumerate() {
         let is_single = neighbors(index, n, is_closed) == [None; 2];
         *cover = cover.filter(|reach| is_single || polyline_length_m(points) > CROSSING * *reach);
     }
-    match stretches.iter().all(|stretch| stretch.1.is_none()) {
-        true => vec![line.to_vec()],
-        false => uncovered_lines(stretches, is_closed),
+    if stretches.iter().all(|stretch| stretch.1.is_none()) {
+        vec![line.to_vec()]
+    } else {
+        uncovered_lines(stretches, is_closed)
     }
 }
 
-/// The indices of the stretches before and after one of n, around a closed line.
+/// Returns the indices of the stretches before and after one of n, cyclically in a closed line.
 fn neighbors(index: usize, n: usize, is_closed: bool) -> [Option<usize>; 2] {
-    match is_closed && n > 1 {
-        true => [Some((index + n - 1) % n), Some((index + 1) % n)],
-        false => [index.checked_sub(1), Some(index + 1).filter(|next| *next < n)],
+    if is_closed && n > 1 {
+        [Some((index + n - 1) % n), Some((index + 1) % n)]
+    } else {
+        [index.checked_sub(1), Some(index + 1).filter(|next| *next < n)]
     }
 }
 
-/// The uncovered stretches, with neighbors joined, over the beginning of a closed line, too.
+/// Returns the uncovered stretches, with neighbors joined, even across a closed line's start.
 fn uncovered_lines(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Vec<[f64; 2]>> {
     let n = stretches.len();
     let goes_around = is_closed && stretches[0].1.is_none() && stretches[n - 1].1.is_none();
@@ -258,7 +261,7 @@ fn uncovered_lines(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Vec<[f64; 2]
     lines
 }
 
-/// Stretches with neighbors in the same state joined, over the beginning of a closed line, too.
+/// Joins neighboring stretches in the same state, across the start of a closed line as well.
 fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
     let widest = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
     let mut kept: Vec<Stretch> = Vec::new();
@@ -271,7 +274,7 @@ fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
             None => kept.push((points, cover)),
         }
     }
-    // The last stretch of a closed line continues in its first.
+    // The last stretch of a closed line continues in the first one.
     if is_closed
         && kept.len() > 1
         && kept[0].1.is_some() == kept[kept.len() - 1].1.is_some()
@@ -283,7 +286,7 @@ fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
     kept
 }
 
-/// The place between two at which a test changes from true to false, by bisection.
+/// Bisects for the position between two others at which a test changes from true to false.
 fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool) -> [f64; 2] {
     for _ in 0..HALVINGS {
         let middle = between(same, other, 0.5);
@@ -292,7 +295,7 @@ fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool)
     between(same, other, 0.5)
 }
 
-/// A segment divided evenly into pieces no longer than `longest`, unless these are more than 10⁵.
+/// Splits a segment evenly into pieces of at most `longest`, up to 10⁵ pieces.
 fn cut([from, to]: [[f64; 2]; 2], longest: f64) -> impl Iterator<Item = [[f64; 2]; 2]> {
     let n = (distance(from, to) / longest).ceil().clamp(1.0, 1e5);
     integers_below(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])

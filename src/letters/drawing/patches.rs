@@ -1,5 +1,5 @@
-//! Patches of ink: their contours between pixels, by marching squares, without specks and without
-//! what lies around the paper. Also the warnings of a picture.
+//! Patches of ink: their contours between pixels by marching squares, without specks and without
+//! what surrounds the paper. The warnings about a picture are here as well.
 
 use std::collections::BTreeMap;
 
@@ -11,77 +11,89 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
-/// Side of the smallest patch, by the picture's longer side.
+/// Minimum side of a patch, relative to the picture's longer side.
 const LEAST: f64 = 2e-3;
-/// Largest side of a speck, by the picture's longer side and by the mean width of the largest
-/// patch.
+/// Maximum side of a speck, relative to the picture's longer side and to the mean width of the
+/// largest patch.
 const SPECK: [f64; 2] = [1e-2, 0.65];
 const SPECKLED: f64 = 0.5;
 
-/// Least length along the picture's edge of a patch that surrounds the paper, by the longer side.
+/// Minimum length along the picture's edge of a patch that surrounds the paper, relative to the
+/// longer side.
 const SURROUNDINGS: f64 = 0.3;
-/// A patch over the edge of a photograph is dropped from this mean width on, by the longer side, or
-/// if this fraction of its outline lies along the edge.
+/// A patch across the edge of a photograph is dropped above this mean width, relative to the longer
+/// side, or above this fraction of its outline along the edge.
 const OVER_EDGE: f64 = 0.02;
 const ALONG: f64 = 0.1;
 
-/// Lines across the edge of a picture, in and out, from which on they may be a paper's rulings.
+/// Minimum number of lines across a picture's edge that may be rulings of the paper.
 const RULINGS: usize = 8;
-/// Fraction of a picture in faint marks from which on there is a warning.
+/// Fraction of a picture in faint marks above which there is a warning.
 const FAINT: f64 = 0.02;
-/// Lines from which on a picture is fine, as a QR code is.
+/// Minimum number of lines in a picture as fine as a QR code.
 const FINE: usize = 60;
 
 /// The code of a warning and its message, in which `{n}` stands for a number.
 type Warning = (&'static str, &'static str);
 const PHOTO: Warning = (
     "picture-photo",
-    "a photograph is drawn as the camera sees it: letters.corners_px squares a \
-    sheet of paper that it sees at a slant, and so does a phone's scanner app",
+    "a photograph is drawn as the camera sees it. To rectify a sheet of paper seen at a \
+     slant, set letters.corners_px, or use a phone's scanner app",
 );
 const SPECKS: Warning = (
     "picture-specks",
-    "{n} speck(s), as of dust, are not drawn: they are smaller than the width of \
-    the lines",
+    "{n} speck(s), such as dust, are not drawn, because they are smaller than the width of \
+     the lines",
 );
 const CUT: Warning = (
     "picture-edge",
-    "shapes at the picture's edge are not drawn ({n}): they look like what lies \
-    around the paper; leave a margin around the drawing, or scan it with a phone's scanner app",
+    "{n} shape(s) at the picture's edge are not drawn, because they look like the surroundings \
+     of the paper. Leave a margin around the drawing, or scan it with a phone's scanner app",
 );
 const FAINT_MARKS: Warning = (
     "picture-faint",
-    "marks that are much fainter than the rest are not drawn, such as the paper's \
-    rulings: draw over those that are meant",
+    "marks that are much fainter than the rest, such as the paper's rulings, are not drawn. \
+     Trace over those that belong to the drawing",
 );
 const RULED: Warning = (
     "picture-rulings",
-    "{n} lines across the picture's edge are drawn, as rulings of the paper \
-    would be: draw on plain paper, or leave a margin around the drawing",
+    "{n} lines across the picture's edge are drawn, although they may be rulings of the paper. \
+     Draw on plain paper, or leave a margin around the drawing",
 );
 const NOT_RULED: Warning = (
     "picture-not-ruled",
-    "{n} rulings of the paper are not drawn: lines from edge to edge that are paler \
-    than the rest",
+    "{n} rulings of the paper are not drawn, that is, lines from edge to edge that are paler \
+     than the rest",
 );
 const COLORS_TOUCH: Warning =
-    ("picture-colors-touch", "areas of several colors that touch are drawn as one: leave a gap");
+    ("picture-colors-touch", "touching areas of different colors are drawn as one: leave a gap");
 const TOO_FINE: Warning = (
     "picture-fine",
-    "light fills the gaps of so fine a picture ({n} lines): a QR code cannot be \
-    scanned",
+    "light fills the gaps in so fine a picture ({n} lines), so a QR code, for example, \
+     cannot be scanned",
 );
 
-/// Least chroma of a colored ink, by its contrast, and by the paper's brightness.
+/// Minimum chroma of a colored ink, relative to its contrast, and relative to the paper's
+/// brightness.
 const CHROMA: f64 = 0.2;
 const GRAY: f64 = 0.04;
 
-/// An edge of the pixel grid: its upper or left pixel, and true if it runs downward.
+/// Numbers of what was dropped from a picture, and of its lines.
+pub(super) struct Counts {
+    /// Number of patches at the edge of the picture.
+    pub(super) n_cut: usize,
+    pub(super) n_specks: usize,
+    pub(super) n_rulings: usize,
+    /// Number of lines that are drawn.
+    pub(super) n_lines: usize,
+}
+
+/// An edge of the pixel grid: its upper or left pixel, and true if the edge runs downward.
 type GridEdge = (usize, bool);
 
 impl Field {
-    /// Patches of ink, each a contour with its holes, and the number of patches that are dropped:
-    /// those around the paper, and those over the edge of a photograph, such as a hand or a table.
+    /// Returns patches of ink, each a contour with its holes, and the number of dropped patches.
+    /// Dropped patches surround the paper, or cross the edge of a photograph, such as a hand.
     pub(super) fn patches(&self) -> (Vec<Vec<Contour>>, usize) {
         let side = self.width.max(self.height) as f64;
         let patches = nested(self.contours(), (LEAST * side * LEAST * side).max(2.0));
@@ -94,8 +106,9 @@ impl Field {
         if patches.is_empty() { (dropped, 0) } else { (patches, dropped.len()) }
     }
 
-    /// Closed contours of the ink, y up, counterclockwise, around holes clockwise (marching
-    /// squares: Lorensen and Cline, Computer Graphics 21, 1987, in two dimensions).
+    /// Returns the closed contours of the ink (y up), counterclockwise around ink and clockwise
+    /// around holes (marching squares: Lorensen and Cline, Computer Graphics 21, 1987, in two
+    /// dimensions).
     fn contours(&self) -> Vec<Contour> {
         let values: Vec<f64> = self.ink.iter().map(|value| value - EDGE).collect();
         let mut next = self.next_edges(&values);
@@ -112,7 +125,7 @@ impl Field {
         contours
     }
 
-    /// The edges of the pixel grid between ink (above 0) and paper, each with the next one.
+    /// Returns the edges of the pixel grid between ink (above 0) and paper, each with the next.
     fn next_edges(&self, values: &[f64]) -> BTreeMap<GridEdge, GridEdge> {
         let (width, height) = (self.width, self.height);
         let mut next = BTreeMap::new();
@@ -125,8 +138,8 @@ impl Field {
             }
             let edges = [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
             // Going clockwise around the cell, a contour enters before a corner with ink and leaves
-            // after one, so that ink is to its left. Two corners with ink that face each other are
-            // joined if the middle has ink.
+            // after one, which keeps ink on its left. Two opposite corners with ink are connected
+            // if the middle has ink.
             let joined = corners.iter().sum::<f64>() > 0.0;
             for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
                 let mut turns =
@@ -138,7 +151,7 @@ impl Field {
         next
     }
 
-    /// The point on an edge of the pixel grid where the values, interpolated linearly, are 0.
+    /// Returns the point on an edge of the pixel grid where linearly interpolated values are 0.
     fn crossing(&self, values: &[f64], (pixel, down): GridEdge) -> [f64; 2] {
         let (x, y) = (pixel % self.width, pixel / self.width);
         let other = values[pixel + if down { self.width } else { 1 }];
@@ -147,7 +160,7 @@ impl Field {
         [x as f64 + dx, -(y as f64 + dy)]
     }
 
-    /// Length of a contour along the edge of the picture.
+    /// Returns the length of a contour along the edge of the picture.
     fn length_along_edge(&self, contour: &Contour) -> f64 {
         let [right, bottom] = [self.width - 2, self.height - 2].map(|side| side as f64);
         let segments = segments(contour).filter(|ends| {
@@ -156,7 +169,8 @@ impl Field {
         segments.map(|[a, b]| distance(a, b)).sum()
     }
 
-    /// Number of marks of ink across the edge of the picture: runs of ink in its outermost pixels.
+    /// Returns the number of ink marks across the picture's edge, which are runs of ink in its
+    /// outermost pixels.
     fn marks_across_edge(&self) -> usize {
         let (right, bottom) = (self.width - 2, self.height - 2);
         let rows = [1, bottom].map(|y| (1..=right).map(|x| (x, y)).collect::<Vec<_>>());
@@ -168,17 +182,15 @@ impl Field {
         sides.sum()
     }
 
-    /// The warnings that apply to a picture, by the numbers of patches at the edge, specks and
-    /// rulings that were dropped, and of lines that are drawn.
-    pub(super) fn warnings(
-        &self,
-        [n_cut, n_specks, n_rulings, n_lines]: [usize; 4],
-    ) -> Vec<Diagnostic> {
+    /// Returns the warnings that apply to a picture. A rectified photograph does not need the
+    /// warning that it is drawn as the camera sees it.
+    pub(super) fn warnings(&self, counts: &Counts, is_rectified: bool) -> Vec<Diagnostic> {
+        let Counts { n_cut, n_specks, n_rulings, n_lines } = *counts;
         let n_marks = self.marks_across_edge();
-        // Edges longer than the picture are those of areas that touch, not of lines that cross.
+        // Edges longer than the picture belong to areas that touch, not to lines that cross.
         let colors_touch = self.inner_edges() > self.width.max(self.height);
         let counted = [
-            (PHOTO, usize::from(self.is_photo)),
+            (PHOTO, usize::from(self.is_photo && !is_rectified)),
             (SPECKS, n_specks),
             (CUT, n_cut),
             (FAINT_MARKS, usize::from(n_rulings == 0 && self.faint > FAINT)),
@@ -193,9 +205,9 @@ impl Field {
         warnings.collect()
     }
 
-    /// The hue of the ink along a line at full saturation, or black for gray ink.
+    /// Returns the fully saturated hue of the ink along a line, or black for gray ink.
     pub(super) fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
-        // Four points of each segment, where they lie in the ink.
+        // Averages four points of each segment, as far as they are in the ink.
         let mut sum = [0.0; 3];
         let [mut n_pixels, mut contrast] = [0.0; 2];
         for [from, to] in segments(line) {
@@ -211,7 +223,7 @@ impl Field {
         saturated(sum.map(|value| value / n_pixels), (CHROMA * contrast / n_pixels).max(GRAY))
     }
 
-    /// The index of the pixel at a point, the nearest one inside the margin of paper.
+    /// Returns the index of the pixel at a point, or the nearest pixel inside the margin of paper.
     #[expect(clippy::cast_possible_truncation, reason = "within the picture")]
     fn pixel(&self, [x, y]: [f64; 2]) -> usize {
         let [row, column] = [(-y, self.height), (x, self.width)]
@@ -220,19 +232,19 @@ impl Field {
     }
 }
 
-/// The hue of a color at full saturation, or black if its chroma is at most `most_gray`.
+/// Returns the fully saturated hue of a color, or black if its chroma is at most `most_gray`.
 fn saturated(color: [f64; 3], most_gray: f64) -> [u8; 3] {
     let least = color.into_iter().fold(f64::MAX, f64::min);
     let most = color.into_iter().fold(0.0, f64::max);
     if most - least <= most_gray {
         return [0; 3];
     }
-    // Each channel in halves, so that strokes of one pen have one color.
+    // Each channel is rounded to halves, so that all strokes of one pen have the same color.
     color.map(|value| [0, 128, 255][level(2.0 * (value - least) / (most - least) + 0.5).min(2)])
 }
 
-/// The patches without specks, which are smaller than the pen of the largest patch, and the number
-/// of specks. `side` is the picture's longer side.
+/// Returns the patches without specks, which are smaller than the pen of the largest patch, and the
+/// number of specks. `side` is the picture's longer side.
 pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<Contour>>, usize) {
     let ink = |patch: &Vec<Contour>| patch.iter().map(|contour| area(contour)).sum::<f64>();
     let largest = patches.iter().max_by(|a, b| ink(a).total_cmp(&ink(b)));
@@ -244,23 +256,23 @@ pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<
         (right - left).max(top - bottom) <= max_side
     });
     let n_specks = specks.len();
-    // A drawing of dots has no specks: `SPECKLED` is by the other patches' ink.
+    // A drawing of dots has no specks. `SPECKLED` is relative to the ink of the other patches.
     if specks.iter().map(ink).sum::<f64>() > SPECKLED / (1.0 + SPECKLED) * total {
         return (drawn.into_iter().chain(specks).collect(), 0);
     }
     (drawn, n_specks)
 }
 
-/// Patches of ink, each a contour with its holes, from contours of at least an area.
+/// Returns patches of ink, each a contour with its holes, from contours of a minimum area.
 fn nested(contours: Vec<Contour>, least_area: f64) -> Vec<Vec<Contour>> {
     let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
         .into_iter()
         .filter(|contour| area(contour).abs() >= least_area)
         .partition(|contour| area(contour) > 0.0);
     let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
-    // A hole belongs to the smallest patch that holds one of its points.
+    // A hole belongs to the smallest patch that contains one of its points.
     patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
-    // The picture's size bounds the work: this budget is never spent.
+    // The picture's size bounds the work, so this budget is never spent.
     let budget = Budget::new("", "");
     let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
     for hole in holes {

@@ -1,5 +1,5 @@
-//! Pictures that people bring, as one table: what is painted, what a camera makes of it, and the
-//! strokes and warnings that it should have.
+//! Tests of pictures that people bring. A table lists what is painted, what a camera makes of it,
+//! and the strokes and warnings that must result.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -20,7 +20,7 @@ type Line = Vec<[f64; 2]>;
 
 const SIZE: [u32; 2] = [600, 400];
 
-/// A picture that is painted shape by shape, and the lines that should be drawn.
+/// A picture that is painted shape by shape, and the lines that must be drawn.
 struct Canvas {
     pixels: Pixmap,
     lines: Vec<Line>,
@@ -42,8 +42,8 @@ impl Canvas {
     }
 
     /// Paints `pen WIDTH COLOR X,Y ...` along a line, `fill COLOR X,Y ...`, `ring WIDTH COLOR
-    /// X,Y,R` and `disc COLOR X,Y,R`, separated by semicolons. An exclamation mark before a shape:
-    /// it is not drawn.
+    /// X,Y,R` and `disc COLOR X,Y,R`, separated by semicolons. A shape after an exclamation mark is
+    /// painted but must not be drawn.
     fn paint(&mut self, shapes: &str) -> &mut Self {
         for shape in shapes.split(';').map(str::trim).filter(|shape| !shape.is_empty()) {
             let words: Vec<&str> = shape.trim_start_matches('!').split_whitespace().collect();
@@ -66,7 +66,7 @@ impl Canvas {
         self
     }
 
-    /// Paints a line with a pen, or fills it if the pen's width is 0.
+    /// Paints a line with a pen, or fills it if the width of the pen is 0.
     #[expect(clippy::cast_possible_truncation, reason = "pixels")]
     fn add(&mut self, line: &Line, width_px: f64, color: [u8; 3], is_drawn: bool) {
         let mut brush = Paint { anti_alias: true, ..Paint::default() };
@@ -118,7 +118,7 @@ fn rgb(color: &str) -> [u8; 3] {
     [color.red, color.green, color.blue]
 }
 
-/// The lines of a picture in its pixels, y down, with what it warns of.
+/// Returns the lines of a picture in its pixels (y down), and its warnings.
 fn traced(
     picture: impl Into<DynamicImage>,
     format: ImageFormat,
@@ -129,13 +129,13 @@ fn traced(
     let size = |_: [f64; 4]| Ok(1.0 / f64::from(picture.height()));
     let mut traced = bitmap::read(&file.into_inner(), options, size, "a")?;
     for point in traced.product.lines.iter_mut().flat_map(|(line, _)| line) {
-        // A pixel's middle is at half of it, and the lines have a margin of a pixel.
+        // A pixel's center is at 0.5, and the lines have a margin of one pixel.
         *point = [point[0] - 0.5, -point[1] - 0.5];
     }
     Ok(traced)
 }
 
-/// The fraction of the points along some lines that lie within a distance of others.
+/// Returns the fraction of the points along some lines that are within a distance of other lines.
 fn near(lines: &[Line], others: &[Line], within: f64) -> f64 {
     let [points, others] =
         [lines, others].map(|lines| Vec::from_iter(lines.iter().flat_map(|l| evenly(l, 1.0))));
@@ -149,8 +149,8 @@ fn hues(lines: &[ColoredLine]) -> String {
     counts.iter().map(|(name, n)| format!("{name} {n}")).collect::<Vec<_>>().join(" ")
 }
 
-/// What a camera, a lamp or a scanner makes of a picture: the level of a pixel from its place and
-/// level.
+/// What a camera, a lamp or a scanner does to a picture: returns the new level of a pixel from its
+/// position and level.
 type Taken = fn(f64, f64, f64) -> f64;
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
@@ -208,7 +208,7 @@ const ICONS: &str = "fill #c8141e 60,60 180,60 180,180 60,180; fill #003ca0 300,
     fill #000 400,220 415,265 463,266 425,295 439,340 400,314 361,340 375,295 337,266 385,265;\
     pen 8 #000 480,300 510,350 580,230";
 
-/// A row of the table: paper, shapes, camera, kind of file, the lines of each color, and the codes
+/// A row of the table: paper, shapes, camera, file type, number of lines of each color, and codes
 /// of the warnings.
 type Row = (&'static str, &'static str, Taken, ImageFormat, &'static str, &'static str);
 
@@ -234,7 +234,7 @@ const ROWS: [Row; 32] = [
     ("#fff", ICONS, CLEAN, ImageFormat::Jpeg, "black 3 blue 1 green 1 red 1", ""),
     ("#fff", ICONS, UNEVEN, ImageFormat::Jpeg, "black 3 blue 1 green 1 red 1", "photo"),
     ("", ICONS, CLEAN, ImageFormat::Png, "black 3 blue 1 green 1 red 1", ""),
-    // A shape on another one is named: only the outer outline is drawn.
+    // A shape on top of another one gives a warning, because only the outer outline is drawn.
     (
         "#fff",
         "disc #143cc8 300,200,150; !disc #fad21e 300,200,60",
@@ -243,8 +243,8 @@ const ROWS: [Row; 32] = [
         "blue 1",
         "colors-touch",
     ),
-    // Rulings are fainter than the pen, which may follow them. Few lines are no rulings, and
-    // neither are those of the pen.
+    // Rulings are fainter than the pen, which may follow them. A small number of lines does not
+    // count as rulings, and neither do lines of the pen.
     (
         "#fff",
         "!pen 2 #d0e0f8 0,60 600,62; !pen 2 #d0e0f8 0,120 600,122; !pen 2 #d0e0f8 0,180 600,182;\
@@ -280,7 +280,7 @@ const ROWS: [Row; 32] = [
         "black 1 blue 2",
         "",
     ),
-    // What lies around the paper, and the tray of a board.
+    // The surroundings of the paper, and the tray of a whiteboard.
     (
         "#fff",
         "!fill #000 0,40 70,40 70,360 0,360; ring 8 #000 320,200,110",
@@ -298,7 +298,7 @@ const ROWS: [Row; 32] = [
         "blue 1 red 1",
         "photo",
     ),
-    // A sheet on a desk.
+    // A sheet of paper on a desk.
     (
         "#50372a",
         "!fill #faf8f2 90,40 520,70 570,370 40,340; pen 6 #222 180,130 350,170;\
@@ -317,7 +317,7 @@ const ROWS: [Row; 32] = [
         "black 1 red 1",
         "photo edge",
     ),
-    // The middle of a wide shape is ink, and a letter in a row is a line, however bold.
+    // The middle of a wide shape is ink. A letter in a row is a line, however bold it is.
     ("#fff", "disc #f0503c 300,200,150", UNEVEN, ImageFormat::Jpeg, "red 1", "photo"),
     (
         "#fff",
@@ -365,7 +365,7 @@ fn the_lines_of_a_picture_are_those_that_were_painted_whatever_the_light_and_the
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// A row of numbers without end, 0 to 1.
+/// Returns an endless sequence of numbers from 0 to 1.
 fn numbers(seed: u32) -> impl FnMut() -> f64 {
     let mut state = 2 * seed + 1;
     move || {
@@ -374,7 +374,7 @@ fn numbers(seed: u32) -> impl FnMut() -> f64 {
     }
 }
 
-/// The strokes of a letter as a trembling hand writes it, slanted and a little off their places.
+/// Returns the strokes of a letter as a trembling hand writes it, slanted and slightly displaced.
 fn written(font: &Font, letter: char, hand: [f64; 3], next: &mut impl FnMut() -> f64) -> Vec<Line> {
     let [slant, tremble, shift] = hand;
     let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
@@ -397,7 +397,7 @@ fn handwritten_letters_of_any_size_are_drawn_as_they_were_written() {
     let font = Font::open("simplex", crate::Trace::CenterLine).unwrap();
     let mut next = numbers(51);
     let mut wrong = Vec::new();
-    // The pen's width in heights of a capital, and the hand.
+    // The pen's width in cap heights, and the parameters of the hand.
     for (pen, hand) in
         [(0.07, [0.0, 0.012, 0.0]), (0.11, [0.25, 0.015, 0.01]), (0.09, [-0.1, 0.03, 0.025])]
     {
@@ -445,7 +445,7 @@ fn a_sheet_is_cut_out_without_a_sliver_of_the_desk() {
 
 #[test]
 fn corners_by_hand_cut_a_sheet_out_and_square_it() {
-    // A house on a sheet on a dark desk, at a slant.
+    // A house on a sheet of paper that lies at a slant on a dark desk.
     let corners = [[90.0, 40.0], [520.0, 70.0], [570.0, 370.0], [40.0, 340.0]];
     let in_photo = Map::of_sheet(&corners, (600, 400));
     let mut sheet = Canvas::new(SIZE, "#fff");
@@ -472,7 +472,7 @@ fn corners_by_hand_cut_a_sheet_out_and_square_it() {
         "{wall_px}: a wall is upright"
     );
     assert!(right - left > 300.0 && trace.corners_px == Some(corners));
-    // Back in the photograph, the lines lie on those of the house.
+    // Mapped back to the photograph, the lines lie on those of the house.
     let back =
         lines.iter().map(|line| Vec::from_iter(line.iter().map(|p| trace.in_file.apply(*p))));
     assert!(near(&back.collect::<Vec<_>>(), &photo.lines, 4.0) > 0.98);
@@ -492,7 +492,7 @@ fn drawn(picture: impl Into<DynamicImage>, options: &LetterOptions) -> Result<St
 #[test]
 fn a_picture_without_lines_is_refused_and_a_photograph_unless_its_sheet_is_named() {
     let options = on_canvas(6.0, 4.0);
-    // A face in soft light before a dark wall, with the grain of a camera.
+    // A face in soft light in front of a dark wall, with the grain of a camera.
     let mut face = RgbImage::from_fn(600, 400, |x, y| {
         let [x, y] = [f64::from(x), f64::from(y)];
         let far = libm::hypot((x - 300.0) / 137.0, (y - 200.0) / 187.0);
@@ -539,7 +539,7 @@ fn dust_and_a_checkerboard_are_left_out_and_fine_pictures_named() {
         }
         picture
     }
-    // Larger than a picture in which lines are looked for, and made smaller by a viewer.
+    // A picture larger than those in which lines are searched, and reduced by a viewer.
     let [width, height] = SIZE.map(|side| 4 * side);
     let large = resize(&clean, width, height, FilterType::Nearest);
     let large = checkered(large, 16, [204, 255]);

@@ -2,35 +2,35 @@
 
 use super::ink::Field;
 
-/// Fewest rulings of a page.
+/// Minimum number of rulings on a page.
 const LEAST: usize = 4;
-/// Steepest ruling.
+/// Maximum slope of a ruling.
 const SLOPE: f64 = 0.02;
-/// Least fraction of a ruling that has ink, and least contrast there by that of its ends.
+/// Minimum fraction of a ruling that has ink, and minimum contrast there relative to its ends.
 const ALONG: f64 = 0.97;
 const INKED: f64 = 0.6;
-/// Largest contrast of a ruling by that of the drawing, and least fraction of the picture that the
-/// drawing's ink covers.
+/// Maximum contrast of a ruling relative to that of the drawing, and minimum fraction of the
+/// picture that the drawing's ink covers.
 const PALE: f64 = 0.6;
 const DRAWING: f64 = 5e-4;
-/// Largest contrast of the pixels that are dropped, by that of the ruling.
+/// Maximum contrast of the pixels that are dropped, relative to that of the ruling.
 const RULED: f64 = 1.5;
-/// Widest ruling, by the side that it crosses.
+/// Maximum width of a ruling, relative to the side that it crosses.
 const WIDTH: f64 = 0.012;
 
 /// A ruling.
 struct Ruling {
-    /// True if it is upright.
+    /// True for a vertical ruling.
     is_upright: bool,
-    /// Its rows, or columns if it is upright, at its two ends.
+    /// Rows of the ruling's two ends, or columns if it is vertical.
     ends: [f64; 2],
     width: usize,
     contrast: f64,
 }
 
 impl Field {
-    /// Drops the ink of rulings. A pen's line on a ruling stays, because its ink is darker. Returns
-    /// the number of rulings, 0 if there are too few or the rest is no darker.
+    /// Drops the ink of rulings. A pen's line on a ruling stays because its ink is darker. Returns
+    /// the number of rulings, or 0 if there are too few or the rest is no darker.
     pub(super) fn drop_rulings(&mut self) -> usize {
         let rulings: Vec<Ruling> =
             [false, true].into_iter().flat_map(|is_upright| self.rulings(is_upright)).collect();
@@ -50,35 +50,35 @@ impl Field {
         rulings.len()
     }
 
-    /// Pixels of the picture along its rows, or along its columns if `is_upright`.
+    /// Returns the number of the picture's pixels along a row, or along a column if `is_upright`.
     fn length(&self, is_upright: bool) -> usize {
         (if is_upright { self.height } else { self.width }) - 2
     }
 
-    /// The index of a pixel by its places along and across a ruling.
+    /// Returns the index of a pixel, given its positions along and across a ruling.
     fn pixel_across(&self, is_upright: bool, along: usize, across: usize) -> Option<usize> {
         let [x, y] = if is_upright { [across, along] } else { [along, across] };
         (x < self.width && y < self.height).then(|| y * self.width + x)
     }
 
-    /// The pixels within `reach` of the middle of a ruling at a place along it.
+    /// Returns the pixels within `reach` of a ruling's middle at a position along it.
     fn near(&self, ruling: &Ruling, along: usize, reach: usize) -> impl Iterator<Item = usize> {
         let middle = self.middle(ruling, along);
         let across = middle.saturating_sub(reach)..=middle + reach;
         across.filter_map(move |across| self.pixel_across(ruling.is_upright, along, across))
     }
 
-    /// The place across a ruling of its middle.
+    /// Returns the position of a ruling's middle across the ruling.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
     fn middle(&self, ruling: &Ruling, along: usize) -> usize {
         let part = (along - 1) as f64 / (self.length(ruling.is_upright) - 1) as f64;
         (ruling.ends[0] + part * (ruling.ends[1] - ruling.ends[0])).round().max(0.0) as usize
     }
 
-    /// Lines of one direction with ink from edge to edge.
+    /// Returns the lines of one direction that have ink from edge to edge.
     fn rulings(&self, is_upright: bool) -> Vec<Ruling> {
         let length = self.length(is_upright);
-        // Narrow marks at both edges, then pairs of these with ink all the way between them.
+        // Pairs narrow marks at both edges that have ink all the way between them.
         let [first, last] = [1, length].map(|along| self.marks(is_upright, along));
         let pairs = first.iter().filter_map(|(start, width, contrast)| {
             let ends = last.iter().filter(|mark| (mark.0 - start).abs() <= SLOPE * length as f64);
@@ -103,7 +103,8 @@ impl Field {
         n_inked.count() as f64 >= ALONG * length as f64
     }
 
-    /// Middle, width and contrast of each narrow mark of ink across the picture at a place.
+    /// Returns the middle, width and contrast of each narrow mark of ink across the picture at a
+    /// position.
     fn marks(&self, is_upright: bool, along: usize) -> Vec<(f64, usize, f64)> {
         let side = self.length(!is_upright);
         let contrast = |across: usize| {

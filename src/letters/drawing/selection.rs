@@ -1,22 +1,23 @@
-//! Selection of a drawing's strokes, by number or color.
+//! Selects a drawing's strokes by number or color.
 
 use super::LetterOptions;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::strokes::SourceStroke;
 
-/// Strokes, and their numbers in the whole drawing, from 1 on.
+/// Strokes with their numbers in the whole drawing, counted from 1.
 pub(super) type Numbered<T> = Vec<(usize, T)>;
 
-/// Names of colors, and the hue up to which each but the last goes, in degrees.
+/// Names of colors, and the maximum hue in degrees of each except the last.
 const HUES: [&str; 9] =
     ["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink", "red"];
 const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0];
-/// Least chroma, of 255, of a color with a hue, and the levels between black, gray and white.
+/// Minimum chroma, out of 255, of a color that has a hue, and the levels that separate black, gray
+/// and white.
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];
 
-/// The strokes that the options `ink` and `without` choose, with their numbers. Fails if they leave
-/// none, or name what the drawing does not have.
+/// Returns the strokes that the options `ink` and `without` choose, with their numbers. Fails if
+/// none is left, or if they name what the drawing does not have.
 pub(super) fn chosen<T>(
     strokes: Vec<T>,
     color: impl Fn(&T) -> Option<[u8; 3]>,
@@ -26,20 +27,20 @@ pub(super) fn chosen<T>(
     let colors: Vec<Option<&str>> = strokes.iter().map(|stroke| color(stroke).map(name)).collect();
     let wanted = named("ink", &options.ink, &colors)?;
     let unwanted = named("without", &options.without, &colors)?;
-    // An empty list of wanted strokes chooses all.
+    // An empty list of wanted strokes chooses all strokes.
     let is_all = !wanted.contains(&true);
     let is_empty = strokes.is_empty();
     let mut kept: Numbered<T> = (1..).zip(strokes).collect();
     kept.retain(|(number, _)| (is_all || wanted[number - 1]) && !unwanted[number - 1]);
     if kept.is_empty() && !is_empty {
-        let (choice, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
+        let (choice, hint) = ("a choice that leaves no stroke", "leave out fewer strokes");
         let error = Error::input("letters.without", choice, "at least one stroke", hint);
         return Err(error.coded(super::EMPTY).in_file(file, None));
     }
     Ok(kept)
 }
 
-/// All strokes with the names of their colors. `in_file` maps points with y down to the file.
+/// Returns all strokes with their color names. `in_file` maps points with y down to the file.
 pub(super) fn in_source<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
@@ -50,12 +51,12 @@ pub(super) fn in_source<'a>(
     }))
 }
 
-/// True for each stroke that a list such as `2,5-7,red` names. Fails for a part of the list that is
-/// not in the drawing. `key` is the setting with the list.
+/// Returns true for each stroke that a list such as `2,5-7,red` names. Fails for a part of the list
+/// that the drawing does not have. `key` is the setting that contains the list.
 fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
     let n_strokes = colors.len();
     let mut named = vec![false; n_strokes];
-    // A part is a number, a range of numbers, or a color by its name or in CSS.
+    // Each part is a number, a range of numbers, or a color by its name or in CSS syntax.
     for text in list.split(',').map(str::trim).filter(|text| !text.is_empty()) {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let range = first.trim().parse().ok().zip(last.trim().parse().ok());
@@ -72,7 +73,7 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
             color_names.sort_unstable();
             color_names.dedup();
             let wanted = format!(
-                "numbers from 1 to {n_strokes}, or of the colors {}",
+                "numbers from 1 to {n_strokes}, or one of the colors {}",
                 color_names.join(", ")
             );
             let hint = "the drawing of the plan (*.svg) shows the strokes' numbers";
@@ -83,13 +84,13 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
     Ok(named)
 }
 
-/// The name of a color: its hue, or black, gray or white.
+/// Returns the name of a color: its hue, or black, gray or white.
 pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
     if most - least < CHROMA {
         return ["black", "gray", "white"][GRAY.iter().filter(|level| most >= **level).count()];
     }
-    // The hue of HSV, in degrees.
+    // The hue is that of the HSV model, in degrees.
     let [r, g, b] = [r, g, b].map(f64::from);
     let chroma = f64::from(most - least);
     let hue = if r >= g && r >= b {
@@ -163,7 +164,7 @@ mod tests {
                 assert!((right - left - 2.0).abs() < 1e-9 && (top - bottom - 1.0).abs() < 1e-9);
                 let [x, y] = strokes.numbers[0].1;
                 assert!((left..=right).contains(&x) && (bottom..=top).contains(&y), "{x}, {y}");
-                // What is left out is still known.
+                // Strokes that are left out are still listed.
                 let colors: Vec<_> = strokes.source.strokes.iter().map(|it| it.color).collect();
                 assert_eq!(colors, [Some("black"), Some("red"), Some("green")], "{name}");
                 assert_eq!(

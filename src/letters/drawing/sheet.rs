@@ -1,4 +1,4 @@
-//! A sheet of paper in a photograph, seen square on from its four corners.
+//! A sheet of paper in a photograph, rectified by its four corners.
 
 use image::imageops::interpolate_bilinear;
 use image::{Rgb, RgbImage};
@@ -6,15 +6,15 @@ use image::{Rgb, RgbImage};
 use crate::vector::{cross, minus};
 use noctograph_core::geometry::distance;
 
-/// Four corners in a picture's pixels, clockwise from the upper left.
+/// Four corners in pixels of a picture, clockwise from the upper left.
 pub(super) type Corners = [[f64; 2]; 4];
 
-/// Width of the sheet's edge that takes the color beside it, by the longer side, since corners that
-/// are set by hand may leave a sliver of the desk.
+/// Width of the sheet's edge that takes the color next to it, relative to the longer side. Corners
+/// that are set by hand may include a sliver of the desk.
 const SLIVER: f64 = 0.008;
 
-/// True if four corners follow each other clockwise around a convex quadrilateral whose corners are
-/// no straighter than a pixel of area.
+/// True if four corners follow each other clockwise around a convex quadrilateral, and each turn
+/// spans more than one pixel of area.
 pub(super) fn is_convex(corners: &Corners) -> bool {
     (0..4).all(|k| {
         let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 4]);
@@ -22,8 +22,8 @@ pub(super) fn is_convex(corners: &Corners) -> bool {
     })
 }
 
-/// The picture of a sheet rectified, each side as long as the longer of the two opposite ones in
-/// the picture: its aspect ratio is approximate.
+/// Returns the rectified picture of a sheet. Each side is as long as the longer of the two opposite
+/// sides in the picture, so the aspect ratio is approximate.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
 pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     let sides = [0, 1, 2, 3].map(|k| distance(corners[k], corners[(k + 1) % 4]));
@@ -43,13 +43,13 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     })
 }
 
-/// A projective map between two pictures, as a matrix of homogeneous coordinates.
+/// A projective map between two pictures, as a matrix for homogeneous coordinates.
 pub(super) struct Map(pub(super) [[f64; 3]; 3]);
 
 impl Map {
-    /// The map from the pixels of a square-on sheet to its corners in a picture: that of the unit
-    /// square to a quadrilateral (Heckbert, Fundamentals of Texture Mapping and Image Warping,
-    /// 1989, section 2.2.3), scaled to the sheet.
+    /// Returns the map from the pixels of a rectified sheet to its corners in a picture. This is
+    /// the map from the unit square to a quadrilateral (Heckbert, Fundamentals of Texture Mapping
+    /// and Image Warping, 1989, section 2.2.3), scaled to the sheet.
     pub(super) fn of_sheet(corners: &Corners, (width, height): (u32, u32)) -> Self {
         let [[x0, y0], [x1, y1], [x2, y2], [x3, y3]] = *corners;
         let (dx1, dx2, sx) = (x1 - x2, x3 - x2, x0 - x1 + x2 - x3);
@@ -64,7 +64,7 @@ impl Map {
         Self(of_unit.map(|[u, v, w]| [u / f64::from(width), v / f64::from(height), w]))
     }
 
-    /// The image of a point.
+    /// Returns the image of a point.
     pub(super) fn apply(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y, w] = self.0.map(|row| row[0] * u + row[1] * v + row[2]);
         [x / w, y / w]

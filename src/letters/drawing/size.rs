@@ -1,5 +1,5 @@
-//! The size of an SVG file with all repetitions by `use`, clips, masks, gradients and markers. It
-//! is computed before usvg expands them.
+//! The size of an SVG file including all repetitions by `use`, clips, masks, gradients and markers,
+//! computed before usvg expands these.
 
 use std::collections::HashMap;
 
@@ -9,43 +9,43 @@ use super::notes::{EMPTIED, FOREIGN, has};
 use super::styles::Styles;
 use noctograph_core::files::Budget;
 
-/// Most elements with repetitions. usvg keeps some 500 bytes for each.
+/// Maximum number of elements with repetitions. usvg keeps about 500 bytes for each.
 const MAX_ELEMENTS: f64 = 1e5;
 
-/// Most bytes of their attributes.
+/// Maximum size of their attributes in bytes.
 const MAX_BYTES: f64 = (16 << 20) as f64;
 
-/// Most elements within elements, those of `use` included.
+/// Maximum depth of nested elements, including those of `use`.
 const MAX_DEPTH: usize = 128;
 
-/// Most user units of all curves, their coordinates added up. usvg outlines every stroke for its
-/// box: curves of 10³ take 5 µs each, of 10⁶ 0.4 ms, and arcs become several curves.
+/// Maximum sum of the coordinates of all curves in user units. usvg outlines every stroke for its
+/// bounding box: curves of 10³ take 5 µs each and of 10⁶ 0.4 ms, and arcs become several curves.
 const MAX_CURVES: f64 = 1e9;
 
-/// Commands of a path that draw curves.
+/// Path commands that draw curves.
 const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 
-/// Work of an element with all repetitions: elements, bytes of attributes, vertices of paths,
-/// coordinates of curves added up, and steps of matching style rules.
+/// Work of an element with all repetitions: number of elements, bytes of attributes, vertices of
+/// paths, sum of curve coordinates, and steps to match style rules.
 type Work = [f64; 5];
 const ELEMENTS: usize = 0;
 const VERTICES: usize = 2;
 
-/// Checks that the elements of a document cost bounded work, and takes the matching of styles off
-/// the budget. The error is the cause.
+/// Checks that the elements of a document take a bounded amount of work, and charges the matching
+/// of styles to the budget. The error names the cause.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
     styles: &Styles<'a, 'input>,
     budget: &Budget,
 ) -> Result<(), String> {
-    // Percentages are of the lengths of a page.
+    // Percentages are relative to the lengths of a page.
     let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
     let lengths =
         pages.flat_map(|node| ["viewBox", "width", "height"].map(|name| node.attribute(name)));
     let page = lengths.flatten().flat_map(magnitudes).fold(100.0, f64::max);
     let mut counting = Counting { styles, page, known: HashMap::new(), marker: [0.0; 5] };
     let (work, _) = counting.count(root, 0)?;
-    // Upper bound: each vertex has the largest marker, and each end of a path one more.
+    // Upper bound: each vertex has the largest marker, and each end of a path has another one.
     let has_marker = counting.marker[ELEMENTS] > 0.0;
     let n_markers = if has_marker { work[VERTICES] + 2.0 * work[ELEMENTS] } else { 0.0 };
     let [elements, bytes, _, curves, steps] =
@@ -53,44 +53,45 @@ pub(super) fn check<'a, 'input>(
     let what = if has_marker { "markers" } else { "<use>, clips and masks" };
     if elements > MAX_ELEMENTS {
         let most = format!("at most {MAX_ELEMENTS}");
-        return Err(format!("{elements} elements, those of {what} counted, {most}"));
+        return Err(format!("{elements} elements including those of {what}, {most}"));
     }
     if bytes > MAX_BYTES {
         let mb = bytes / 1e6;
         return Err(format!(
-            "{mb:.0} MB of attributes, those of {what} counted: more than an input may have"
+            "{mb:.0} MB of attributes including those of {what}, more than an input may have"
         ));
     }
     if curves > MAX_CURVES {
-        return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
+        return Err(format!("curves of {curves:.1e} user units in total, at most {MAX_CURVES:e}"));
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     budget.spend_steps(steps as usize);
     Ok(())
 }
 
-/// Counts the work of elements.
+/// A counter of the work of elements.
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,
-    /// Work and depth of the elements counted so far. `None` while an element is being counted.
+    /// Work and depth of each element counted so far, or `None` while it is being counted.
     known: HashMap<Node<'a, 'input>, Option<(Work, usize)>>,
-    /// The largest work of each kind in a marker.
+    /// Maximum work of each kind in a marker.
     marker: Work,
 }
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
-    /// The work of an element at a depth, and its levels of nested elements. Fails with the cause.
+    /// Returns the work of an element at a depth, and its levels of nested elements. The error
+    /// names the cause.
     fn count(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<(Work, usize), String> {
-        let too_deep = format!("more than {MAX_DEPTH} elements within each other");
+        let too_deep = format!("more than {MAX_DEPTH} levels of nested elements");
         match self.known.get(&node) {
             Some(Some(counted)) => return Ok(*counted),
-            Some(None) => return Err("elements that use each other without end".into()),
+            Some(None) => return Err("elements that use each other in a cycle".into()),
             None if depth > MAX_DEPTH => return Err(too_deep),
             None => {}
         }
         self.known.insert(node, None);
-        // The element, and the parts that usvg would repeat with it.
+        // Adds up the work of the element and of the parts that usvg would repeat with it.
         let mut work = self.single(node)?;
         let mut n_levels = 1;
         for part in self.parts(node) {
@@ -111,18 +112,18 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         Ok((work, n_levels))
     }
 
-    /// The work of an element without its parts. The error is the cause.
+    /// Returns the work of an element without its parts. The error names the cause.
     fn single(&self, node: Node<'a, 'input>) -> Result<Work, String> {
         let declared = self.styles.declared(node);
         let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
-        // Basic shapes have up to ten vertices. A command of a path takes two bytes at least.
+        // Basic shapes have up to ten vertices. A path command takes at least two bytes.
         let paths = ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
         let n_vertices = 10 + (paths[0] + paths[1]) / 2;
         let steps = self.styles.steps(node) as f64;
         Ok([1.0, n_bytes as f64, n_vertices as f64, self.curves(node)?, steps])
     }
 
-    /// The elements within an element, and those that it refers to, if its content is drawn.
+    /// Returns the elements inside an element and those that it refers to, if its content is drawn.
     fn parts(&self, node: Node<'a, 'input>) -> Vec<Node<'a, 'input>> {
         let tag = node.tag_name().name();
         if has(FOREIGN, tag) || has(EMPTIED, tag) {
@@ -133,8 +134,11 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         node.children().filter(Node::is_element).chain(linked).collect()
     }
 
-    /// The element that a declaration of another makes usvg repeat. `None` if it refers to none.
+    /// Returns the element that a declaration of another one makes usvg repeat, or `None` if it
+    /// refers to none.
     fn linked(&self, tag: &str, name: &str, value: &str) -> Option<Node<'a, 'input>> {
+        // A link of `a` leads to another page. Of paints, usvg repeats gradients, but not patterns,
+        // whose content was removed.
         let is_paint = matches!(name, "fill" | "stroke");
         if !is_paint && !matches!(name, "clip-path" | "mask") && (name != "href" || tag == "a") {
             return None;
@@ -143,7 +147,8 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         (!is_paint || target.tag_name().name().ends_with("Gradient")).then_some(target)
     }
 
-    /// The sum of the absolute coordinates of an element's curves. Fails for lengths in em or ex.
+    /// Returns the sum of the absolute coordinates of an element's curves. Fails for lengths in em
+    /// or ex.
     fn curves(&self, node: Node<'_, '_>) -> Result<f64, String> {
         let names: &[&str] = match node.tag_name().name() {
             "path" => &["d"],
@@ -165,14 +170,14 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
     }
 }
 
-/// The absolute values of the numbers in an attribute.
+/// Returns the absolute values of the numbers in an attribute.
 fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
     fn digits(text: &str) -> usize {
         text.bytes().take_while(u8::is_ascii_digit).count()
     }
     std::iter::from_fn(move || {
         text = &text[text.find(|c: char| c.is_ascii_digit() || c == '.')?..];
-        // Digits, a fraction and an exponent. A sign before them is skipped.
+        // Parses digits, a fraction and an exponent. A sign before them is skipped.
         let mut end = digits(text);
         if text[end..].starts_with('.') {
             end += 1 + digits(&text[end + 1..]);

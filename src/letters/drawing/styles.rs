@@ -1,7 +1,7 @@
-//! Styles: the declarations of an SVG file's elements, as usvg reads them, and the work they take.
+//! Styles: the declarations of an SVG file's elements as usvg reads them, and the work of doing so.
 //!
-//! usvg resolves style sheets by simplecss, which silently skips unknown parts. The same parser
-//! runs here before usvg, so that these parts are named and the work is bounded.
+//! usvg resolves style sheets with simplecss, which silently skips parts that it does not know.
+//! simplecss runs here before usvg, so that skipped parts are named and the work is bounded.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -14,44 +14,50 @@ use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
 use noctograph_core::place::{Place, Segment};
 
-/// Budget steps of comparing two names, of expanding an entity, and of matching a rule with an
-/// element, with the most steps that a match may take.
+/// Budget steps for comparing two names, for expanding an entity, and for matching a rule with an
+/// element, and the maximum number of steps of a match.
 const STEPS_PER_NAME: usize = 4;
 const STEPS_PER_ENTITY: usize = 200;
 const STEPS_PER_MATCH: usize = 50;
 const MAX_MATCH_STEPS: usize = 2_000_000_000;
 
-/// Most entities that the parser expands for one reference, and most bytes of all of them.
+/// Maximum number of entities that the parser expands for one reference, and maximum size of all of
+/// them in bytes.
 const MOST_WITHIN: usize = 256;
 const MAX_ENTITY_BYTES: usize = 16 << 20;
 
-/// Memory of a declaration and of a selector in bytes.
+/// Memory for a declaration and for a selector, in bytes.
 const DECLARATION: usize = 48;
 const SELECTOR: usize = 200;
 
-/// Rules beginning with `@` that change nothing of a still picture on a screen.
+/// Rules starting with `@` that do not change a still picture on a screen.
 const WITHOUT_EFFECT: [&str; 6] =
     ["charset", "font-face", "keyframes", "-webkit-keyframes", "namespace", "media print"];
+
+/// Maximum number of names in a list of unsupported features, and maximum characters of a name.
+const MAX_NAMES: usize = 20;
+const MAX_NAME_LENGTH: usize = 80;
 
 /// Help for an unsupported feature.
 const HELP: &str = "convert it to plain paths in the editor of the drawing";
 
-/// Unsupported features, by name and treatment: the number of elements, and where the first begins.
+/// Unsupported features by name and treatment, with the number of elements and the first one's
+/// position.
 #[derive(Default)]
 pub(super) struct Named(BTreeMap<(String, &'static str), (usize, usize)>);
 
 impl Named {
-    /// Counts an element with a feature, under the name and the treatment of that.
+    /// Counts an element with a feature, under the name and the treatment of the feature.
     pub(super) fn add(&mut self, what: impl Into<String>, how: &'static str, node: Node<'_, '_>) {
-        // Keep the list short for a file with many odd names.
-        let mut key = (what.into().chars().take(80).collect(), how);
-        if !self.0.contains_key(&key) && self.0.len() >= 20 {
+        // Keeps the list short for a file with many unusual names.
+        let mut key = (what.into().chars().take(MAX_NAME_LENGTH).collect(), how);
+        if !self.0.contains_key(&key) && self.0.len() >= MAX_NAMES {
             key = ("other properties".to_owned(), "not followed");
         }
         self.0.entry(key).or_insert((0, node.range().start)).0 += 1;
     }
 
-    /// A warning for each, with the line of its first element.
+    /// Returns a warning for each feature, with the line of its first element.
     pub(super) fn warnings(&self, document: &Document<'_>, file: &str) -> Vec<Diagnostic> {
         Vec::from_iter(self.0.iter().map(|((what, how), (n, start))| {
             let uses = if *n == 1 { "element uses" } else { "elements use" };
@@ -63,18 +69,18 @@ impl Named {
     }
 }
 
-/// Takes the entities, attributes and namespaces of a file off a budget: the parser compares each
-/// attribute with all others of its tag, each prefix with all namespaces around, and each reference
-/// with all entities. The error names entities that become too large.
+/// Charges the entities, attributes and namespaces of a file to a budget. The parser compares each
+/// attribute with all others of its tag, each prefix with all namespaces around it, and each
+/// reference with all entities. The error names entities that become too large.
 pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), String> {
-    // Entities: each reference is looked up among all of them, and put in as text.
+    // Each reference is looked up among all entities, and replaced by the entity's text.
     let (mut n_entities, mut longest, mut references) = (0, 0, xml.matches('&').count());
     for declaration in xml.split("<!ENTITY").skip(1) {
         let Some(start) = declaration.find(['"', '\'']) else { continue };
         let quote = &declaration[start..=start];
         let value = declaration[start + 1..].split(quote).next().unwrap_or("");
         if value.contains('<') {
-            return Err("an entity that holds elements".into());
+            return Err("an entity that contains elements".into());
         }
         if value.contains('&') {
             references = references.saturating_mul(MOST_WITHIN);
@@ -84,12 +90,12 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     if n_entities > 0 {
         let bytes = references.saturating_mul(longest);
         if bytes > MAX_ENTITY_BYTES.max(xml.len()) {
-            return Err(format!("entities that become up to {} MiB", bytes >> 20));
+            return Err(format!("entities that expand to up to {} MiB", bytes >> 20));
         }
         budget
             .spend_steps(references.saturating_mul(STEPS_PER_ENTITY + STEPS_PER_NAME * n_entities));
     }
-    // Attributes of a tag with each other, and prefixes with the namespaces around.
+    // Attributes of a tag are compared with each other, prefixes with the namespaces around.
     let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
@@ -105,21 +111,21 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// Declarations of an element: name, value, and true if it is from CSS. The last one with a name
-/// counts.
+/// Declarations of an element: name, value, and true if it comes from CSS. If a name occurs several
+/// times, the last one is in force.
 pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 
-/// The declarations of all elements, and the steps of computing them.
+/// The declarations of all elements, and the number of steps to compute them.
 pub(super) struct Styles<'a, 'input> {
     declared: HashMap<NodeId, (Declared<'a>, usize)>,
     ids: HashMap<&'a str, Node<'a, 'input>>,
-    /// The text of all style sheets.
+    /// Text of all style sheets.
     sheets: String,
 }
 
 impl<'a, 'input> Styles<'a, 'input> {
     /// Reads the style sheets and the declarations of all elements, and names unsupported parts.
-    /// Fails once the budget is spent.
+    /// Fails if the budget is spent.
     pub(super) fn new(
         document: &'a Document<'input>,
         budget: &Budget,
@@ -131,9 +137,9 @@ impl<'a, 'input> Styles<'a, 'input> {
             if !matches!(node.attribute("type"), None | Some("text/css")) {
                 continue;
             }
-            // usvg reads the first text of a style sheet.
+            // usvg only reads the first text of a style sheet.
             if node.children().filter_map(|child| child.text()).count() > 1 || has_escapes(node) {
-                named.add("a style sheet with escapes or comments of XML", "not followed", node);
+                named.add("a style sheet with XML escapes or comments", "not followed", node);
             }
             let text = node.text().filter(|_| !has_escapes(node)).unwrap_or("");
             check_sheet(text, node, budget, named)?;
@@ -150,29 +156,29 @@ impl<'a, 'input> Styles<'a, 'input> {
         Ok(Self { declared: all_declared, ids, sheets })
     }
 
-    /// The declarations of an element.
+    /// Returns the declarations of an element.
     pub(super) fn declared(&self, node: Node<'_, '_>) -> &[(&'a str, &'a str, bool)] {
         self.declared.get(&node.id()).map_or(&[], |(declared, _)| declared)
     }
 
-    /// The number of steps that matching the rules with an element took.
+    /// Returns the number of steps to match the rules with an element.
     pub(super) fn steps(&self, node: Node<'_, '_>) -> usize {
         self.declared.get(&node.id()).map_or(0, |(_, steps)| *steps)
     }
 
-    /// The value in force of an element's property or attribute, if it is declared.
+    /// Returns the value in force of an element's property or attribute, if it is declared.
     pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
         let declared = self.declared(node).iter().rev();
         declared.filter(|entry| entry.0 == name).map(|entry| entry.1.trim()).next()
     }
 
-    /// True if an element is the first of its id, or has none.
+    /// True if an element is the first with its id, or has no id.
     pub(super) fn is_first(&self, node: Node<'_, '_>) -> bool {
         let first = node.attribute("id").and_then(|id| self.ids.get(id));
         first.is_none_or(|first| first.id() == node.id())
     }
 
-    /// True if a style sheet may have a rule of an id.
+    /// True if a style sheet may have a rule for an id.
     pub(super) fn has_rule_of(&self, id: &str) -> bool {
         let is_name = |sign: char| sign.is_alphanumeric() || sign == '-' || sign == '_';
         let name = format!("#{id}");
@@ -182,7 +188,7 @@ impl<'a, 'input> Styles<'a, 'input> {
         })
     }
 
-    /// The element that `#name` or `url(#name)` refers to. `None` if there is none.
+    /// Returns the element to which `#name` or `url(#name)` refers, or `None` if there is none.
     pub(super) fn target(&self, link: &str) -> Option<Node<'a, 'input>> {
         let link = link.trim();
         let link =
@@ -191,22 +197,23 @@ impl<'a, 'input> Styles<'a, 'input> {
     }
 }
 
-/// The declarations of an element, and the steps of matching the rules of a style sheet with it.
-/// Fails once the budget is spent.
+/// Returns the declarations of an element, and the number of steps to match a style sheet's rules
+/// with it. Fails if the budget is spent.
 fn declarations<'a>(
     node: Node<'a, '_>,
     sheet: &simplecss::StyleSheet<'a>,
     budget: &Budget,
     named: &mut Named,
 ) -> Result<(Declared<'a>, usize)> {
-    // Attributes first, then rules and the style by importance: the last of a name is in force.
+    // Attributes come first, followed by the rules and the style, sorted by importance. The last
+    // declaration of a name is in force.
     let attributes = node.attributes().filter(|attribute| {
         matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
             && !matches!(attribute.name(), "style" | "class")
     });
     let mut declared: Declared<'a> =
         attributes.map(|attribute| (attribute.name(), attribute.value(), false)).collect();
-    // Ten steps a rule, besides those that matching takes.
+    // Each rule costs ten steps, in addition to those of matching.
     let n_steps = Cell::new(10 * sheet.rules.len());
     let element = Matched { node, n_steps: &n_steps };
     let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
@@ -224,22 +231,23 @@ fn declarations<'a>(
     Ok((declared, n_steps.get()))
 }
 
-/// True if quotation marks of a style sheet may be escaped. usvg does not get such a sheet.
+/// True if quotation marks of a style sheet may be escaped. A sheet with escapes is not passed to
+/// usvg.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
 }
 
-/// Steps to tokenize declarations: simplecss ends each value and each broken block by an error that
-/// counts lines and columns from the start of the text.
+/// Returns the number of steps to tokenize declarations. simplecss ends each value and each broken
+/// block with an error that counts lines and columns from the start of the text.
 fn tokenizing_steps(css: &str) -> usize {
     css.matches([':', '{']).count().saturating_mul(2 * css.len())
 }
 
-/// Names the unsupported parts of a style sheet, and takes its work and memory off a budget: each
+/// Names the unsupported parts of a style sheet, and charges its work and memory to a budget. Each
 /// selector of a list has the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
     budget.steps(tokenizing_steps(sheet))?;
-    // The head of a block has its selectors, and rules beginning with @ before them.
+    // The head of a block has its selectors, preceded by rules that start with @.
     for block in without_strings(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
         for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {
@@ -264,7 +272,7 @@ fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Nam
     Ok(())
 }
 
-/// The text of a style sheet without comments and quoted strings.
+/// Returns the text of a style sheet without comments and quoted strings.
 fn without_strings(sheet: &str) -> String {
     let (mut kept, mut rest) = (String::new(), sheet);
     while let Some(start) = rest.find(['"', '\'', '/']) {
@@ -286,14 +294,14 @@ fn breaks_off(declarations: &str) -> bool {
     DeclarationTokenizer::from(declarations).count() < n_written && !declarations.contains("url(")
 }
 
-/// An element for simplecss, and the number of steps of its queries.
+/// An element as simplecss sees it, and the number of steps of its queries.
 struct Matched<'a, 'input, 's> {
     node: Node<'a, 'input>,
     n_steps: &'s Cell<usize>,
 }
 
 impl<'a, 'input> Matched<'a, 'input, '_> {
-    /// A related element, counted as one match. `None` if there is none, or after too many steps.
+    /// Returns a related element, counted as one match. `None` for none, or after too many steps.
     fn related(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
         let n_steps = self.n_steps;
         n_steps.set(n_steps.get() + STEPS_PER_MATCH);
@@ -340,7 +348,7 @@ mod tests {
     fn entities_are_counted_where_they_are_put_in() {
         let small = "<!DOCTYPE svg [<!ENTITY ns 'http://ns.adobe.com/'>]><svg a='&ns;' b='&lt;'/>";
         check(small).unwrap();
-        // Quadratic: 120 kB that is put in 40,000 times.
+        // Expanding these entities takes quadratic work: 120 kB are inserted 40,000 times.
         let wide = format!(
             "<!DOCTYPE svg [<!ENTITY a '{}'>]><svg a='{}'/>",
             "x".repeat(120_000),

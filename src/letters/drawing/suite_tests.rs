@@ -1,30 +1,32 @@
-//! SVG drawings beside reference pictures: every file `NAME.svg` of a folder that has a `NAME.png`,
-//! such as the tests of resvg (github.com/linebender/resvg, `crates/resvg/tests/tests`).
+//! Compares SVG drawings with reference pictures: every file `NAME.svg` of a folder with a
+//! `NAME.png`, such as the tests of resvg (github.com/linebender/resvg,
+//! `crates/resvg/tests/tests`).
 //!
 //! `NOCTOGRAPH_DRAWINGS=FOLDER cargo test --profile work -p noctograph-letters suite -- --ignored
-//! --nocapture`. Wrong is a stroke that lies neither on an edge of the picture nor in ink, as the
-//! center of a line does. A file is named where it is refused, or a warning tells what is not
-//! followed. Listed, to be looked at, are edges without a stroke near them: the rim of a fill, or a
-//! center line as far away as the line is wide; a thick or transparent border has two edges more.
+//! --nocapture`. A stroke is wrong if it is neither on an edge of the picture nor in ink like the
+//! center of a line. A file counts as named if it is refused or a warning names what is not
+//! followed. Edges without a stroke near them are listed for inspection. Fills have strokes at
+//! their edge, center lines at half the line's width, and a thick or transparent border has two
+//! more edges.
 
 use std::path::{Path, PathBuf};
 
 use super::super::{LetterOptions, Strokes};
 use super::{Ink, draw};
 
-/// Distance in pixels within which a stroke lies on an edge.
+/// Maximum distance in pixels between a stroke and its edge.
 const NEAR_PX: f32 = 2.5;
 
-/// Difference of two colors in a channel, of 255, from which there is an edge between neighbors.
+/// Minimum difference between the colors of neighbors at an edge, in a channel, out of 255.
 const EDGE: i32 = 24;
 
-/// Difference from the color of the paper from which there is ink.
+/// Minimum difference between ink and the color of the paper.
 const INK: i32 = 12;
 
-/// Shares of strokes and edges in question that are the corners of miters and caps.
+/// Fractions of the strokes and edges in question that corners of miters and caps explain.
 const CORNERS: [f32; 2] = [0.02, 0.04];
 
-/// Pixels in question that are noise.
+/// Number of pixels in question that noise explains.
 const FEW_PX: f32 = 6.0;
 
 /// A reference picture on paper.
@@ -32,7 +34,7 @@ struct Picture {
     size: [usize; 2],
     is_ink: Vec<bool>,
     is_edge: Vec<bool>,
-    /// Distance of the nearest edge.
+    /// Distance from each pixel to the nearest edge.
     edge_px: Vec<f32>,
 }
 
@@ -46,7 +48,7 @@ impl Picture {
             };
             rgba.pixels().map(|pixel| over(pixel.0)).collect()
         };
-        // White ink alone is on dark paper.
+        // If all ink is white, the paper is dark.
         let on_white = on(255);
         let is_blank = on_white.iter().all(|color| *color == [255; 3]);
         let paper = if is_blank { 0 } else { 255 };
@@ -77,11 +79,11 @@ fn difference(a: [i32; 3], b: [i32; 3]) -> i32 {
     (0..3).map(|i| (a[i] - b[i]).abs()).max().unwrap_or(0)
 }
 
-/// Distance of each pixel to the nearest that is marked, by steps of 1 and √2.
+/// Returns the distance of each pixel to the nearest marked one, in steps of 1 and √2.
 fn distances(marked: &[bool], [width, height]: [usize; 2]) -> Vec<f32> {
     let mut far: Vec<f32> = marked.iter().map(|mark| if *mark { 0.0 } else { 1e9 }).collect();
     let n = far.len();
-    // Forward, then backward: a pixel's neighbors are before it, and after it.
+    // Goes forward and then backward, since a pixel has neighbors before it and after it.
     for (order, sign) in [((0..n).collect::<Vec<_>>(), -1), ((0..n).rev().collect(), 1)] {
         for index in order {
             for (dx, dy) in [(sign, 0), (sign, sign), (0, sign), (-sign, sign)] {
@@ -97,7 +99,7 @@ fn distances(marked: &[bool], [width, height]: [usize; 2]) -> Vec<f32> {
     far
 }
 
-/// The lit lines of a drawing in the pixels of a picture, one point a pixel.
+/// Returns the lit lines of a drawing in the pixels of a picture, with one point per pixel.
 fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<[f64; 2]> {
     let mut points = Vec::new();
     for leg in strokes.source.strokes.iter().flat_map(|stroke| stroke.points.windows(2)) {
@@ -109,7 +111,8 @@ fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// Points of strokes that lie on nothing, of how many; and edges without a stroke, of how many.
+/// Returns how many points of strokes are on nothing, out of how many, and how many edges have no
+/// stroke, out of how many.
 fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
     let mut bare = picture.is_edge.clone();
     let mut stray = 0.0;
@@ -120,7 +123,7 @@ fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
             stray += 1.0;
             continue;
         }
-        // A center line is as far from its edges as the line is wide.
+        // The distance between a center line and its edges is half the width of the line.
         let reach = if edge_px > NEAR_PX { 1.5 * edge_px + NEAR_PX } else { NEAR_PX };
         cover(&mut bare, picture.size, *place, f64::from(reach));
     }
@@ -128,7 +131,7 @@ fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
     [[stray, points.len() as f32], [count(&bare), count(&picture.is_edge)]]
 }
 
-/// Clears the marks around a place.
+/// Clears the marks around a position.
 fn cover(marks: &mut [bool], [width, height]: [usize; 2], [x, y]: [f64; 2], reach: f64) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let range = |x: f64, side: usize| {
@@ -144,7 +147,7 @@ fn cover(marks: &mut [bool], [width, height]: [usize; 2], [x, y]: [f64; 2], reac
     }
 }
 
-/// SVG files below a folder that have a picture.
+/// Lists the SVG files below a folder that have a picture.
 fn files(folder: &Path, paths: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

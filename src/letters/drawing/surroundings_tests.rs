@@ -1,14 +1,15 @@
-//! A disc in every paint and surrounding that shows it whole has one rim.
+//! A disc has a single outline in every paint and surrounding that shows it completely.
 
 use proptest::prelude::*;
 
 use super::svg;
 use noctograph_core::geometry::{distance, polyline_length_m};
 
-/// The middle of the page, of 200 by 100.
+/// Center of the page, which is 200 by 100.
 const MIDDLE: [f64; 2] = [100.0, 50.0];
 
-/// Paints that are not one value, as definitions and as attributes; each shows all over the disc.
+/// Paints that are not a single value, as definitions and attributes. Each paint covers the whole
+/// disc.
 const PAINTS: [(&str, &str); 7] = [
     ("", "fill='teal'"),
     ("", "style='fill:currentColor' color='#08f'"),
@@ -32,7 +33,7 @@ const PAINTS: [(&str, &str); 7] = [
     ),
 ];
 
-/// Ways to show a disc of radius R in the middle in some PAINT.
+/// Ways to show a disc of radius R at the center in some PAINT.
 const WAYS: [&str; 11] = [
     "<circle cx='100' cy='50' r='R' PAINT/>",
     "<path d='MX 50aR R 0 0 1 D 0' PAINT/><path d='MX 50aR R 0 0 0 D 0' PAINT/>",

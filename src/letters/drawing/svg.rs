@@ -1,8 +1,8 @@
-//! SVG: a file as lines, as a browser shows it.
+//! Reads an SVG file as lines, as a browser shows it.
 //!
-//! usvg resolves styles, `use`, basic shapes, nested viewports and paints, and kurbo dashes. Clips,
-//! masks, the page's edge and occlusion are in [`visibility`]. Unsupported features are named in
-//! the warnings ([`notes`]), and text is refused.
+//! usvg resolves styles, `use`, basic shapes, nested viewports and paints, and kurbo applies
+//! dashes. Clips, masks, the page's edge and occlusion are handled in [`visibility`]. Warnings name
+//! unsupported features ([`notes`]), and text is refused.
 //!
 //! [`visibility`]: super::visibility
 //! [`notes`]: super::notes
@@ -29,37 +29,37 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, file_name};
 use noctograph_core::geometry;
 
-/// Most elements and attributes of a file, before `use`.
+/// Maximum number of elements and attributes of a file before `use` is resolved.
 const MAX_NODES: u32 = 200_000;
 
-/// Length of the line that stands for a point of light, by the page's larger side.
+/// Length of the line that represents a point of light, relative to the page's larger side.
 const POINT: f64 = 2e-5;
 
-/// Length of a dash of zero length, which may be a point, by the period of its pattern.
+/// Length of a dash of zero length, which may be a point, relative to the period of its pattern.
 const DASH: f64 = 1e-5;
 
-/// Opacity of a gradient: it covers what is beneath, but differs from its single color.
+/// Opacity of a gradient: it covers what is beneath it, but is not one of its colors everywhere.
 const GRADIENT: f64 = 0.95;
 
-/// Hint where a text is found.
+/// Hint for a file that contains text.
 const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path; \
                     Illustrator: Type > Create Outlines)";
 
-/// A drawing in its own units, y up.
+/// A drawing in its own units, with y up.
 pub(super) struct Drawing {
     items: Vec<Item>,
 }
 
 /// An element that is drawn.
 enum Item {
-    /// All of its path.
+    /// The whole path of the element.
     Whole(BezPath, Color),
-    /// A visible part of its path.
+    /// A visible part of the path.
     Part(Vec<[f64; 2]>, Color),
 }
 
-/// Reads the drawing in a file, with warnings. Fails if it is broken, too large, a text, or has no
-/// extent.
+/// Reads the drawing in a file, and returns it with warnings. Fails if the file is broken or too
+/// large, contains text, or has no extent.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let text = in_words_of_usvg(decoded(bytes).map_err(|cause| refused(file, cause))?);
     let budget = Budget::new(file, LIMIT.hint);
@@ -71,7 +71,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
             named.add("another file (`xml-stylesheet`)", "not followed", node);
         }
     }
-    // usvg repeats what is used again: count its work, too, and take out what it does not follow.
+    // usvg repeats elements that are used again, so their work is counted as well. Features that it
+    // does not follow are removed.
     let styles = Styles::new(&document, &budget, &mut named)?;
     let too_large = |cause| refused(file, cause).coded(super::LARGE);
     size::check(root, &styles, &budget).map_err(too_large)?;
@@ -82,12 +83,12 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let tree = parse_tree(&edited).map_err(|cause| refused(file, cause))?;
     let size = [tree.size().width(), tree.size().height()].map(f64::from);
     let scale = Scale { size: size[0].max(size[1]), budget: &budget };
-    // From the tree to areas and strokes from back to front.
+    // Converts the tree to areas and strokes, from back to front.
     let mut walk = Walk { cuts: Vec::new(), signs_seen: BTreeSet::new(), scale, in_mask: false };
     let painted = walk.page(&tree, has_edge(root, &styles));
     let signs = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
     name_signs(signs, &document, &mut named, file)?;
-    // Of each, the parts that are seen.
+    // Keeps the visible parts of each element.
     let page = Page::new(&painted, &walk.cuts, size, scale);
     let (items, n_alike) = visible(&painted, &page, scale, file)?;
     let drawing = Drawing { items: uncovered(items, scale) };
@@ -95,7 +96,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let mut warnings = named.warnings(&document, &file_name(file));
     warnings.extend((n_alike > 0).then(|| alike_warning(n_alike)));
     let [left, bottom, right, top] = drawing.bounds();
-    // A drawing of a single point of light has the extent of the line that stands for it.
+    // A drawing that is a single point of light has the extent of the line that represents it.
     if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * scale.size {
         let empty = refused(file, "a drawing without extent".into());
         return Err(super::with_reasons(empty, &warnings));
@@ -103,7 +104,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     Ok(Warned { product: drawing, warnings })
 }
 
-/// Parses the XML of a drawing, after its work is taken off the budget.
+/// Parses the XML of a drawing after charging its work to the budget.
 fn parse_document<'text>(
     text: &'text str,
     budget: &Budget,
@@ -119,24 +120,24 @@ fn parse_document<'text>(
     Ok(document)
 }
 
-/// The warning of lines in the color of what is beneath.
+/// Returns the warning about lines that have the color of what is beneath them.
 fn alike_warning(n_alike: usize) -> Diagnostic {
     let lines = if n_alike == 1 { "line has" } else { "lines have" };
     let message = format!(
-        "{n_alike} {lines} the color of what is beneath, and are not drawn there: \
-         fill=\"none\" keeps a shape from being filled"
+        "{n_alike} {lines} the color of what is beneath, so that nothing is drawn there: \
+         use fill=\"none\" for a shape that is not meant to be filled"
     );
     Diagnostic::warning("drawing-alike", message)
 }
 
-/// True if the page of a root cuts off what lies beyond its edge.
+/// True if the page of a root element cuts off what lies beyond its edge.
 fn has_edge(root: roxmltree::Node<'_, '_>, styles: &Styles<'_, '_>) -> bool {
     let sides = ["width", "height"].map(|name| root.attribute(name));
     let has_size = sides.iter().all(|side| side.is_some_and(|value| !value.ends_with('%')));
     (root.has_attribute("viewBox") || has_size) && styles.value(root, "overflow") != Some("visible")
 }
 
-/// Names the foreign elements that are seen. Fails if one of them is a text.
+/// Adds the visible foreign elements to the warnings. Fails if one of them is text.
 fn name_signs<'a, 'input: 'a>(
     seen: impl Iterator<Item = roxmltree::Node<'a, 'input>>,
     document: &roxmltree::Document<'_>,
@@ -156,10 +157,10 @@ fn name_signs<'a, 'input: 'a>(
     Ok(())
 }
 
-/// The index of an element, half the width of its stroke if that is opaque, and a part of it.
+/// Index of an element, half the width of its stroke if that is opaque, and a part of the element.
 type Reaching = (usize, f64, Item);
 
-/// The parts of elements that are seen, from back to front, and the number of elements that do not
+/// Returns the visible parts of elements from back to front, and the number of elements that do not
 /// stand out from what is beneath.
 fn visible(
     painted: &[Painted],
@@ -173,7 +174,7 @@ fn visible(
         if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
-        // A stroke is drawn as its line with its dashes. Dashes of no length become points.
+        // A stroke is drawn as its line with its dashes. Dashes of zero length become points.
         let (mut line, mut reach) = (item.path.clone(), 0.0);
         if let Some((_, alpha, style)) = &item.stroke {
             let (dashes, shortest) = dashed(line, style, item.placed, &mut n_points_left, file)?;
@@ -185,7 +186,7 @@ fn visible(
         let (visible_part, is_alike) = page.visible(index, item, &line);
         scale.budget.check()?;
         n_alike += usize::from(is_alike);
-        // The part that clips, masks and later elements leave.
+        // The part that clips, masks and later elements leave visible.
         let parts = match visible_part {
             Visible::Stroke(color) => vec![Item::Whole(line, color)],
             Visible::Outline(color) => vec![Item::Whole(item.closed(), color)],
@@ -198,13 +199,13 @@ fn visible(
     Ok((items, n_alike))
 }
 
-/// The parts of items that no stroke in front of them covers.
+/// Returns the parts of items that no stroke in front of them covers.
 fn uncovered(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
     let [left, bottom, right, top] = bounds_of(items.iter().map(|(.., item)| item));
     let mut front = Front::new((right - left).max(top - bottom), budget);
     let mut visible_items = Vec::new();
     while let Some((element, reach, item)) = items.pop() {
-        // From the front to the back, each item is compared with those before.
+        // Goes from the front to the back, and compares each item with those in front of it.
         let (lines, color) = match &item {
             Item::Whole(path, color) => {
                 (polylines(path, FLATNESS * size, MAX_POINTS).map(crate::vector::pairs), *color)
@@ -223,13 +224,13 @@ fn uncovered(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec
     visible_items
 }
 
-/// The error of a file that is not a drawing, with the cause.
+/// Returns the error for a file that is not a drawing, with the cause.
 fn refused(file: &str, cause: String) -> Error {
     let hint = "open the file in an SVG editor, and save it as plain SVG";
     Error::input(file, cause, "an SVG drawing", hint)
 }
 
-/// Checks that a root is that of a drawing. The error is the cause.
+/// Checks that a root element is that of a drawing. The error names the cause.
 fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> {
     let (name, namespace) = (root.tag_name().name(), root.tag_name().namespace());
     match namespace {
@@ -241,9 +242,9 @@ fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> 
     }
 }
 
-/// The tree of an edited file. The error is the cause.
+/// Parses the tree of an edited file. The error names the cause.
 fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
-    // Pictures are not drawn: do not open them.
+    // Pictures are not drawn, so they are not opened.
     let image_href_resolver = ImageHrefResolver {
         resolve_data: Box::new(|_, _, _| None),
         resolve_string: Box::new(|_, _| None),
@@ -257,12 +258,13 @@ fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
 }
 
 impl Drawing {
-    /// The box of all items: left, bottom, right, top. Inverted without items.
+    /// Returns the bounding box of all items: left, bottom, right and top. The box is inverted if
+    /// there are no items.
     pub(super) fn bounds(&self) -> [f64; 4] {
         bounds_of(self.items.iter())
     }
 
-    /// Polylines within a tolerance of the curves, with their colors. Fails for too many points.
+    /// Returns polylines within a tolerance of the curves, with colors. Fails for too many points.
     pub(super) fn flatten(&self, tolerance: f64, file: &str) -> Result<Vec<ColoredLine>> {
         let mut lines = Vec::new();
         let mut n_points_left = MAX_POINTS;
@@ -282,7 +284,8 @@ impl Drawing {
     }
 }
 
-/// The box of items: left, bottom, right, top. Inverted without items.
+/// Returns the bounding box of items: left, bottom, right and top. The box is inverted without
+/// items.
 fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     let bounds = items.map(|item| match item {
         Item::Whole(path, _) => {
@@ -294,7 +297,7 @@ fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     geometry::bounds(bounds.flat_map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]]))
 }
 
-/// The encoding in the XML declaration of a file.
+/// Returns the encoding that a file's XML declaration names.
 #[cfg(not(target_family = "wasm"))]
 fn declared_encoding(bytes: &[u8]) -> Option<String> {
     let head: String = bytes.iter().take(200).map(|byte| char::from(*byte)).collect();
@@ -304,25 +307,26 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(value[1..].split_once(quote)?.0.to_owned())
 }
 
-/// The text of a file in the encoding of its first bytes or its declaration, or in UTF-8.
+/// Decodes the text of a file by the encoding of its first bytes or its declaration, or as UTF-8.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
     }
-    // A page reads texts of all encodings, and hands on UTF-8: the tables stay out of its module.
+    // A web page decodes texts of all encodings and passes on UTF-8, so its module needs no tables.
     #[cfg(not(target_family = "wasm"))]
     if let Some(encoding) = foreign_encoding(bytes)? {
         let (text, _, is_broken) = encoding.decode(bytes);
-        return match is_broken {
-            true => Err(format!("bytes that are not in the encoding {}", encoding.name())),
-            false => Ok(text.into_owned()),
+        return if is_broken {
+            Err(format!("bytes that are invalid in the encoding {}", encoding.name()))
+        } else {
+            Ok(text.into_owned())
         };
     }
     let text = std::str::from_utf8(bytes).map_err(|broken| broken.to_string())?;
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// The encoding that a file's first bytes or its declaration name, or `None` for UTF-8.
+/// Returns the encoding that a file's first bytes or its declaration name, or `None` for UTF-8.
 #[cfg(not(target_family = "wasm"))]
 fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encoding>, String> {
     let encoding = match bytes {
@@ -335,7 +339,7 @@ fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encodin
             (Some((encoding, _)), _) => encoding,
             (None, None) => UTF_8,
             (None, Some(name)) => match Encoding::for_label(name.as_bytes()) {
-                // UTF-16 would show in the bytes.
+                // The bytes themselves would show UTF-16, so the declaration is wrong.
                 Some(encoding) if encoding == UTF_16LE || encoding == UTF_16BE => UTF_8,
                 Some(encoding) => encoding,
                 None => return Err(format!("a drawing in the encoding {name}")),
@@ -354,7 +358,7 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// The elements of a page from back to front, within its edge if it has one.
+    /// Returns the elements of a page from back to front, inside its edge if it has one.
     fn page(&mut self, tree: &Tree, has_edge: bool) -> Vec<Painted> {
         let (mut cuts, mut painted) = (Vec::new(), Vec::new());
         if has_edge {
@@ -366,14 +370,14 @@ impl<'a> Walk<'a> {
         painted
     }
 
-    /// Adds a cut to the list of all, and its index to `cuts`.
+    /// Adds a cut to the list of all cuts, and its index to `cuts`.
     fn cut(&mut self, cut: Cut<'a>, cuts: &mut Vec<usize>) {
         cuts.push(self.cuts.len());
         self.cuts.push(cut);
     }
 
-    /// Adds the paths of a group, within cuts. The transforms of the groups are multiplied here:
-    /// the product of usvg lacks that of a symbol.
+    /// Adds the paths of a group, limited by cuts. The transforms of the groups are multiplied
+    /// here, because the product that usvg gives lacks the transform of a symbol.
     fn group(
         &mut self,
         group: &usvg::Group,
@@ -386,7 +390,7 @@ impl<'a> Walk<'a> {
         if alpha <= 0.0 {
             return;
         }
-        // Its clips and masks, and those of these, cut everything in it.
+        // The group's clips and masks, and those of these, cut everything in the group.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
@@ -411,7 +415,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A mask of a group with a transform. Unlike in a clip, strokes count in it, too.
+    /// Returns a mask of a group with a transform. Unlike in a clip, strokes count in a mask.
     fn mask(&mut self, mask: &usvg::Mask, placed: Affine) -> Cut<'a> {
         let scale = self.scale;
         let mut parts = Vec::new();
@@ -424,14 +428,14 @@ impl<'a> Walk<'a> {
         let rect = mask.rect();
         let [x0, y0, x1, y1] =
             [rect.left(), rect.top(), rect.right(), rect.bottom()].map(f64::from);
-        // A rectangle has no curves, so that the tolerance does not count.
+        // A rectangle has no curves, so the tolerance has no effect.
         let edge = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
         let edge = scale.area(&(Affine::FLIP_Y * placed * edge), false);
         Cut::Mask(layers, mask.kind() == usvg::MaskType::Alpha, edge)
     }
 
-    /// A visible path of the tree as a painted element. `None` for a path without visible paint,
-    /// and for a sign, which is noted.
+    /// Returns a visible path of the tree as a painted element. Returns `None` for a path without
+    /// visible paint, and for a sign, which is recorded.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
     fn path(
         &mut self,
@@ -441,7 +445,7 @@ impl<'a> Walk<'a> {
         alpha: f64,
     ) -> Option<Painted> {
         let first = path.data().points().first().copied().unwrap_or_default();
-        // A sign stands for an element whose index is its y.
+        // A sign represents an element, whose index is the sign's y coordinate.
         if first.x == SIGN_X {
             self.signs_seen.insert(first.y as usize);
             return None;
@@ -463,12 +467,12 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop
-    /// and about the mean opacity. In a mask it is as light as its lightest stop.
+    /// Returns the color and the opacity of a paint. A gradient has the color of its middle visible
+    /// stop and about its mean opacity. In a mask it is as light as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
-            // Dense enough to show, but transparent.
+            // A pattern is dense enough to be visible, but transparent.
             usvg::Paint::Pattern(_) => return ([0; 3], 0.5),
             usvg::Paint::LinearGradient(gradient) => gradient.stops(),
             usvg::Paint::RadialGradient(gradient) => gradient.stops(),
@@ -490,17 +494,17 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Red, green and blue of a color of usvg.
+/// Returns the red, green and blue values of a usvg color.
 fn rgb(color: usvg::Color) -> Color {
     [color.red, color.green, color.blue]
 }
 
-/// A transform in the type of kurbo, in full precision.
+/// Converts a transform to kurbo's type in full precision.
 fn affine(t: usvg::Transform) -> Affine {
     Affine::new([t.sx, t.ky, t.kx, t.sy, t.tx, t.ty].map(f64::from))
 }
 
-/// The width, caps and dashes of a stroke, in the type of kurbo.
+/// Converts width, caps and dashes of a stroke to kurbo's type.
 fn style(stroke: &usvg::Stroke) -> kurbo::Stroke {
     let cap = match stroke.linecap() {
         usvg::LineCap::Butt => kurbo::Cap::Butt,
@@ -515,7 +519,7 @@ fn style(stroke: &usvg::Stroke) -> kurbo::Stroke {
     style
 }
 
-/// The path of usvg in the type of kurbo, transformed in full precision.
+/// Converts a usvg path to kurbo's type, and transforms it in full precision.
 fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     fn point(p: tiny_skia_path::Point) -> Point {
         Point::new(f64::from(p.x), f64::from(p.y))
@@ -533,9 +537,9 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     placed * drawn
 }
 
-/// The dashes of a path, or the path itself without a pattern, and the greatest length of a dash
-/// that stands for a point. Under an uneven transform dashes have their mean length. Fails once no
-/// points are left.
+/// Returns the dashes of a path, or the path itself if it has no pattern, and the maximum length of
+/// a dash that represents a point. Under an uneven transform dashes get their mean length. Fails if
+/// the drawing has too many points.
 fn dashed(
     drawn: BezPath,
     style: &kurbo::Stroke,
@@ -546,7 +550,7 @@ fn dashed(
     if style.dash_pattern.is_empty() {
         return Ok((drawn, 0.0));
     }
-    // Points are as long as `least`, which the gap after them loses.
+    // A point becomes a dash of length `least`, by which the gap after it gets shorter.
     let scale = placed.determinant().abs().sqrt();
     let mut dashes: Vec<f64> = style.dash_pattern.iter().map(|dash| scale * dash).collect();
     let period: f64 = dashes.iter().sum();
@@ -566,15 +570,15 @@ fn dashed(
     Ok((kurbo::dash(drawn.iter(), offset, &dashes).collect(), 1.5 * least))
 }
 
-/// A path in which subpaths of zero length, and lines up to `shortest`, become points of light if
-/// their caps show, and otherwise vanish.
+/// Replaces subpaths of zero length, and lines up to `shortest`, by points of light if their caps
+/// are visible. Other such lines are removed.
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {
         let (n_elements, mut part) = (elements.len(), BezPath::new());
         part.move_to(first);
         part.extend(elements);
-        // A dash is one line. A subpath of zero length has an empty box.
+        // A dash is a single line. A subpath of zero length has an empty bounding box.
         let extent = part.bounding_box().size();
         let is_dash = matches!(part.elements(), [_, PathEl::LineTo(_)]);
         let longest = if is_dash { shortest } else { 0.0 };

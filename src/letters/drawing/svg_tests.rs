@@ -1,10 +1,10 @@
-//! What a browser shows of an SVG file is drawn, and what is not followed is named.
+//! Tests that what a browser shows of an SVG file is drawn, and that what is not followed is named.
 
 use super::tests::drawn_in;
 use super::*;
 use noctograph_core::geometry::polyline_length_m;
 
-/// The lines of a document in its own units, y down, from the left; and the warnings.
+/// The lines of a document in its own units (y down), sorted from the left, and the warnings.
 type Drawn = (Vec<Vec<[f64; 2]>>, Vec<String>);
 
 fn read(document: &[u8]) -> Result<Drawn> {
@@ -28,7 +28,7 @@ fn page(body: &str) -> String {
     )
 }
 
-/// Both ends of each line, rounded: `x0 y0 x1 y1`.
+/// Returns the rounded ends of each line: `x0 y0 x1 y1`.
 fn ends(body: &str) -> Vec<[i64; 4]> {
     let (lines, warnings) = read(page(body).as_bytes()).unwrap();
     assert_eq!(warnings, Vec::<String>::new(), "{body}");
@@ -103,7 +103,7 @@ fn a_mask_shows_what_is_light_in_it() {
     assert!(
         read(page(&format!("<mask id='m'>{faint}</mask>{lines}")).as_bytes()).unwrap().0.is_empty()
     );
-    // A gradient in a mask is as light as its lightest stop, which is said.
+    // A gradient in a mask is as light as its lightest stop, with a warning.
     let fading = "<linearGradient id='g'><stop stop-color='white'/><stop offset='1'/>\
                   </linearGradient><mask id='m'><rect width='200' height='100' fill='url(#g)'/></mask>";
     let (drawn, warnings) = read(page(&format!("{fading}{lines}")).as_bytes()).unwrap();
@@ -179,7 +179,7 @@ fn a_rim_is_where_two_colors_meet() {
     let circles = "<circle cx='60' cy='50' r='30'/><circle cx='90' cy='50' r='30'/>";
     let (lines, _) = read(page(circles).as_bytes()).unwrap();
     let length: f64 = lines.iter().map(|line| polyline_length_m(line)).sum();
-    // Each lies within the other over an angle of 2 acos(1/2).
+    // Each circle lies inside the other over an angle of 2 acos(1/2).
     let wanted = 2.0 * 30.0 * (std::f64::consts::TAU - 2.0 * libm::acos(0.5));
     assert!((length - wanted).abs() < 1.0, "a union: {length}, {wanted}");
     let ring = "<circle cx='60' cy='50' r='30'/><circle cx='60' cy='50' r='20' fill='#fff'/>";
@@ -248,7 +248,7 @@ fn fills_are_closed_by_the_rule_of_painting() {
     assert_eq!(ends(&stroked.replace("red", "none")), [[10, 10, 10, 90]]);
     let again = "<path d='M10 10H40V40ZV50H20'/>";
     assert_eq!(ends(again), [[10, 10, 10, 10], [10, 10, 10, 10]], "after it was closed");
-    // Traced flags have hundreds of fills there and back (iso-flags: aw.svg).
+    // Traced flags have hundreds of fills that go back along the same line (iso-flags: aw.svg).
     let flat = "<path d='m48.333 12 1.3 1-1.3-1m70 9 1 1zM10 10H40V40ZM60 60C70 70 80 80 90 90Z'/>";
     assert_eq!(ends(flat), [[10, 10, 10, 10]], "what encloses nothing is not painted");
 }
@@ -278,7 +278,7 @@ fn what_surrounds_a_shape_belongs_to_it() {
         assert!(warnings.is_empty(), "{warnings:?}");
         lines.iter().map(|line| polyline_length_m(line)).sum::<f64>()
     };
-    // Two quarters of a rim, and three radii.
+    // The outline consists of two quarters of a circle and three radii.
     let wanted = 40.0 * (std::f64::consts::PI + 3.0);
     assert!((length(pie) - wanted).abs() < 3.0, "{} for {wanted}", length(pie));
 }
@@ -367,7 +367,7 @@ fn text_that_would_show_is_refused_with_its_place_and_the_way_out() {
     }
 }
 
-/// A property of all drawings: what is understood, with one thing that is not, has it named.
+/// Checks that any unsupported feature in an otherwise supported drawing gives a warning.
 #[test]
 fn what_is_not_followed_is_named_with_its_number_and_place() {
     let odd = [
@@ -440,7 +440,7 @@ fn an_empty_drawing_names_what_was_not_followed() {
     assert!(error.hint().contains("stroke `oklch(40% 0.2 90)`"), "{}", error.hint());
 }
 
-/// The summed length of the lines of a document in its own units, without warnings.
+/// Returns the total length of a document's lines in its own units. There must be no warnings.
 fn length(body: &str) -> f64 {
     let (lines, warnings) = read(page(body).as_bytes()).unwrap();
     assert_eq!(warnings, Vec::<String>::new(), "{body}");
@@ -523,7 +523,7 @@ fn a_namespace_taken_for_a_link_is_read_and_a_page_is_named() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(48))]
 
-    /// Clip art of two layers, shuffled tiles: as long as the lines that are seen.
+    /// Clip art of two layers and shuffled tiles give lines with the length of the visible edges.
     #[test]
     fn colors_below_their_outline_and_tiles_are_as_long_as_their_lines(
         n in 2..5_u32,
@@ -538,15 +538,12 @@ proptest::proptest! {
             let (x, w, h) = (10.0 + width * f64::from(k) + inset, width - 2.0 * inset, 50.0 - 2.0 * inset);
             let y = 20.0 + inset;
             let rx = if has_lines { round } else { 0.0 };
-            match turned && rx == 0.0 {
-                true => format!("<path d='M{x} {y}v{h}h{w}v-{h}z' {more}/>"),
-                false => format!("<rect x='{x}' y='{y}' width='{w}' height='{h}' rx='{rx}' {more}/>"),
-            }
+            if turned && rx == 0.0 { format!("<path d='M{x} {y}v{h}h{w}v-{h}z' {more}/>") } else { format!("<rect x='{x}' y='{y}' width='{w}' height='{h}' rx='{rx}' {more}/>") }
         };
         let fill = |k: u32| format!("fill='#{}{}f'", 3 * k % 10, 9 - k);
         let inset = inset * stroke;
         let (body, wanted) = if has_lines {
-            // Apart, each with its outline.
+            // The shapes are apart, each with its outline.
             let outline = format!("fill='none' stroke='#000' stroke-width='{stroke}'");
             let colors: String = (0..n).map(|k| tile(2 * k, inset, &fill(k))).collect();
             let lines: String = (0..n).map(|k| tile(2 * k, 0.0, &outline)).collect();

@@ -29,7 +29,7 @@ fn svg(body: &str) -> String {
     )
 }
 
-/// Lit strokes: where they begin and end, and how long they are.
+/// Returns the lit strokes: start, end and length of each.
 pub(super) fn lit(strokes: &Strokes) -> Vec<([f64; 2], [f64; 2], f64)> {
     let moves = &strokes.glyphs[0].moves;
     let runs = moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit);
@@ -111,8 +111,8 @@ fn handwriting_keeps_its_order_and_where_wanted_its_pace() {
     assert_eq!(lit.len(), 3, "a tap is a dot");
     let moves = &strokes.glyphs[0].moves;
     let pace = |from_m: [f64; 2]| moves.iter().find(|m| m.lit && m.from_m == from_m).unwrap().pace;
-    // 3 m in 2.5 s and a tap of no length in time: the first leg takes 0.5 s, the others 1 s a
-    // meter.
+    // The strokes are 3 m in 2.5 s, and a tap without length. The first segment of the strokes
+    // takes 0.5 s, and the others take 1 s per meter.
     let mean_m_s =
         moves.iter().filter(|m| m.lit).map(|m| distance(m.from_m, m.to_m)).sum::<f64>() / 2.5;
     assert_eq!(pace([0.0, 1.5]), 1.0, "at most the stroke speed");

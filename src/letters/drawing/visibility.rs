@@ -1,10 +1,10 @@
-//! Visibility: the parts of strokes and outlines inside their clips and masks that no later shape
-//! covers, and that stand out from the background.
+//! Visibility: the parts of strokes and outlines that are inside their clips and masks, not covered
+//! by a later shape, and different from the background.
 //!
-//! A picture is layers of fills from back to front, each within its clips and masks. A line is cut
-//! where it crosses the edges of areas, and each piece is tested at its middle, a little to its
-//! left and right. Strokes in the color of the paper are areas. Of the others, [`once`] knows the
-//! width.
+//! A picture is layers of fills from back to front, each inside its clips and masks. A line is cut
+//! where it crosses the edges of areas, and each piece is tested near its middle, slightly to the
+//! left and to the right. Strokes in the color of the paper are areas. [`once`] handles the width
+//! of all other strokes.
 //!
 //! [`once`]: super::once
 
@@ -16,23 +16,24 @@ use super::MAX_POINTS;
 use super::layers::{Area, Color, Cut, FLATNESS, Layer, Painted, Scale};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
-/// Opacity from which a fill hides what is under it.
+/// Minimum opacity of a fill that hides what is beneath it.
 pub(super) const OPAQUE: f64 = 0.9;
 
-/// Difference of two colors in a channel, of 255, up to which they are one.
+/// Maximum difference in a channel, out of 255, between two colors that count as one.
 const ALIKE: f64 = 3.0;
 
-/// Largest distance of two crossings that differ by rounding, by the page's larger side.
+/// Maximum distance between crossings that rounding separates, relative to the page's larger side.
 const ROUNDING: f64 = 1e-6;
 
-/// Budget steps of a line's piece.
+/// Budget steps for a piece of a line.
 const STEPS_PER_PIECE: usize = 20;
 
-/// Distance of the test points from a line, by the page's larger side.
+/// Distance between a line and its test points, relative to the page's larger side.
 const BESIDE: f64 = 4e-4;
 
-/// Distance from a fill's path at which the edge of a clip is the outline, by that of the test
-/// points. More leaves gaps where a clip touches the path.
+/// Maximum distance between a clip's edge and a fill's path for the edge to be the outline,
+/// relative to that of the test points. A larger distance leaves gaps where a clip touches the
+/// path.
 const TOUCH: f64 = 0.25;
 
 /// The layers of a page.
@@ -50,27 +51,27 @@ pub(super) type Part = (Vec<[f64; 2]>, Color);
 /// A piece of a line, and its color if it is visible.
 type Piece = (Vec<[f64; 2]>, Option<Color>);
 
-/// A stroke and what is near it.
+/// A stroke, and the layers near it.
 struct Stroked<'b, 'a> {
-    /// The index of its element.
+    /// Index of the stroke's element.
     index: usize,
     item: &'b Painted,
     near: &'b [&'b Layer<'a>],
-    /// The element's fill.
+    /// The fill of the element.
     fill: Option<&'b Layer<'a>>,
     color: Color,
     alpha: f64,
 }
 
 impl Stroked<'_, '_> {
-    /// True if the stroke does not stand out from a ground.
+    /// True if the stroke does not stand out from a background.
     fn blends(&self, ground: [f64; 3]) -> bool {
         let ink = self.color.map(f64::from);
         alike(ground, [0, 1, 2].map(|i| ground[i] + self.alpha * (ink[i] - ground[i])))
     }
 }
 
-/// How a place of a stroke is seen: hidden, in the color of what is beneath, or in its own.
+/// How a stroke looks at a position: hidden, in the color of what is beneath, or in its own color.
 enum Sight {
     Hidden,
     Alike,
@@ -79,16 +80,16 @@ enum Sight {
 
 /// The visible part of an element.
 pub(super) enum Visible {
-    /// All of its stroke.
+    /// The element's whole stroke.
     Stroke(Color),
-    /// All of its outline.
+    /// The element's whole outline.
     Outline(Color),
     Parts(Vec<Part>),
 }
 
 impl<'a> Page<'a> {
-    /// The layers of painted elements from back to front: all fills, and strokes in the color of
-    /// the ground. The paper is black if all ink is white, and white otherwise.
+    /// Returns the layers of painted elements from back to front, namely all fills, and strokes in
+    /// the color of the background. The paper is black if all ink is white, and white otherwise.
     pub(super) fn new(
         painted: &[Painted],
         cuts: &'a [Cut<'a>],
@@ -100,7 +101,8 @@ impl<'a> Page<'a> {
             painted.iter().filter_map(|item| item.stroke.as_ref().map(|(color, ..)| *color));
         let is_ink_white = fills.chain(strokes).all(|color| color == [255; 3]);
         let paper = [if is_ink_white { 0.0 } else { 255.0 }; 3];
-        // From back to front, as a fill over the whole page changes the ground of the rest.
+        // Goes from back to front, because a fill over the whole page changes the background of all
+        // that follows.
         let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
         let mut ground = paper;
         for (element, item) in painted.iter().enumerate() {
@@ -118,7 +120,7 @@ impl<'a> Page<'a> {
         page
     }
 
-    /// True if a layer is a rectangle over the whole page, also after its clips and masks.
+    /// True if a layer is a rectangle over the whole page, even after its clips and masks.
     fn is_whole(&self, layer: &Layer<'a>) -> bool {
         layer.area.is_page(self.size, BESIDE * self.scale.size)
             && layer.cuts.iter().all(|cut| match &self.cuts[*cut] {
@@ -133,17 +135,17 @@ impl<'a> Page<'a> {
             })
     }
 
-    /// True if an element is paper: a fill over the whole page.
+    /// True if an element is paper, that is, a fill over the whole page.
     pub(super) fn is_paper(&self, index: usize, item: &Painted) -> bool {
         item.stroke.is_none()
             && self.layers.iter().any(|layer| layer.element == index && self.is_whole(layer))
     }
 
-    /// The visible part of an element, whose stroke with its dashes is `line`, and true if a part
-    /// of that line is invisible because it has the color of the background.
+    /// Returns the visible part of an element, whose stroke including its dashes is `line`. Also
+    /// returns true if a part of that line is invisible because it has the color of the background.
     pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
         let extent = extent(item);
-        // Only the layers near the element can hide it.
+        // Only layers near the element can hide it.
         self.scale.budget.spend_steps(self.layers.len() / 8);
         let mut near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
@@ -154,24 +156,24 @@ impl<'a> Page<'a> {
         let is_of_ground = near.iter().any(|layer| layer.element == index && layer.is_stroke);
         let ink = color.map(f64::from);
         if fill.is_some_and(|fill| is_of_ground && !alike(fill.color.map(f64::from), ink)) {
-            // A border in the color of the background: only the fill is visible.
+            // A border in the color of the background leaves only the fill visible.
             near.retain(|layer| layer.element != index || !layer.is_stroke);
             return (self.outline(index, item, &near), false);
         }
         self.visible_stroke(&Stroked { index, item, near: &near, fill, color, alpha }, line)
     }
 
-    /// The visible part of a stroke along `line`, with the sides that only its fill closes, and
-    /// true if a part is invisible because it has the color of the background.
+    /// Returns the visible part of a stroke along `line`, and the sides that only its fill closes.
+    /// Also returns true if a part is invisible because it has the color of the background.
     fn visible_stroke(&self, stroked: &Stroked<'_, 'a>, line: &BezPath) -> (Visible, bool) {
         let Stroked { index, item, near, fill, color, .. } = *stroked;
-        // The sides that only the fill closes, or a clip.
+        // The sides that only the fill or a clip closes.
         let closing = fill.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
         let (mut sides, _) = self.parts(&closing, item, near, &mut |place, sides| {
             self.outline_color(near, fill?, true, place, sides)
         });
         sides.extend(fill.map_or(Vec::new(), |fill| self.outline_at_clips(item, near, fill)));
-        // Most elements have nothing near, and are shown as a whole without another look.
+        // Most elements have nothing near them, and are visible as a whole without further tests.
         let is_isolated = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent(item)));
         if is_isolated && !is_cut && !stroked.blends(self.paper) && sides.is_empty() {
@@ -195,10 +197,10 @@ impl<'a> Page<'a> {
         (Visible::Parts(parts), is_alike)
     }
 
-    /// How a stroke is seen at a place, from the places to its left and right.
+    /// Determines how a stroke looks at a position, from the positions to its left and right.
     fn sight(&self, stroked: &Stroked<'_, 'a>, place: [f64; 2], sides: [[f64; 2]; 2]) -> Sight {
         let Stroked { index, item, near, fill, color, .. } = *stroked;
-        // It is hidden if it is so on both sides, too.
+        // The stroke is only hidden if it is hidden on both sides as well.
         let around = [sides[0], place, sides[1]];
         if !around.iter().any(|place| self.within(&item.cuts, *place))
             || around.iter().all(|place| self.is_covered(index, near, *place))
@@ -210,13 +212,13 @@ impl<'a> Page<'a> {
         if !below.all(|ground| stroked.blends(ground)) {
             return Sight::Shown(color);
         }
-        // An outline in the color of the background shows the edge of the fill under it.
+        // A stroke in the color of the background shows the edge of the fill under it.
         let outline = fill.and_then(|fill| self.outline_color(near, fill, true, place, sides));
         outline.map_or(Sight::Alike, Sight::Shown)
     }
 
-    /// The color of a fill's outline at a place of its path (`is_path`) or of a clip. `None` if the
-    /// sides there look alike, or neither shows the fill.
+    /// Returns the color of a fill's outline at a position on its path (`is_path`) or on a clip.
+    /// Returns `None` if both sides look alike or neither shows the fill.
     fn outline_color(
         &self,
         near: &[&Layer<'a>],
@@ -226,12 +228,12 @@ impl<'a> Page<'a> {
         sides: [[f64; 2]; 2],
     ) -> Option<Color> {
         if is_path && sides.iter().all(|side| !fill.area.holds(*side)) {
-            // Thinner than the distance of the test points.
+            // The fill is thinner than the distance of the test points.
             let is_seen =
                 !self.is_covered(fill.element, near, place) && self.within(&fill.cuts, place);
             return is_seen.then_some(fill.color);
         }
-        // Where a clip ends at the fill's own path, the path is the outline.
+        // If a clip ends at the fill's own path, the path is the outline.
         if !is_path && !sides.iter().all(|side| fill.area.holds(between(place, *side, TOUCH))) {
             return None;
         }
@@ -247,7 +249,7 @@ impl<'a> Page<'a> {
         Some(around.map_or(fill.color, |layer| layer.color))
     }
 
-    /// The visible parts of the edges of an element's clips that end its fill.
+    /// Returns the visible parts of those edges of an element's clips that end its fill.
     fn outline_at_clips(&self, item: &Painted, near: &[&Layer<'a>], fill: &Layer<'a>) -> Vec<Part> {
         let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
         let contours = contours.filter(|line| fill.area.meets(bounds(line.iter().copied())));
@@ -257,10 +259,10 @@ impl<'a> Page<'a> {
         }))
     }
 
-    /// The visible outline of an element's fill. Nothing without a fill.
+    /// Returns the visible outline of an element's fill, or nothing if it has no fill.
     fn outline(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
         let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
-        // A line encloses nothing.
+        // A path without a fill layer encloses no area.
         let Some(fill) = fill else { return Visible::Parts(Vec::new()) };
         let closed = self.lines(&item.closed());
         let (mut parts, is_whole) = self.parts(&closed, item, near, &mut |place, sides| {
@@ -274,16 +276,16 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// The polylines of a path.
+    /// Returns the polylines of a path.
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {
         let tolerance = FLATNESS * self.scale.size;
         let lines = polylines(path, tolerance, MAX_POINTS).unwrap_or_default();
         on_grid(lines, path, tolerance)
     }
 
-    /// The visible parts of lines of an element, and true if all of each line is visible, in one
-    /// color. `look` returns the color at a place of a line from the places beside it, `None` if
-    /// hidden.
+    /// Returns the visible parts of an element's lines, and true if each line is visible as a whole
+    /// and in one color. `look` returns the color at a position of a line, from the positions
+    /// beside it, or `None` if it is hidden there.
     fn parts(
         &self,
         lines: &[Vec<[f64; 2]>],
@@ -291,7 +293,7 @@ impl<'a> Page<'a> {
         near: &[&Layer<'a>],
         look: &mut dyn FnMut([f64; 2], [[f64; 2]; 2]) -> Option<Color>,
     ) -> (Vec<Part>, bool) {
-        // A line may change where it crosses the edge of an area, and only there.
+        // A line can only change its look where it crosses the edge of an area.
         let mut areas: Vec<&Area<'a>> = near.iter().map(|layer| &layer.area).collect();
         near.iter().for_each(|layer| self.areas(&layer.cuts, &mut areas));
         self.areas(&item.cuts, &mut areas);
@@ -306,7 +308,7 @@ impl<'a> Page<'a> {
                 continue;
             }
             is_whole &= pieces.is_empty();
-            // A closed line that goes on over its beginning.
+            // The start of a closed line may be in the middle of a visible part.
             let closed = line.len() > 3 && is_closed(line);
             if closed && pieces.len() > 2 && pieces[0].1 == pieces[pieces.len() - 1].1 {
                 let (first, _) = pieces.remove(0);
@@ -318,7 +320,7 @@ impl<'a> Page<'a> {
         (parts, is_whole && one_color)
     }
 
-    /// A line in pieces, each with its color at its middle. `None` once the budget is spent.
+    /// Splits a line into pieces, each with the color at its middle, or `None` beyond the budget.
     fn pieces(
         &self,
         line: &[[f64; 2]],
@@ -329,7 +331,7 @@ impl<'a> Page<'a> {
         let areas: Vec<&Area<'a>> =
             areas.iter().copied().filter(|area| area.meets(extent)).collect();
         let mut pieces: Vec<Piece> = Vec::new();
-        // The color of the piece before, up to the next edge of an area.
+        // The color of the previous piece holds up to the next edge of an area.
         let mut last: Option<Option<Color>> = None;
         let mut fractions = Vec::new();
         for [from, to] in segments(line) {
@@ -337,7 +339,7 @@ impl<'a> Page<'a> {
             if !self.scale.budget.spend_steps(STEPS_PER_PIECE * fractions.len()) {
                 return None;
             }
-            // Between two crossings, one look at the middle decides.
+            // A single look at the middle decides for the piece between two crossings.
             for piece in fractions.windows(2) {
                 let [begin, end] = [piece[0], piece[1]].map(|fraction| between(from, to, fraction));
                 let color = last.filter(|_| !is_crossed).unwrap_or_else(|| {
@@ -355,8 +357,8 @@ impl<'a> Page<'a> {
         Some(pieces)
     }
 
-    /// Sets `fractions` to those of a segment at which it crosses edges of areas, in order, from 0
-    /// to 1. Returns true if it crosses any.
+    /// Sets `fractions` to the positions on a segment, 0 to 1 in order, at which it crosses the
+    /// edges of areas. Returns true if it crosses any.
     fn crossings(
         &self,
         [from, to]: [[f64; 2]; 2],
@@ -369,7 +371,7 @@ impl<'a> Page<'a> {
         let is_crossed = fractions.len() > 1;
         fractions.push(1.0);
         fractions.sort_by(f64::total_cmp);
-        // Crossings that differ by rounding are one.
+        // Crossings that only differ by rounding count as one.
         let length = distance(from, to);
         fractions.dedup_by(|a, b| (*a - *b).abs() * length <= ROUNDING * self.scale.size);
         // A segment has two ends, however short it is.
@@ -381,7 +383,7 @@ impl<'a> Page<'a> {
         is_crossed
     }
 
-    /// True if a place is within all of some cuts.
+    /// True if a position is inside all of some cuts.
     fn within(&self, cuts: &[usize], place: [f64; 2]) -> bool {
         cuts.iter().all(|cut| match &self.cuts[*cut] {
             Cut::Page(edge) => edge.holds(place),
@@ -396,18 +398,19 @@ impl<'a> Page<'a> {
         })
     }
 
-    /// True if a layer, within its cuts, holds a place.
+    /// True if a layer, limited by its cuts, contains a position.
     fn lies_at(&self, layer: &Layer<'a>, place: [f64; 2]) -> bool {
         layer.area.holds(place) && self.within(&layer.cuts, place)
     }
 
-    /// True if something over an element hides it at a place.
+    /// True if a layer in front of an element hides it at a position.
     fn is_covered(&self, element: usize, near: &[&Layer<'a>], place: [f64; 2]) -> bool {
         let mut over = near.iter().filter(|layer| layer.element > element && layer.alpha >= OPAQUE);
         over.any(|layer| self.lies_at(layer, place))
     }
 
-    /// The color at a place of the layers that count, and the topmost element there, if any.
+    /// Returns the color at a position of those layers for which `counts` is true, and the topmost
+    /// element there, if any.
     fn color_at(
         &self,
         place: [f64; 2],
@@ -422,7 +425,8 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// True if a cut may cut something with these bounds: not a page's edge around them.
+    /// True if a cut may cut something with these bounds. A page's edge outside of the bounds
+    /// cannot.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
         let (page, slack) = (edge.bounds, BESIDE * self.scale.size);
@@ -432,7 +436,7 @@ impl<'a> Page<'a> {
             || top > page[3] + slack
     }
 
-    /// Adds the areas of cuts, and those of the cuts of their layers, to a list.
+    /// Adds the areas of cuts, and those of their layers' cuts, to a list.
     fn areas<'b>(&'b self, cuts: &[usize], areas: &mut Vec<&'b Area<'a>>) {
         for cut in cuts {
             let (edge, layers) = self.cuts[*cut].parts();
@@ -444,7 +448,7 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// The contours of a clip or a mask. None for the page's edge.
+    /// Returns the contours of a clip or a mask. The page's edge has no contours.
     fn contours(&self, cut: usize) -> impl Iterator<Item = &Vec<[f64; 2]>> {
         let mut areas = Vec::new();
         if !matches!(self.cuts[cut], Cut::Page(_)) {
@@ -454,35 +458,35 @@ impl<'a> Page<'a> {
     }
 }
 
-/// The bounds of an element's path: left, bottom, right, top.
+/// Returns the bounds of an element's path: left, bottom, right and top.
 fn extent(item: &Painted) -> [f64; 4] {
     let bounds = item.path.bounding_box();
     [bounds.x0, bounds.y0, bounds.x1, bounds.y1]
 }
 
-/// The light of a layer of a mask, 0 to 1 (CSS Masking, section 7.10.1).
+/// Returns the light of a layer in a mask, 0 to 1 (CSS Masking, section 7.10.1).
 fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
     let [r, g, b] = layer.color.map(|channel| f64::from(channel) / 255.0);
     if by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b }
 }
 
-/// A line from the end of each open line to its beginning.
+/// Returns a line from the end of each open line to its start.
 fn closing_sides(lines: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
     let open = lines.iter().filter(|line| line.len() > 2 && !is_closed(line));
     open.map(|line| vec![line[line.len() - 1], line[0]]).collect()
 }
 
-/// A color with a layer over it.
+/// Returns the color of a layer over another color.
 fn blended(below: [f64; 3], layer: &Layer<'_>) -> [f64; 3] {
     [0, 1, 2].map(|i| below[i] + layer.alpha * (f64::from(layer.color[i]) - below[i]))
 }
 
-/// True if two colors differ by no more than [`ALIKE`] in each channel.
+/// True if two colors differ by at most [`ALIKE`] in each channel.
 fn alike(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|i| (a[i] - b[i]).abs() <= ALIKE)
 }
 
-/// The places to the left and right of one on a segment.
+/// Returns the positions to the left and to the right of a position on a segment.
 fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2]; 2] {
     let length = distance(from, to);
     let fraction = if length > 0.0 { beside / length } else { 0.0 };
@@ -490,7 +494,7 @@ fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2];
     [[x - dy, y + dx], [x + dy, y - dx]]
 }
 
-/// Pieces of a line with those that are too short joined to their neighbors.
+/// Joins the pieces of a line that are too short to their neighbors.
 fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
     let mut kept: Vec<Piece> = Vec::new();
     for (points, color) in pieces {
@@ -501,7 +505,7 @@ fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
             _ => kept.push((points, color)),
         }
     }
-    // The first piece may be too short as well.
+    // The first piece may also be too short.
     if kept.len() > 1 && polyline_length_m(&kept[0].0) < shortest {
         let (points, _) = kept.remove(0);
         kept[0].0.splice(..1, points);

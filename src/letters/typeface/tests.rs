@@ -7,7 +7,7 @@ fn roboto(trace: Trace) -> Typeface {
     Typeface::read(ROBOTO.to_vec(), trace, "Roboto-Thin.ttf").unwrap()
 }
 
-/// Strokes and closed strokes of a character.
+/// Returns the numbers of strokes and of closed strokes of a character.
 fn strokes(face: &Typeface, character: char) -> (usize, usize) {
     let shape = face.shape(character).unwrap();
     let closed = shape.runs.iter().filter(|run| run.points[0] == run.points[run.points.len() - 1]);
@@ -96,13 +96,13 @@ fn an_outline_goes_around_the_ink() {
     assert_eq!(face.shape('I').unwrap().runs[0].points.len(), 5, "four corners");
 }
 
-/// A face of glyphs in units of 1/700 of a capital.
+/// Returns a face with these glyphs, in units of 1/700 of a capital.
 fn face(glyphs: &[(char, Contours<'_>)]) -> Typeface {
     let glyphs: Vec<_> = glyphs.iter().map(|(c, contours)| (Some(*c), *contours)).collect();
     Typeface::read(face_tests::face(&glyphs, 500, &[]), Trace::CenterLine, "face.ttf").unwrap()
 }
 
-/// The points of a character's strokes, in units of 1/700 of a capital.
+/// Returns the points of a character's strokes, in units of 1/700 of a capital.
 fn drawn(face: &Typeface, character: char) -> Vec<Vec<[i64; 2]>> {
     #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
     let round = |point: &Point| [point.x, point.y].map(|x| (700.0 * x).round() as i64);
@@ -177,7 +177,7 @@ fn a_solid_glyph_is_its_outline_and_a_stroke_its_center_line() {
     assert!("\u{2665}\u{2605}\u{25a0}".chars().all(is_closed), "areas");
     assert!(!"HI.".chars().any(is_closed), "lines and a dot");
     assert_eq!(face.shape('\u{2605}').unwrap().runs[0].points.len(), 11, "ten corners");
-    // Without letters to compare with, as a face of emoji.
+    // This face has no letters to compare with, like a face of emoji.
     let alone = self::face(&[('\u{2605}', &[&star])]);
     assert_eq!(alone.shape('\u{2605}').unwrap().runs[0].points.len(), 11);
 }

@@ -1,8 +1,9 @@
-//! The splat on the CPU: the twin of `splat.wgsl`, in the same integers.
+//! Draws records on the CPU, in the same integers as `splat.wgsl`.
 //!
-//! Each thread takes a band of rows, since sums of integers are the same in any order. The inner
-//! loop works on [`LANES`] pixels at once, in the widest registers of this processor (selected by
-//! pulp at run time), down the columns of a box, with the curves along x in registers.
+//! Each thread takes a band of rows, which is possible because sums of integers do not depend on
+//! the order. The inner loop works on [`LANES`] pixels at a time, in the widest registers of this
+//! processor (selected by pulp at run time). The loop goes down the columns of a box, with the
+//! curves along x in registers.
 
 #![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 
@@ -17,11 +18,11 @@ use super::record::{DITHER, Record};
 use super::tile::Tiles;
 use super::{Latent, Tint};
 
-/// Least number of pixels of a band, summed over the boxes of the records: about a quarter of a
+/// Minimum number of pixels in a band, summed over the boxes of the records: about a quarter of a
 /// millisecond of work.
 const BAND_PIXELS: u64 = 1 << 19;
 
-/// Counts in a page of memory.
+/// Number of counts in a page of memory.
 const PAGE: usize = 1024;
 
 /// Adds up the light of a latent image in at most `n_bands` bands of rows. Returns the counts of
@@ -45,11 +46,12 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     counts
 }
 
-/// Returns dark counts of three planes.
+/// Returns the counts of three planes without light.
 pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = vec![0_u32; 3 * width * height];
-    // Writes each page of the glow once. A page that is read before it is written is mapped twice.
+    // Writes to each page of the glow once, because a page that is read before it is written is
+    // mapped twice.
     let glow_start = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
     for plane in counts.chunks_exact_mut(width * height) {
         plane[glow_start..].chunks_mut(PAGE).for_each(|page| page[0] = black_box(0));
@@ -57,10 +59,10 @@ pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
     counts
 }
 
-/// Returns the last row (exclusive) of each band. The bands have about equal work.
+/// Returns the end row (exclusive) of each band. All bands have about the same amount of work.
 fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     let [width, height] = size_px;
-    // Pixels of boxes on each row: first the differences between rows, then their sums.
+    // Counts the box pixels on each row: first as differences between rows, and then summed up.
     let mut pixels = vec![0_i64; height as usize + 1];
     for record in tints.iter().flat_map(|tint| &tint.records) {
         let [columns, rows] = record.inside(width, &(0..height));
@@ -73,7 +75,7 @@ fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
         total += on_row;
         *row = total;
     }
-    // A band ends at the row at which its fraction of the total is reached.
+    // A band ends at the row where its fraction of the total is reached.
     let n_bands = (total.cast_unsigned() / BAND_PIXELS).clamp(1, n_bands).cast_signed();
     let ends = (1..n_bands)
         .map(|band| pixels.partition_point(|&sum| sum * n_bands < total * band) as u32 + 1);
@@ -82,7 +84,7 @@ fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     ends
 }
 
-/// Adds up the light of all records on a band. Each color is summed in `tiles`, which are then
+/// Adds up the light of all records in a band. Each color is summed in `tiles`, which are then
 /// counted into the band's rows of the three planes.
 #[inline(always)]
 fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
@@ -94,7 +96,7 @@ fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
             if rows.is_empty() {
                 continue;
             }
-            // The number of spots is a constant in each loop, so that it can be unrolled.
+            // The number of spots is a constant in each loop, so that the compiler can unroll it.
             tiles.light(&columns, &rows);
             curves.draw(record, counts_per_lx_s);
             let part = [columns, rows];
@@ -109,7 +111,7 @@ fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
     }
 }
 
-/// Adds the light of a record of `N` spots to the tiles in some columns and rows of its box.
+/// Adds the light of a record of `N` spots to the tiles, in some columns and rows of its box.
 #[inline(always)]
 fn add<const N: usize>(
     record: &Record,
@@ -117,7 +119,7 @@ fn add<const N: usize>(
     [columns, rows]: [Range<u32>; 2],
     tiles: &mut Tiles,
 ) {
-    // Start of the part within the box.
+    // Start of these columns and rows within the box.
     let [i, j] = [(&columns, record.x), (&rows, record.y)]
         .map(|(part, first)| (part.start.cast_signed() - first) as usize);
     let across: [[&[u32]; 2]; N] = std::array::from_fn(|k| curves.across(k, j..j + rows.len()));
@@ -133,12 +135,13 @@ fn add<const N: usize>(
         let mut dither: [u32; LANES] = std::array::from_fn(|lane| {
             dither.wrapping_add(DITHER[0].wrapping_mul((c + lane) as u32))
         });
-        // Down the rows: the product of the curves, rounded at the dither.
+        // Goes down the rows, and rounds the product of the curves by the dither.
         for (j, row) in pixels.chunks_exact_mut(tiles.stride).enumerate() {
             let counts: &mut [u32; LANES] =
                 row[x..].first_chunk_mut().expect("rows are as long as whole lanes");
             let across: [[u32; 2]; N] = std::array::from_fn(|k| across[k].map(|part| part[j]));
-            // Upper and lower bits of the products are summed separately, to fit into 32 bits.
+            // Upper and lower bits of the products are summed separately, so that they fit into 32
+            // bits.
             let mut sums = [0_u32; LANES];
             for lane in 0..LANES {
                 let (mut high, mut low) = (0_u32, 0_u32);
@@ -165,7 +168,7 @@ mod tests {
     #[test]
     fn any_number_of_bands_leaves_the_same_bits() {
         for (name, mut latent) in scenes() {
-            // Enough records for several bands.
+            // Enough records for several bands are added.
             for tint in &mut latent.tints {
                 tint.records = tint.records.iter().cycle().take(40_000).copied().collect();
             }

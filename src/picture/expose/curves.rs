@@ -1,52 +1,54 @@
-//! Fixed-point profiles (curves) of the spots of a record. CPU and GPU multiply the same integers.
+//! Fixed-point profiles (curves) of a record's spots. CPU and GPU multiply the same integers.
 //!
-//! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ, or a rectangle blurred by it: the
-//! product of one curve along each axis of the picture. A pixel gets `Σ along[i] × across[j]` over
-//! the spots of the record, with the light and the scale in the curve across. Curves are divided by
-//! their sums, so that a spot keeps its light anywhere between the pixels and after rounding.
+//! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ, or a rectangle blurred by one.
+//! Both kinds of spots are the product of one curve along each axis of the picture. A pixel gets `Σ
+//! along[i] × across[j]` over the spots of the record. The curve across includes the light and the
+//! scale. Curves are divided by their sums, so that a spot keeps its light at any position between
+//! pixels and after rounding.
 //!
-//! This is f32 in `+ - ×`, with f64 and `÷` for rectangles, and integers, in eight lanes that are
-//! added up in one order: the same bits on every machine.
+//! The curves are computed in f32 with `+ - ×`, for rectangles also in f64 with `÷`, then in
+//! integers. Eight lanes are added up in a fixed order, so that every machine gives the same bits.
 
 use std::ops::Range;
 
 use super::record::Record;
 use crate::narrow;
 
-/// Pixels that are computed at once: a register of 256 bits.
+/// Number of pixels that are computed at once: those of a 256-bit register.
 pub(super) const LANES: usize = 8;
 
-/// Peak of the curve along, whose steps of 1.5e-5 make an error of 7.6e-6.
+/// Peak of the curve along. Steps of 1.5e-5 of the peak cause an error of 7.6e-6.
 const ALONG: f32 = 65_535.0;
 
-/// Bits of the lower part of a curve across. Four products of either part with a curve along stay
-/// below 2^32.
+/// Number of bits in the lower part of a curve across. Four products of either part with a curve
+/// along stay below 2^32.
 pub(super) const LOW_BITS: u32 = 14;
 
-/// Bits of the sum of a pixel, in counts times `2^shift`, so that the upper parts stay below 2^31.
+/// Number of bits in the sum of a pixel, in counts times `2^shift`. The upper parts stay below
+/// 2^31.
 const SUM_BITS: i32 = 30;
 
-/// Numbers in a step of the long loops: enough to fill the registers of any processor, and too many
-/// to unroll.
+/// Number of values in one step of the long loops: enough to fill the registers of any processor,
+/// and too many to unroll.
 const STEP: usize = 32;
 
-/// Exponent of 2 that stands for zero.
+/// Exponent of 2 that represents zero.
 const ZERO_EXPONENT: f32 = -125.0;
 
-/// Curves of the spots of one record.
+/// The curves of the spots of one record.
 #[derive(Debug, Default)]
 pub(super) struct Curves {
-    /// Along a row of the box, spot after spot, padded with zeros to whole lanes and one more.
+    /// Curves along a row of the box, spot after spot, zero-padded to whole lanes and one more.
     along: Vec<u32>,
-    /// Down a column, spot after spot: the bits above [`LOW_BITS`] and those below, padded with
-    /// zeros to whole lanes.
+    /// Curves down a column, spot after spot, padded with zeros to whole lanes: the bits above
+    /// [`LOW_BITS`] and those below.
     high: Vec<u32>,
     low: Vec<u32>,
-    /// Numbers of a spot in `along`, and in `high` and `low`.
+    /// Number of values per spot in `along`, and in `high` and `low`.
     strides: [usize; 2],
-    /// Sums are in counts times `2^shift`, from 1 to 30.
+    /// Power of two by which the counts in sums are multiplied, from 1 to 30.
     pub(super) shift: u32,
-    /// Gaussians of all spots: those along, then those across.
+    /// Gaussians of all spots: first those along, then those across.
     bells: Vec<f32>,
 }
 
@@ -64,7 +66,7 @@ impl Curves {
         self.along.resize(n_along.next_multiple_of(STEP), 0);
         self.high.resize(n_steps, 0);
         self.low.resize(n_steps, 0);
-        // Gaussians of all spots: first the exponents of 2, then their powers in one long loop.
+        // Computes the exponents of 2 of all Gaussians, and then their powers in one long loop.
         let (along, across) = self.bells.split_at_mut(n_along);
         for k in 0..spots {
             let along = &mut along[k * strides[0]..][..strides[0]];
@@ -79,7 +81,7 @@ impl Curves {
         if record.half_px != [0.0; 2] {
             self.draw_rectangles(record, n_along);
         }
-        // The curves along as integers, then those across with the light.
+        // Converts the curves along to integers, and then the curves across with the light.
         let bells = self.bells.as_chunks::<STEP>().0;
         for (along, bells) in self.along.as_chunks_mut::<STEP>().0.iter_mut().zip(bells) {
             for (along, bell) in along.iter_mut().zip(bells) {
@@ -89,17 +91,17 @@ impl Curves {
         self.draw_across(record, counts_per_lx_s, n_along);
     }
 
-    /// Scales the curves across, in `bells` from `n_along` on, to the light of the record, and
-    /// converts them to integers.
+    /// Scales the curves across, which start at `n_along` in `bells`, to the light of the record,
+    /// and converts them to integers.
     #[inline(always)]
     fn draw_across(&mut self, record: &Record, counts_per_lx_s: f64, n_along: usize) {
         let strides = self.strides;
-        // The finest scale at which the sum of a pixel fits.
+        // The finest scale at which the sum of a pixel fits into its bits.
         let exponent = exponent(record.peak_lx_s() * counts_per_lx_s);
         self.shift = (SUM_BITS - exponent).clamp(1, SUM_BITS).cast_unsigned();
         let in_sums = f64::from(1_u32 << self.shift) * f64::from(1_u32 << LOW_BITS);
         let light = record.light_lx_s * counts_per_lx_s * in_sums;
-        // The light of a spot over the sums of both its rounded curves.
+        // Divides the light of each spot by the sums of its two rounded curves.
         for k in 0..record.spots as usize {
             let across = k * strides[1]..(k + 1) * strides[1];
             let bells = self.bells[n_along..][across].as_chunks_mut::<LANES>().0;
@@ -109,7 +111,7 @@ impl Curves {
             let factor = narrow(light * fraction / (f64::from(along) * f64::from(across)));
             bells.as_flattened_mut().iter_mut().for_each(|bell| *bell *= factor);
         }
-        // Split into upper and lower bits, rounded by the addition of MAGIC.
+        // Splits each value into upper and lower bits, rounded by the addition of MAGIC.
         let values = self.bells[n_along..].as_chunks::<STEP>().0;
         let high = self.high.as_chunks_mut::<STEP>().0.iter_mut();
         let low = self.low.as_chunks_mut::<STEP>().0;
@@ -122,8 +124,8 @@ impl Curves {
         }
     }
 
-    /// Replaces the Gaussians of a blurred rectangle, from `n_along` on those across, by its
-    /// curves.
+    /// Replaces a blurred rectangle's Gaussians by its curves. The curves across start at
+    /// `n_along`.
     #[inline(always)]
     fn draw_rectangles(&mut self, record: &Record, n_along: usize) {
         let axes = [(0, record.x_px, record.width), (n_along, record.y_px, record.height)];
@@ -136,21 +138,20 @@ impl Curves {
         }
     }
 
-    /// Returns the curve of a spot along the row, from a pixel of the box on, in whole lanes.
+    /// Returns the curve of a spot along the row in whole lanes, starting from a pixel of the box.
     #[inline(always)]
     pub(super) fn along(&self, spot: usize, from: usize) -> &[u32] {
         &self.along[spot * self.strides[0]..][from..self.strides[0]]
     }
 
-    /// Returns the upper and the lower bits of the curve of a spot across, for some rows of the
-    /// box.
+    /// Returns the upper and the lower bits of a spot's curve across, for some rows of the box.
     #[inline(always)]
     pub(super) fn across(&self, spot: usize, rows: Range<usize>) -> [&[u32]; 2] {
         [&self.high, &self.low].map(|part| &part[spot * self.strides[1]..][rows.clone()])
     }
 }
 
-/// Writes the exponents of 2 of a Gaussian of σ = 1 / `per_px` to the first `pixels` pixels.
+/// Writes the exponents of 2 of a Gaussian of σ = 1 / `per_px` to the first `pixels` values.
 #[inline(always)]
 fn exponents(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
     // exp(-x² / 2) is 2 to the power of -x² / 2 · log2(e).
@@ -164,8 +165,8 @@ fn exponents(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
     out[pixels..].fill(ZERO_EXPONENT);
 }
 
-/// Writes the curve of a line of `half_px` to either side, blurred by a Gaussian of σ = 1 /
-/// `per_px`. It is 1 in the middle.
+/// Writes the curve of a line that extends `half_px` to either side and is blurred by a Gaussian of
+/// σ = 1 / `per_px`. The curve is 1 in the middle.
 #[inline(always)]
 fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     let [middle_px, half_px] = [middle_px, half_px].map(f64::from);
@@ -181,14 +182,14 @@ fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     }
 }
 
-/// Returns twice the fraction of a Gaussian about 0, of σ = 1 / (√2 `per_px`), within `half_px` of
-/// x.
+/// Returns twice the part within `half_px` of x of a Gaussian about 0 of σ = 1 / (√2 `per_px`).
 #[inline(always)]
 fn between(x: f64, per_px: f64, half_px: f64) -> f64 {
     error_function((x + half_px) * per_px) - error_function((x - half_px) * per_px)
 }
 
-/// Numerator and denominator of the error function over x, by powers of x², the highest first.
+/// Numerator and denominator of the error function over x: coefficients of powers of x², with the
+/// highest power first.
 const ERROR_FUNCTION: [&[f64]; 2] = [
     &[
         -2.726_142_258_013_06e-10,
@@ -208,8 +209,8 @@ const ERROR_FUNCTION: [&[f64]; 2] = [
     ],
 ];
 
-/// Returns the error function within 7e-8, by a rational function that Eigen has for f32
-/// (`generic_fast_erf_float`). From 4 on the error function is 1 in f32.
+/// Returns the error function with an error of at most 7e-8, by the rational function that Eigen
+/// uses for f32 (`generic_fast_erf_float`). From 4 on, the error function is 1 in f32.
 #[inline(always)]
 fn error_function(x: f64) -> f64 {
     let x = x.clamp(-4.0, 4.0);
@@ -222,21 +223,21 @@ fn error_function(x: f64) -> f64 {
 const LANE: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Returns 2 to the power of a number from -125 to 0, with a relative error of 1e-7. The integer
-/// part goes into the exponent of the float, and a Taylor series gives the rest.
+/// part becomes the exponent of the float, and a Taylor series gives the rest.
 #[inline(always)]
 fn exp2(power: f32) -> f32 {
     let whole = power + MAGIC;
     let x = (power - (whole - MAGIC)) * std::f32::consts::LN_2;
-    // The terms up to x⁷ / 7!, in two independent chains.
+    // The terms up to x⁷ / 7! form two independent chains, which run in parallel.
     let x2 = x * x;
     let low = (1.0 + x) + x2 * (1.0 / 2.0 + x * (1.0 / 6.0));
     let high = (1.0 / 24.0 + x * (1.0 / 120.0)) + x2 * (1.0 / 720.0 + x * (1.0 / 5040.0));
-    // The exponent of a float begins at bit 23.
+    // The exponent of a float starts at bit 23.
     let series = low + x2 * x2 * high;
     f32::from_bits(series.to_bits().wrapping_add(whole.to_bits() << 23))
 }
 
-/// Returns the sum of values as integers, each converted by `to_integer`.
+/// Returns the sum of values after `to_integer` has converted each to an integer.
 #[inline(always)]
 fn sum<T>(rows: &[[T; LANES]], to_integer: impl Fn(&T) -> u32) -> u32 {
     let mut sums = [0; LANES];
@@ -248,28 +249,28 @@ fn sum<T>(rows: &[[T; LANES]], to_integer: impl Fn(&T) -> u32) -> u32 {
     sums.iter().sum()
 }
 
-/// Unit of the sum of a curve across: fine enough for 1e-7 of it, and below 2^32 for the widest
-/// spot.
+/// Unit of the sum of a curve across. The unit is fine enough for 1e-7 of the sum, and keeps the
+/// widest spot below 2^32.
 const SUMMED: f32 = (1_u32 << 22) as f32;
 
-/// Unit of the upper part, and its inverse.
+/// Unit of the upper part, and its reciprocal.
 const HIGH: f32 = (1_u32 << LOW_BITS) as f32;
 const PER_HIGH: f32 = 1.0 / HIGH;
 
-/// Number 1.5 · 2^23. A float of this size has a step of 1, so that adding it to a number below
-/// 2^22 rounds the number into the last bits of the sum.
+/// Number 1.5 · 2^23. Floats of this size have a step of 1, so adding MAGIC to a number below 2^22
+/// rounds the number into the last bits of the sum.
 const MAGIC: f32 = 12_582_912.0;
 
-/// Returns a number from -1/2 to 2^22, rounded.
+/// Rounds a number from -1/2 to 2^22 to an integer.
 #[inline(always)]
 fn rounded(x: f32) -> u32 {
     (x + MAGIC).to_bits().wrapping_sub(MAGIC.to_bits())
 }
 
-/// Returns the least exponent of 2 above a positive number.
+/// Returns the smallest exponent of 2 above a positive number.
 #[inline(always)]
 fn exponent(x: f64) -> i32 {
-    // A double has its exponent above 52 bits, with a bias of 1023 for the power of 2 below it.
+    // A double stores its exponent above 52 bits, with a bias of 1023 for the power of 2 below it.
     (x.to_bits() >> 52) as i32 - 1022
 }
 
@@ -295,7 +296,7 @@ mod tests {
         assert!(worst < 3e-7, "it errs by {worst}");
     }
 
-    /// Curves of a spot at 100 counts per lx s.
+    /// Returns the curves of a spot at 100 counts per lx s.
     fn drawn(
         light_lx_s: f64,
         sigma_px: f64,
@@ -346,7 +347,7 @@ mod tests {
 
     #[test]
     fn no_sum_overflows_at_the_brightest() {
-        // The peak just below 2^30 counts, beyond which `scale` lets no record.
+        // The peak is just below 2^30 counts, the most that `scale` allows for a record.
         for half_px in [[0.0; 2], [0.1, 3.0], [6.0, 1.5]] {
             let (mut curves, record) = drawn(1.0, 0.9, half_px, [30.5, 30.5]);
             curves.draw(&record, 0.999 * f64::from(1 << 30) / record.peak_lx_s());

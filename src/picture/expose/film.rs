@@ -1,10 +1,10 @@
-//! Film: the product, as integer counts, and their scale: the finest at which no pixel can
+//! Film: the exposure as integer counts, and their scale, the finest at which no pixel can
 //! overflow.
 //!
-//! The sum of the peaks of the records that touch a tile of 16 × 16 pixels bounds each of its
-//! pixels. One count is the smallest power of two, in lx s, at which the brightest tile stays below
-//! 2^31 counts. A quarter of a `u32` is reserved for the glow of the floor, and a quarter for the
-//! rounding of up to 2^30 records.
+//! The sum of the peaks of all records that touch a tile of 16 × 16 pixels is an upper bound for
+//! each of its pixels. One count is the smallest power of two, in lx s, at which the brightest tile
+//! stays below 2^31 counts. A quarter of a `u32` is reserved for the glow of the floor, and a
+//! quarter for the rounding of up to 2^30 records.
 
 use super::Tint;
 use super::tile::ALL;
@@ -14,19 +14,19 @@ use noctograph_core::product::{Rules, Valid, check_picture};
 
 const TILE_PX: u32 = 16;
 
-/// Bits of the sum of peaks on a tile, in counts.
+/// Number of bits of the sum of peaks on a tile, in counts.
 const TILE_BITS: i32 = 31;
 
-/// Bits of the peak of a record, in counts, equal to the bits of its curves.
+/// Number of bits of the peak of a record in counts, the same as that of its curves.
 const PEAK_BITS: i32 = 30;
 
-/// Bits of the glow of the floor, in counts.
+/// Number of bits of the glow of the floor, in counts.
 const GLOW_BITS: i32 = 30;
 
-/// Finest scale: enough for any light, and far from underflow.
+/// Finest scale, which is fine enough for any light and far from underflow.
 const MIN_SCALE_LOG2: i32 = -128;
 
-/// Coarsest scale: the largest count is still far below the largest `f32`.
+/// Coarsest scale, at which the largest count is still far below the largest `f32`.
 const MAX_SCALE_LOG2: i32 = 64;
 
 /// Checks a scale.
@@ -38,17 +38,17 @@ pub(super) fn check_scale(scale_log2: i32) -> Result<()> {
     Err(Error::input("scale_log2", scale_log2, wanted, "a count is 2^scale_log2 lx s"))
 }
 
-/// Luminous exposure of the sensor per pixel and color channel, as integer counts.
+/// Luminous exposure of the sensor for each pixel and color channel, as integer counts.
 pub type Film = Valid<FilmData>;
 
 /// The data of a [`Film`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FilmData {
-    /// Width.
+    /// Width in pixels.
     pub width_px: u32,
-    /// Height.
+    /// Height in pixels.
     pub height_px: u32,
-    /// Three planes (red, green, blue: linear sRGB), each row by row from the top left.
+    /// Three planes in linear sRGB (red, green, blue), each row by row from the top left.
     pub counts: Vec<u32>,
     /// One count is `2^scale_log2` lx s.
     pub scale_log2: i32,
@@ -63,11 +63,11 @@ impl Rules for FilmData {
 
 impl FilmData {
     /// Returns the luminous exposure of one channel (0 red, 1 green, 2 blue) in lx s at the pixel
-    /// with the index `y * width_px + x`. White light of H lx s has H in all three.
+    /// with index `y * width_px + x`. White light of H lx s has H in all three channels.
     ///
     /// # Panics
     ///
-    /// If the film has no such channel or pixel.
+    /// Panics if the film has no such channel or pixel.
     #[must_use]
     pub fn exposure_lx_s(&self, channel: usize, index: usize) -> f64 {
         libm::ldexp(f64::from(self.plane(channel)[index]), self.scale_log2)
@@ -77,7 +77,7 @@ impl FilmData {
     ///
     /// # Panics
     ///
-    /// If the film has no such channel.
+    /// Panics if the film has no such channel.
     #[must_use]
     pub fn light_lx_s_px2(&self, channel: usize) -> f64 {
         let sum: u64 = self.plane(channel).iter().map(|&count| u64::from(count)).sum();
@@ -90,8 +90,8 @@ impl FilmData {
         &self.counts[channel * pixels..][..pixels]
     }
 
-    /// Returns the SHA-256 of size, scale and counts (little endian), in hexadecimal. It is the
-    /// same for equal films on every backend and machine.
+    /// Returns the SHA-256 of size, scale and counts (little endian) in hexadecimal. Equal films
+    /// have the same hash on every backend and machine.
     #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
@@ -118,7 +118,7 @@ pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2
         for record in &tint.records {
             let peak_lx_s = record.peak_lx_s();
             brightest_record = brightest_record.max(peak_lx_s);
-            // The peak counts on every tile that the box touches.
+            // The peak is added to every tile that the box touches.
             let [across, down] = record
                 .inside(width, &(0..height))
                 .map(|pixels| [pixels.start, pixels.end - 1].map(|px| (px / TILE_PX) as usize));
@@ -134,7 +134,7 @@ pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2
     let brightest_tile = tiles.iter().flatten().copied().fold(0.0, f64::max);
     let brightest =
         [(brightest_tile, TILE_BITS), (brightest_record, PEAK_BITS), (glow_lx_s, GLOW_BITS)];
-    // `frexp` returns the exponent with x < 2^exponent.
+    // `frexp` returns an exponent for which x < 2^exponent.
     let lit = brightest.into_iter().filter(|(x, _)| *x > 0.0);
     lit.map(|(x, bits)| libm::frexp(x).1 - bits).fold(MIN_SCALE_LOG2, i32::max)
 }

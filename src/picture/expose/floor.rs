@@ -1,16 +1,16 @@
-//! Glow of the room: light of the lamps that floor and walls reflect into the camera.
+//! Glow of the room: the light of the lamps that floor and walls reflect into the camera.
 //!
-//! A matte surface of albedo ρ that receives E lx s has a luminance over time of `ρ E / π` cd s/m²
-//! in every direction, and leaves `ρ τ E cos⁴ / (4 N²)` lx s on the sensor. E is the sum of
-//! `I(θ) cos / d²` over all lamps and moments (Lambert's law and the inverse square).
+//! A matte surface of albedo ρ that receives E lx s has a luminance, integrated over time, of `ρ E
+//! / π` cd s/m² in every direction, and leaves `ρ τ E cos⁴ / (4 N²)` lx s on the sensor. E is the
+//! sum of `I(θ) cos / d²` over all lamps and moments (Lambert's law and the inverse square law).
 //!
-//! 1. The lamps become point sources: see `sources`. The floor is a grid of more of them for the
-//!    walls, which receive its reflected light.
-//! 2. The picture is divided into a quadtree (Finkel and Bentley 1974): a square is quartered while
-//!    its center differs from the mean of its corners, or while a lamp is low above it.
-//! 3. Light is bilinear within a square, and counted with the film's dither.
+//! 1. The lamps become point sources (see `sources`). For the walls, the floor becomes a grid of
+//!    point sources as well, which emit the light that it reflects.
+//! 2. The picture is divided into a quadtree (Finkel and Bentley 1974). A square is quartered as
+//!    long as its center differs from the mean of its corners, or a lamp is low above it.
+//! 3. The light is interpolated bilinearly within each square, and counted with the film's dither.
 //!
-//! Not modeled: light that a wall throws back, the drone's shadow.
+//! Light that a wall throws back and the drone's shadow are not modeled.
 
 use std::sync::Arc;
 
@@ -25,20 +25,20 @@ use crate::light::LightTrace;
 use crate::narrow;
 use noctograph_core::camera::Camera;
 
-/// Side of the squares before any is quartered.
+/// Side of the squares before they are quartered, in pixels.
 const SIDE_PX: u32 = 32;
 
-/// Largest difference between the center of a square and the mean of its corners: relative to
-/// itself (a level of 8 bits), and to saturation (a fifth of the light that the camera tone shows
-/// as black).
+/// Maximum difference between the center of an undivided square and the mean of its corners:
+/// relative to itself (one level of 8 bits), and to saturation (a fifth of the light that the
+/// camera tone shows as black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
-/// Light of the room in a picture, as squares.
+/// The light of the room in a picture, as squares.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
-    /// Squares by bands of [`SIDE_PX`] rows.
+    /// The squares in each band of [`SIDE_PX`] rows.
     bands: Vec<Vec<Square>>,
-    /// Standard deviation of the floor's albedo, relative.
+    /// Relative standard deviation of the floor's albedo.
     unevenness: f32,
     pub(super) peak_lx_s: f64,
     /// Reflectance of a photographed room, which replaces the unevenness.
@@ -48,36 +48,36 @@ pub(super) struct Glow {
 /// Reflectance of floor and walls at each pixel in red, green and blue, relative to their albedo.
 pub type Reflectance = Arc<[Vec<f32>; 3]>;
 
-/// A square of the picture, and the exposure in lx s at its [`corners`].
+/// A square of the picture, and the exposure in lx s at each of its [`corners`].
 #[derive(Clone, Debug, PartialEq)]
 struct Square {
     corner_px: [u32; 2],
     side_px: u32,
     corners_lx_s: [Rgb; 4],
-    /// Corners on the floor's texture. `None` on a wall, on edges and in the dark.
+    /// The corners on the floor's texture. `None` on a wall, at edges and in the dark.
     on_texture: Option<[[f32; 2]; 4]>,
 }
 
-/// Returns the corners of a square: top left, top right, bottom left, bottom right.
+/// Returns the corners of a square: top left, top right, bottom left and bottom right.
 fn corners([x, y]: [u32; 2], side_px: u32) -> [[u32; 2]; 4] {
     [[x, y], [x + side_px, y], [x, y + side_px], [x + side_px, y + side_px]]
 }
 
-/// The lit room that a camera sees.
+/// The lit room in a camera's view.
 struct Floor<'a> {
     camera: &'a Camera,
     room: Room,
-    /// Trees of the lamps, and last the tree of the floor if there are walls.
+    /// The trees of the lamps. If there are walls, the tree of the floor follows.
     trees: Vec<Tree<'a>>,
     n_lamp_trees: usize,
     /// Points on the floor straight below low sources: x, y and the source's height, in pixels.
     feet_px: Vec<[f64; 3]>,
-    /// Difference that is negligible at any exposure, from [`EVEN`].
+    /// Difference that is negligible at any exposure, computed from [`EVEN`].
     even_lx_s: f64,
 }
 
 impl Glow {
-    /// Returns the glow of a trace. `None` if floor and walls are black or out of view.
+    /// Returns the glow of a trace, or `None` if floor and walls are black or out of view.
     pub(super) fn new(
         trace: &LightTrace,
         camera: &Camera,
@@ -89,17 +89,17 @@ impl Glow {
         }
         let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
-        // Corners of the coarse grid, each of up to four squares.
+        // Exposure at the corners of the coarse grid, where up to four squares meet.
         let corners = (0..=rows).into_par_iter().map(|j| {
             let points_px = (0..=columns).map(|i| [[i * SIDE_PX, j * SIDE_PX]]);
             points_px.flat_map(|point_px| floor.exposures_lx_s(point_px)).collect()
         });
         let corners: Vec<Vec<Rgb>> = corners.collect();
-        // Bands of the picture are divided in parallel.
+        // The bands of the picture are divided in parallel.
         let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
         let bands = rows.map(|(j, corners)| {
             let mut squares = Vec::new();
-            // Sources below this band.
+            // Only sources below this band can be under its squares.
             let middle_px = f64::from(j * SIDE_PX + SIDE_PX / 2);
             let mut feet_px = floor.feet_px.clone();
             feet_px.retain(|[_, y, _]| (y - middle_px).abs() < f64::from(SIDE_PX));
@@ -119,12 +119,12 @@ impl Glow {
         Some(Self { bands, unevenness, peak_lx_s, reflectance: None })
     }
 
-    /// Returns the first row with glow, or 0 without any.
+    /// Returns the first row with glow, or 0 if there is none.
     pub(super) fn top_px(&self) -> usize {
         self.bands.iter().flatten().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
     }
 
-    /// Adds the glow to a film, band by band in parallel.
+    /// Adds the glow to a film. The bands are processed in parallel.
     pub(super) fn add_to(&self, film: &mut FilmData) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
@@ -134,7 +134,7 @@ impl Glow {
         let [red, green, blue] = planes;
         let bands = (red, green, blue).into_par_iter().zip(&self.bands);
         bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
-            // Rows of the band, in the planes of the film and of the photographed room.
+            // The band's rows in the planes of the film and of the photographed room.
             let mut planes = [red, green, blue];
             let first = band * SIDE_PX as usize * width;
             let room = self.reflectance.as_ref();
@@ -149,14 +149,14 @@ impl Glow {
 }
 
 impl Square {
-    /// Returns the largest exposure at a corner.
+    /// Returns the maximum exposure at the corners.
     fn peak_lx_s(&self) -> f64 {
         self.corners_lx_s.as_flattened().iter().copied().fold(0.0, f64::max)
     }
 
-    /// Adds the light, given in counts at the corners, to the square's band of the film's planes.
-    /// It is multiplied by the relative albedo: `reflected` at each pixel of the band, or the
-    /// floor's texture.
+    /// Adds the light, given in counts at the corners, to the square's band in the film's planes.
+    /// The light is multiplied by the relative albedo, which is `reflected` at each pixel of the
+    /// band, or the floor's texture.
     #[inline(always)]
     fn add_to(
         &self,
@@ -169,7 +169,7 @@ impl Square {
         let [x, y] = self.corner_px;
         let (left, top) = (x as usize, y % SIDE_PX);
         let step = 1.0 / self.side_px as f32;
-        // The last squares reach beyond the film.
+        // The last squares of a row extend beyond the film.
         let across = (self.side_px as usize).min(width.saturating_sub(left));
         if across == 0 {
             return;
@@ -177,7 +177,7 @@ impl Square {
         let rows = (planes[0].len() / width).saturating_sub(top as usize);
         let mut albedo = [1.0; SIDE_PX as usize];
         for row in (0..self.side_px).take(rows) {
-            // Relative albedo of the row's pixels: the floor's texture, or the photographed room.
+            // Relative albedo at the row's pixels, by the floor's texture or the photographed room.
             let down = (row as f32 + 0.5) * step;
             if let (Some(points), None) = (self.on_texture, reflected[0]) {
                 let points = along(points, down, step);
@@ -191,12 +191,12 @@ impl Square {
                 if let Some(reflected) = reflected[channel] {
                     albedo[..across].copy_from_slice(&reflected[first..][..across]);
                 }
-                // Ordered dither: each count is rounded at a threshold of its pixel.
+                // Ordered dither: each count is rounded at the threshold of its pixel.
                 let lights = along(corners.map(|rgb| [rgb[channel]]), down, step);
                 let counts = plane[first..][..across].iter_mut().zip(&albedo);
                 for (i, ((count, albedo), [light])) in (0..).zip(counts.zip(lights)) {
                     let dither = dither.wrapping_add(DITHER[0].wrapping_mul(i));
-                    // The upper 24 bits, over 2^24: from 0 to 1.
+                    // The upper 24 bits divided by 2^24 give a threshold from 0 to 1.
                     let threshold = (dither >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0);
                     #[expect(clippy::cast_possible_truncation, reason = "below 2^31")]
                     let counts = (light * albedo + threshold) as i32;
@@ -206,8 +206,8 @@ impl Square {
         }
     }
 
-    /// True if a source, given by the point below it and its height, is above the square or beside
-    /// it, and lower than the square is wide.
+    /// True if a source is above or beside the square, and lower than the square is wide. The
+    /// source is given by the point below it and its height.
     fn is_under(&self, [x, y, height_px]: [f64; 3]) -> bool {
         let side = f64::from(self.side_px);
         let mut pairs = [x, y].into_iter().zip(self.corner_px);
@@ -216,8 +216,8 @@ impl Square {
     }
 }
 
-/// Returns the values in the middles of the pixels of a row of a square, bilinear between its
-/// corners. `down` is the fraction of the square above the row, and `step` that of a pixel.
+/// Returns the values at the pixel centers in one row of a square, bilinear between its corners.
+/// `down` is the fraction of the square above the row's center, and `step` that of one pixel.
 #[inline(always)]
 fn along<const N: usize>(
     [nw, ne, sw, se]: [[f32; N]; 4],
@@ -234,11 +234,11 @@ fn along<const N: usize>(
 }
 
 impl<'a> Floor<'a> {
-    /// Prepares the sources of light of a trace, and of the floor if there are walls.
+    /// Prepares the sources of light of a trace, and those of the floor if there are walls.
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
-        // Points below sources so low that their light changes within a square.
+        // Points below sources that are so low that their light varies within a square.
         let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;
@@ -246,7 +246,7 @@ impl<'a> Floor<'a> {
             (height_px < f64::from(SIDE_PX)).then_some([image.x_px, image.y_px, height_px])
         });
         let feet_px = feet_px.collect();
-        // The floor's reflected light illuminates the walls.
+        // The light that the floor reflects illuminates the walls.
         let n_lamp_trees = trees.len();
         if let Some([width_m, depth_m, _]) = options.room_m {
             let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);
@@ -256,23 +256,24 @@ impl<'a> Floor<'a> {
         Self { camera, room, trees, n_lamp_trees, feet_px, even_lx_s }
     }
 
-    /// Returns the exposure of the sensor at corners of pixels that are close together. It is 0
-    /// outside the room's surfaces.
+    /// Returns the exposure of the sensor at corners of pixels that are close together. The
+    /// exposure is 0 outside the surfaces of the room.
     fn exposures_lx_s<const N: usize>(&self, corners_px: [[u32; 2]; N]) -> [Rgb; N] {
         let camera = self.camera;
-        // For each corner: surface, point, direction to the camera, and factor to the sensor.
+        // For each corner: the surface, the point on it, the direction to the camera, and the
+        // factor from the light on the surface to that on the sensor.
         let hits = corners_px.map(|corner_px| {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
             let (on, point_m) = self.room.intersection(ray)?;
-            // Exposure of the sensor relative to the surface: ρ τ cos⁴ / (4 N²).
+            // Exposure of the sensor relative to that of the surface: ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
             let n = camera.f_number;
             let reflected = self.room.surfaces[on].albedo * camera.transmission / (4.0 * n * n);
             let factor = reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
             Some((on, point_m, -ray, factor))
         });
-        // Points on the same surface are computed together, others one by one.
+        // Points on the same surface are computed together, and other points one by one.
         let first = hits[0].map(|(on, ..)| on);
         let is_same = hits.iter().all(|hit| hit.map(|(on, ..)| on) == first);
         let Some(on) = first.filter(|_| is_same) else {
@@ -293,8 +294,8 @@ impl<'a> Floor<'a> {
         std::array::from_fn(|n| exposures[n].map(|channel| channel * hits[n].3))
     }
 
-    /// Returns a square's corners on the texture of the floor. `None` if a corner is not on the
-    /// floor, or if the square is too dark to show the texture.
+    /// Returns a square's corners on the texture of the floor. Returns `None` if a corner is not on
+    /// the floor, or if the square is too dark to show the texture.
     fn on_texture(&self, square: &Square) -> Option<[[f32; 2]; 4]> {
         if square.peak_lx_s() * self.room.unevenness <= self.even_lx_s {
             return None;
@@ -309,8 +310,8 @@ impl<'a> Floor<'a> {
     }
 
     /// Appends an even square to `squares`, divides any other square, and drops dark squares.
-    /// `middle` is the exposure in its middle, and `feet_px` are points below sources that may be
-    /// under it.
+    /// `middle` is the exposure at its center, `feet_px` the points below sources that may be under
+    /// it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se], .. } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);
@@ -318,7 +319,7 @@ impl<'a> Floor<'a> {
             let mean = 0.25 * (nw[c] + ne[c] + sw[c] + se[c]);
             (middle[c] - mean).abs() > EVEN[0] * middle[c].max(mean) + self.even_lx_s
         });
-        // Points under a quarter are under the square, too.
+        // Points under a quarter of the square are also under the square.
         let feet_px = feet_px.iter().copied().filter(|foot_px| square.is_under(*foot_px));
         let feet_px: Vec<[f64; 3]> = feet_px.collect();
         if half == 0 || (!uneven && feet_px.is_empty()) {
@@ -328,7 +329,7 @@ impl<'a> Floor<'a> {
             }
             return;
         }
-        // The quarters need the middles of the sides and their own middles.
+        // The quarters need the exposure at the midpoints of the sides and at their own centers.
         let quarters_px = corners([x, y], half);
         let [m_nw, m_ne, m_sw, m_se] = quarters_px.map(|corner| corner.map(|px| px + quarter));
         let [north, south, west, east, m_nw, m_ne, m_sw, m_se] = self.exposures_lx_s([
@@ -369,7 +370,7 @@ mod tests {
         unevenness: 0.0,
     };
 
-    /// A film of the glow without the lamp.
+    /// Returns a film of the glow without the lamp itself.
     fn glow_alone(trace: &LightTrace, options: &ExposeOptions) -> FilmData {
         let counts = vec![0; 3 * 320 * 200];
         let mut film = FilmData { width_px: 320, height_px: 200, counts, scale_log2: -24 };
@@ -384,7 +385,7 @@ mod tests {
         for [x, y] in [[0.1, 2.2], [0.0, 2.0], [-0.5, 1.6], [0.4, 2.9], [0.6, 2.0]] {
             let point_m = Vector3::new(x, y, 0.0);
             let image = camera.image_from_world(point_m).unwrap();
-            // E = I cos² / d² for a Lambertian lamp, and L = ρ E / π.
+            // A Lambertian lamp gives E = I cos² / d², and the floor L = ρ E / π.
             let d_sq = height_m * height_m + (x - 0.1) * (x - 0.1) + (y - 2.2) * (y - 2.2);
             let e_lx_s = 1.8 * height_m * height_m / d_sq / d_sq * 3.0;
             let cos = image.depth_m / (point_m - camera.position_m).norm();
@@ -396,7 +397,8 @@ mod tests {
         }
     }
 
-    /// The uneven floor against the even one, pixel by pixel: as uneven as asked, and as bright.
+    /// Compares the uneven floor with the even one, pixel by pixel. The uneven floor must be as
+    /// uneven as requested, and as bright as the even one.
     #[test]
     fn an_uneven_floor_reflects_as_much_as_an_even_one() {
         let lit = [0.1, 0.0].map(|unevenness| {

@@ -1,7 +1,7 @@
-//! The splat on a graphics device, without a window: Vulkan, Metal or DirectX 12 through wgpu.
+//! Draws records on a graphics device without a window: Vulkan, Metal or DirectX 12 through wgpu.
 //!
 //! Each color has a buffer of lit tiles. The shader adds the parts of records to it without atomic
-//! sums, which on lavapipe would cost more than all the rest.
+//! operations, which on lavapipe would take longer than everything else.
 
 use std::sync::{Arc, Mutex};
 
@@ -16,11 +16,11 @@ use noctograph_core::error::{Error, Result};
 
 pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 
-/// Bytes of a tile's counts.
+/// Size of a tile's counts, in bytes.
 const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
-/// Most tiles of a buffer: 256 MiB, enough for a picture of 67 megapixels. Every device supports as
-/// many workgroups.
+/// Maximum number of tiles in a buffer: 256 MiB, enough for a picture of 67 megapixels. Every
+/// device supports this number of workgroups.
 const MAX_TILES: u64 = 16_384;
 
 /// An open graphics device with the compiled shader.
@@ -31,14 +31,14 @@ pub(super) struct Gpu {
     pipeline: wgpu::ComputePipeline,
     pub(super) adapter: String,
     pub(super) max_tiles_bytes: u64,
-    /// True if buffers of the device are in the memory of the processor, and read there.
+    /// True if the device's buffers are in the processor's memory and are read there.
     is_processor: bool,
-    /// First error that the device reported on its own.
+    /// The first error that the device reported outside of a call.
     first_error: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
-    /// Opens the default device of the system. [`Error::Gpu`] if there is none.
+    /// Opens the system's default device, or returns [`Error::Gpu`] if there is none.
     pub(super) fn open() -> Result<Self> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Instance::enabled_backend_features(),
@@ -57,7 +57,7 @@ impl Gpu {
         let is_processor = info.device_type == wgpu::DeviceType::Cpu;
         let is_processor = is_processor && adapter.features().contains(mappable);
         let name = [info.name, info.driver_info].join(", ");
-        // The adapter's largest limits, since the buffers are as large as possible.
+        // Requests the adapter's maximum limits, because the buffers are as large as possible.
         let limits = adapter.limits();
         let max_tiles_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
@@ -68,7 +68,7 @@ impl Gpu {
         }))
         .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
 
-        // This handler receives errors of later calls. The first error names the cause.
+        // This handler receives the errors of later calls. The first error names the cause.
         let first_error = Arc::new(Mutex::new(None));
         let handler_error = Arc::clone(&first_error);
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
@@ -81,7 +81,7 @@ impl Gpu {
         Ok(Self { device, queue, pipeline, adapter, max_tiles_bytes, is_processor, first_error })
     }
 
-    /// Opens a device and runs the shader once, since a driver compiles it at the first use, which
+    /// Opens a device and runs the shader once. A driver compiles a shader at its first use, which
     /// takes longer than most films.
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
@@ -97,17 +97,17 @@ impl Gpu {
         self.pipeline = pipeline(&self.device, shader);
     }
 
-    /// Adds up the light of a latent image. Returns the counts of three planes.
+    /// Adds up the light of a latent image, and returns the counts of three planes.
     pub(super) fn splat(&self, latent: &Latent) -> Result<Vec<u32>> {
         let [width, height] = latent.size_px.map(|px| px as usize);
         let max_tiles = (self.max_tiles_bytes / TILE_BYTES).min(MAX_TILES) as usize;
         if max_tiles == 0 {
-            return Err(self.fail("a tile is too large for it"));
+            return Err(self.fail("a tile is too large for this device"));
         }
         let mut counts = dark_counts(latent);
         let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
         for tint in &latent.tints {
-            // One color after the other: its light on the device, then its counts in the film.
+            // For each color, adds up its light on the device, and then its counts in the film.
             let (across, lit) = lit_tiles(tint, latent.size_px);
             for lit in lit.chunks(max_tiles) {
                 let tiles = self.dark_tiles(lit.len());
@@ -126,7 +126,7 @@ impl Gpu {
         Ok(counts)
     }
 
-    /// Creates a buffer of `n` dark tiles on the device.
+    /// Creates a buffer with `n` dark tiles on the device.
     fn dark_tiles(&self, n: usize) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles"),
@@ -140,7 +140,7 @@ impl Gpu {
         })
     }
 
-    /// Submits a copy of `n` tiles to a new buffer that can be read. Returns the buffer.
+    /// Submits a copy of `n` tiles to a new readable buffer, and returns this buffer.
     fn copied(&self, tiles: &wgpu::Buffer, n: usize) -> wgpu::Buffer {
         let size = TILE_BYTES * n as u64;
         let out = self.device.create_buffer(&wgpu::BufferDescriptor {
@@ -155,7 +155,7 @@ impl Gpu {
         out
     }
 
-    /// Creates a buffer with these contents on the device.
+    /// Creates a buffer with the given contents on the device.
     fn filled(&self, label: &str, contents: &[u8]) -> wgpu::Buffer {
         let usage = wgpu::BufferUsages::STORAGE;
         self.device.create_buffer_init(&BufferInitDescriptor {
@@ -171,7 +171,7 @@ impl Gpu {
         let parts = self.filled("records", bytemuck::cast_slice(&parts));
         let curves = self.filled("curves", bytemuck::cast_slice(&chunk.curves));
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        // A pass waits for the previous one, so that no two workgroups add to the same tile.
+        // Each pass waits for the previous one, so that no two workgroups add to the same tile.
         for lists in &rounds {
             let on_device = self.filled("lists", bytemuck::cast_slice(lists));
             let entries = [(0, &on_device), (1, &parts), (2, &curves), (3, tiles)];
@@ -192,15 +192,15 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Waits for the device, and calls `use_counts` with the counts of `n` tiles, in order.
+    /// Waits for the device, and calls `use_counts` with the counts of `n` tiles in order.
     fn read(&self, tiles: &wgpu::Buffer, n: usize, use_counts: impl FnOnce(&[u32])) -> Result<()> {
         let out = if self.is_processor { tiles.clone() } else { self.copied(tiles, n) };
         let (sender, receiver) = std::sync::mpsc::channel();
         out.map_async(wgpu::MapMode::Read, .., move |mapped| {
-            // If the receiver is gone, an error has been reported already.
+            // If the receiver no longer exists, an error was already reported.
             let _ = sender.send(mapped);
         });
-        // The handler's error names the cause. Later errors are consequences.
+        // The error in the handler names the cause. Later errors are consequences of that one.
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         if let Some(first_error) = self.first_error.lock().ok().and_then(|mut e| e.take()) {
             return Err(self.fail(first_error));

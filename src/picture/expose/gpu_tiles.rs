@@ -1,8 +1,8 @@
 //! Parts of records on the lit tiles of a picture, in chunks for a graphics device.
 //!
-//! A workgroup of the shader is a tile and goes through all parts on it, so that no two threads add
-//! to one pixel. The curves of the records are drawn here, while the device adds up earlier
-//! records.
+//! A workgroup of the shader handles one tile and goes through all parts on it, so that no two
+//! threads add to the same pixel. The curves of the records are drawn here while the device adds up
+//! earlier records.
 
 use std::ops::Range;
 
@@ -12,13 +12,14 @@ use super::{Latent, Tint};
 
 pub(super) const TILE_PX: u32 = 64;
 
-/// Numbers of the curves in a chunk, or a few more: 4 MB.
+/// Number of curve values, 4 MB, after which a chunk is sent.
 const CHUNK: usize = 1 << 18;
 
-/// Most iterations of all loops of one workgroup. llvmpipe ends every loop after 65,535 in total.
+/// Maximum number of loop iterations in a workgroup. llvmpipe ends every loop after 65,535 in
+/// total.
 const MAX_ITERATIONS: u32 = 60_000;
 
-/// The part of a record on a tile, in the layout of `Record` in `splat.wgsl`.
+/// The part of a record on one tile, in the layout of `Record` in `splat.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Part {
@@ -32,10 +33,10 @@ pub(super) struct Part {
     pub(super) unused: u32,
 }
 
-/// Work for one submission to the device.
+/// The work of one submission to the device.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
-    /// Parts, each with the index of its tile among the lit tiles.
+    /// The parts, each with the index of its tile among the lit tiles.
     pub(super) parts: Vec<(usize, Part)>,
     pub(super) curves: Vec<[u32; SPOTS]>,
 }
@@ -53,14 +54,14 @@ pub(super) fn lit_tiles(tint: &Tint, [width, height]: [u32; 2]) -> (usize, Vec<u
     (across, (0..lit.len()).filter(|&tile| lit[tile]).collect())
 }
 
-/// Returns the tiles that a range of pixels along one axis touches.
+/// Returns the tiles that a range of pixels touches along one axis.
 #[inline(always)]
 fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// Calls `send` with the records of a color in chunks: their curves, and their parts on the tiles
-/// in `lit`, which are drawn.
+/// Calls `send` with the records of a color in chunks. A chunk has the curves of its records, and
+/// their parts on the tiles in `lit`.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,
@@ -69,7 +70,7 @@ pub(super) fn chunks(
 ) {
     let [width, height] = latent.size_px;
     let across = width.div_ceil(TILE_PX) as usize;
-    // Index of each tile of the picture among the lit tiles.
+    // Index among the lit tiles of each tile of the picture.
     let mut slots = vec![None; across * height.div_ceil(TILE_PX) as usize];
     lit.iter().enumerate().for_each(|(slot, &tile)| slots[tile] = Some(slot));
 
@@ -100,7 +101,7 @@ pub(super) fn chunks(
 }
 
 /// Returns the part of a record on a tile, whose index among the lit tiles is `slot`. `along` and
-/// `across` are the starts of the record's curves.
+/// `across` are the start indices of the record's curves.
 #[expect(clippy::cast_possible_truncation, reason = "tiles have fewer than 2^32 pixels")]
 fn part(
     record: &Record,
@@ -115,7 +116,7 @@ fn part(
         let Range { start, end } = inside[axis];
         start.max(corner[axis])..end.min(corner[axis] + TILE_PX)
     });
-    // Offsets wrap, since the box may begin outside the picture.
+    // The offsets wrap, because the box may start outside the picture.
     let [i, j] = [columns.start - corner[0], rows.start - corner[1]];
     Part {
         place: (slot as u32 * TILE_PX + j) * TILE_PX + i,
@@ -130,7 +131,7 @@ fn part(
 }
 
 impl Chunk {
-    /// Appends the curves of a record. Returns the start of those along and of those across.
+    /// Appends the curves of a record. Returns the start indices of those along and those across.
     fn push_curves(&mut self, record: &Record, drawn: &Curves) -> [u32; 2] {
         let (width, height) = (record.width as usize, record.height as usize);
         let first = self.curves.len();
@@ -140,7 +141,7 @@ impl Chunk {
             for (to, from) in along.iter_mut().zip(drawn.along(k, 0)) {
                 to[k] = *from;
             }
-            // Both parts of a value across in one number, 16 bits each.
+            // Both parts of a value across are stored in one number, with 16 bits each.
             let [high, low] = drawn.across(k, 0..height);
             for (to, (high, low)) in across.iter_mut().zip(high.iter().zip(low)) {
                 to[k] = high << 16 | low;
@@ -149,13 +150,13 @@ impl Chunk {
         [first, first + width].map(|first| u32::try_from(first).unwrap_or(u32::MAX))
     }
 
-    /// Sorts the parts by tile. Returns the rounds of the device, with the range of parts of each
-    /// tile, and the parts. No tile has more than [`MAX_ITERATIONS`] in a round.
+    /// Sorts the parts by tile. Returns the rounds of the device, each with the range of parts of
+    /// each tile, and the parts. No tile has more than [`MAX_ITERATIONS`] in one round.
     pub(super) fn by_tile(&mut self) -> (Vec<Vec<[u32; 2]>>, Vec<Part>) {
         self.parts.sort_by_key(|&(slot, _)| slot);
         let (mut rounds, mut end): (Vec<Vec<[u32; 2]>>, _) = (Vec::new(), 0);
         for tile in self.parts.chunk_by(|a, b| a.0 == b.0) {
-            // The first part always opens a round.
+            // The first part of a tile always starts a round.
             let (mut iterations, mut round) = (MAX_ITERATIONS, 0);
             for (_, part) in tile {
                 // A tile with too much work for one dispatch continues in the next round.
@@ -178,7 +179,7 @@ impl Chunk {
 impl Part {
     /// Returns an upper bound on the iterations of the shader's loops, including their exits.
     fn iterations(&self) -> u32 {
-        // The threads of a workgroup cover two columns each in an iteration.
+        // The threads of a workgroup cover two columns each per iteration.
         3 + (self.columns / 16 + 1) * (self.rows + 3)
     }
 }

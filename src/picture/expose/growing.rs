@@ -1,9 +1,9 @@
-//! A film that grows with its light, as of a flight that is still flown.
+//! A film that grows with its light, for example while a flight is still in progress.
 //!
-//! A film is a sum of integers, in which the order of the records does not matter. Of an image that
-//! has grown, only the records are drawn that differ from the ones before. The last segment of each
-//! lamp may have become longer: its old records are drawn again and subtracted. The film has the
-//! same bits as one that is exposed at once.
+//! A film is a sum of integers, for which the order of the records does not matter. When an image
+//! has grown, only records that differ from those before are drawn. If a lamp's last segment has
+//! become longer, its old records are drawn again and subtracted. The film has the same bits as one
+//! that is exposed all at once.
 
 use super::record::Record;
 use super::tile::{ALL, count};
@@ -12,17 +12,17 @@ use super::{Film, Latent, Tint, cpu};
 /// The light that was drawn so far.
 #[derive(Debug, Default)]
 pub struct GrowingFilm {
-    /// The last image. `None` before the first one.
+    /// The last image, or `None` before the first one.
     drawn: Option<Latent>,
-    /// Counts of each of its tints in the brightest channel.
+    /// The counts of each of its tints, in the brightest channel.
     planes: Vec<Vec<u32>>,
     /// Number of records that were drawn or subtracted for the last image.
     n_drawn: usize,
 }
 
 impl GrowingFilm {
-    /// Adds up the light of an image on the processor. Counts are kept if the scale is that of the
-    /// image before, else all light is drawn again.
+    /// Adds up the light of an image on the processor. Earlier counts are kept if the scale is the
+    /// same as before. If the scale has changed, all light is drawn again.
     pub fn develop(&mut self, latent: Latent) -> Film {
         let mut before = self.drawn.take().filter(|drawn| drawn.counts_as(&latent));
         let kept = std::mem::take(&mut self.planes);
@@ -50,14 +50,14 @@ impl GrowingFilm {
         self.n_drawn
     }
 
-    /// Returns the counts of a tint, from those that it had before.
+    /// Returns the counts of a tint, starting from those that it had before.
     fn draw(&mut self, kept: Option<(Tint, Vec<u32>)>, tint: &Tint, latent: &Latent) -> Vec<u32> {
         let Some((before, mut plane)) = kept else {
             self.n_drawn += tint.records.len();
             return plane_of(tint.records.clone(), latent);
         };
         let [removed, added] = changes(&before, tint);
-        // Two drawings of all light would cost more than one.
+        // Adding and subtracting more records than there are takes longer than drawing all.
         if removed.len() + added.len() > tint.records.len() {
             return self.draw(None, tint, latent);
         }
@@ -74,8 +74,8 @@ impl GrowingFilm {
     }
 }
 
-/// Returns the records that are only in `before` and those that are only in `now`, beyond the
-/// common beginning of each lamp.
+/// Returns the records that are only in `before`, and those that are only in `now`, after the
+/// common start of each lamp's records.
 fn changes(before: &Tint, now: &Tint) -> [Vec<Record>; 2] {
     let mut changes = [Vec::new(), Vec::new()];
     let (old, new) = (before.by_lamp(), now.by_lamp());
@@ -110,8 +110,8 @@ mod tests {
     use super::super::tests::scenes;
     use super::*;
 
-    /// The image of the first part of each lamp's records. Their last one is fainter, as of a
-    /// segment that is not complete.
+    /// Returns the image of the first part of each lamp's records. The last record is fainter, like
+    /// that of an incomplete segment.
     fn begun(latent: &Latent, part: usize) -> Latent {
         let mut begun = latent.clone();
         for (tint, whole) in begun.tints.iter_mut().zip(&latent.tints) {

@@ -1,23 +1,23 @@
-//! Segments: neighboring intervals, on a straight line at constant speed, merged into one.
+//! Merges neighboring intervals that lie on a straight line at constant speed into segments.
 //!
-//! Greedy and linear in time: swinging-door thinning (Bristol 1990). An interval joins the run
-//! while three things stay within tolerance of the chord from the run's first sample to its last:
-//! the position, at constant speed, the brightness, so that a fade is one segment, and the width of
-//! the spot. The segment carries the exact sum of the light.
+//! The algorithm is swinging-door thinning (Bristol 1990), which is greedy and takes linear time.
+//! An interval joins the run as long as three quantities stay within tolerance of the chord from
+//! the run's first sample to its last: the position at constant speed, the brightness (so that a
+//! fade is one segment), and the width of the spot. The segment has the exact sum of the light.
 
 use super::project::{Interval, Px};
 use noctograph_core::geometry::Chords;
 
-/// A straight stretch of trail, traversed at constant speed, whose brightness changes evenly.
+/// A straight part of a trail at constant speed, along which the brightness changes evenly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Segment {
     pub(super) ends_px: [Px; 2],
     pub(super) sigma_px: f64,
-    /// Half the width and half the height of the blurred rectangle. 0 for a Gaussian spot.
+    /// Half the width and half the height of the blurred rectangle, or 0 for a Gaussian spot.
     pub(super) half_px: Px,
     /// Light of the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
-    /// Brightness changes from `1 - ramp` times its mean to `1 + ramp` times: -1 to 1.
+    /// Relative change of the brightness, -1 to 1: from `1 - ramp` to `1 + ramp` times the mean.
     pub(super) ramp: f64,
     pub(super) start_s: f64,
     pub(super) duration_s: f64,
@@ -36,31 +36,29 @@ impl Segment {
         }
     }
 
-    /// Returns the length, px.
+    /// Returns the length in px.
     pub(super) fn length_px(&self) -> f64 {
         (self.ends_px[1] - self.ends_px[0]).length()
     }
 
-    /// Returns the point halfway along, px.
+    /// Returns the point halfway along the segment.
     pub(super) fn middle_px(&self) -> Px {
         (self.ends_px[0] + self.ends_px[1]) * 0.5
     }
 }
 
-/// Relative error of brightness and of spot width for each pixel of tolerance. A smaller value
-/// makes more segments of a changing light. At 1, the error of a ramp would be ten times the error
-/// of position.
+/// Relative error of brightness and spot width per pixel of tolerance. A smaller value makes more
+/// segments of changing light. At 1, the error of a ramp would be ten times the error of position.
 const UNEVENNESS: f64 = 0.2;
 
-/// Largest change of half the width or height of a rectangle for each pixel of tolerance. Such a
-/// change comes from the height of the camera over the lamp, and shows only at the edge of a
-/// stroke.
+/// Maximum change of half the width or height of a rectangle per pixel of tolerance. Such a change
+/// comes from the height of the camera above the lamp, and only shows at the edge of a stroke.
 const HALF_SLACK: f64 = 4.0;
 
-/// Merges the intervals of one lamp and appends the segments. Their light is the brightest
-/// channel's, which is `fraction` times the lamp's. A `tolerance_px` of 0 merges nothing.
+/// Merges the intervals of one lamp and appends the segments. The segments have the light of the
+/// brightest channel, which is `fraction` times the lamp's. A `tolerance_px` of 0 merges nothing.
 ///
-/// Every skipped sample is within `tolerance_px` of the position of its segment at that time, and
+/// Each skipped sample is within `tolerance_px` of the position of its segment at that time, and
 /// its brightness and spot width are within [`UNEVENNESS`] of the segment's.
 pub(super) fn merge(
     intervals: impl Iterator<Item = Interval>,
@@ -83,21 +81,21 @@ pub(super) fn merge(
 
 /// A run of intervals that one segment replaces.
 struct Merged {
-    /// From the start of the first interval to the end of the last one.
+    /// From the start of the first interval to the end of the last one, with the values there.
     span: Interval,
-    /// Chords in x, y and brightness that stay within tolerance.
+    /// The chords in x, y and brightness that stay within tolerance.
     chords: Chords<3>,
-    /// Least and greatest width of the spot, and half size of its rectangle.
+    /// Minimum and maximum of the spot's width, and of the half size of its rectangle.
     sigmas_px: [f64; 2],
     halves_px: [Px; 2],
     light: f64,
-    /// Sums of light times width, and of light times half size.
+    /// Sum of light times width, and sum of light times half size.
     light_sigma: f64,
     light_half: Px,
 }
 
 impl Merged {
-    /// Begins a run with one interval.
+    /// Starts a run with one interval.
     fn new(first: Interval) -> Self {
         let light = first.light();
         Self {
@@ -111,12 +109,12 @@ impl Merged {
         }
     }
 
-    /// Adds the interval if the run stays straight and even with it. Returns false if it does not,
+    /// Adds the interval if the run stays straight and even with it. Returns false if it would not,
     /// and the run is then complete.
     fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
         let [first_light, last_light] = self.span.light_lx_px2;
         let slack = UNEVENNESS * tolerance_px * first_light.max(last_light);
-        // A gap or a step of the brightness ends the run, and so does a spot of another size.
+        // A gap, a step in the brightness, or a spot of another size ends the run.
         let is_adjacent =
             next.time_s[0] == self.span.time_s[1] && next.at_px[0] == self.span.at_px[1];
         if !is_adjacent || (next.light_lx_px2[0] - last_light).abs() > slack {
@@ -144,12 +142,12 @@ impl Merged {
         true
     }
 
-    /// Narrows the chords so that they pass the last sample, which is skipped if `next` joins.
+    /// Narrows the chords to those that pass the last sample, which is skipped if `next` joins.
     /// Returns true if the chord to the end of `next` is among them.
     fn swing_doors(&mut self, next: &Interval, slack_light: f64, tolerance_px: f64) -> bool {
         let [start_s, end_s] = self.span.time_s;
         let [first_light, last_light] = self.span.light_lx_px2;
-        // On each axis half a side of the square inside the circle of the tolerance.
+        // Half a side of the square inside the tolerance's circle, so that each axis has a test.
         let slack_px = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
         let skipped = self.span.at_px[1] - self.span.at_px[0];
         let low =
@@ -162,7 +160,7 @@ impl Merged {
         self.chords.contain(chord, next.time_s[1] - start_s)
     }
 
-    /// Returns the segment of the run: size of the spot averaged by the light, and the whole light.
+    /// Returns the segment of the run, with the mean size (weighted by light) and the sum of light.
     fn segment(&self, fraction: f64) -> Segment {
         let [first, last] = self.span.light_lx_px2;
         Segment {
@@ -181,7 +179,7 @@ impl Merged {
 mod tests {
     use super::*;
 
-    /// A winding path with a pause in the middle.
+    /// Returns a winding path with a pause in the middle.
     fn path() -> Vec<Interval> {
         fn position(t: f64) -> Px {
             let pause = t.clamp(1.0, 1.5);
@@ -219,8 +217,8 @@ mod tests {
             for segment in &segments {
                 let [start, end] = segment.ends_px;
                 assert_eq!(intervals[first].at_px[0], start, "segments follow each other");
-                // The pause ends at the position where it begins: take the last interval that fits
-                // the light.
+                // The pause ends at the position where it starts, so the last interval with the
+                // right light is the end.
                 let mut light = 0.0;
                 let mut last = first;
                 while light < segment.light_lx_s - 1e-9 {

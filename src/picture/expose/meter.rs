@@ -1,10 +1,10 @@
 //! Light meter: the exposure of each trail relative to saturation, and the settings for a wanted
 //! exposure.
 //!
-//! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`LampReading`] for each emitter. The
-//! exposure in the middle of a trail is the sum of the lamp's light nearby, computed in f64 as
-//! `expose` draws it, and of the light on the drone's body around the lamp. Light from other lamps,
-//! glare and ambient light are not included.
+//! Input: [`LightTrace`] and [`Camera`]. Output: one [`LampReading`] for each emitter. The exposure
+//! in the middle of a trail is the sum of the lamp's light nearby, computed in f64 in the same way
+//! as `expose` draws it, and of the light on the drone's body around the lamp. Light from other
+//! lamps, glare and ambient light are not included.
 
 use serde::Serialize;
 
@@ -17,63 +17,65 @@ use noctograph_core::flight::DroneIndex;
 use noctograph_core::srgb::luminance;
 use noctograph_core::statistics::weighted_quantile;
 
-/// Tolerance of the segments: the meter needs less detail than the picture.
+/// Tolerance for merging segments, which is coarse because the meter needs less detail than a
+/// picture.
 const MERGE_PX: f64 = 0.05;
 
-/// Distance along or across a segment beyond which its light is ignored.
+/// Distance along or across a segment, in σ, beyond which its light is ignored.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Exposure of a hot spot above the median of the lamp. An even stroke varies by about one stop.
+/// Minimum exposure of a hot spot above its lamp's median. An even stroke varies by about one stop.
 const HOT_STOPS: f64 = 2.0;
 
-/// Speed of a streak in the picture over the median speed of the lamp.
+/// Minimum speed of a streak in the picture, relative to the median speed of its lamp.
 const STREAK_SPEED: f64 = 2.0;
 
-/// Exposure of the trail of an emitter. Stops are relative to saturation (ISO 12232, 78 / ISO lx s)
-/// and refer to luminance.
+/// The exposure of an emitter's trail. Stops are relative to saturation (78 / ISO lx s in ISO
+/// 12232) and refer to luminance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LampReading {
-    /// Drone, part of the name in JSON. `None` if there is only one.
+    /// The drone, which is part of the name in JSON. `None` if there is only one drone.
     #[serde(skip)]
     pub drone: Option<DroneIndex>,
     /// Label of the lamp ([`Lamp::label`]).
     pub name: String,
-    /// Time for which it is lit in the picture.
+    /// Time for which the lamp is lit inside the picture.
     pub lit_s: f64,
-    /// Median over the length of its trail.
+    /// Median exposure over the length of the trail.
     pub median_stops: f64,
-    /// 5th percentile over the length.
+    /// 5th percentile of the exposure over the length of the trail.
     pub p5_stops: f64,
-    /// 95th percentile over the length.
+    /// 95th percentile of the exposure over the length of the trail.
     pub p95_stops: f64,
-    /// Points at which it dwells: two stops or more above the median.
+    /// Points at which the lamp dwells, at least two stops above the median.
     pub hot_spots: Vec<HotSpot>,
-    /// Time for which it is lit and moves at more than twice its median speed.
+    /// Time for which the lamp is lit and moves at more than twice its median speed.
     pub streak_s: f64,
 }
 
 /// A point at which a lit lamp dwells.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HotSpot {
-    /// Start.
+    /// Time at which the dwell starts.
     pub time_s: f64,
-    /// Duration.
+    /// Duration of the dwell.
     pub duration_s: f64,
     /// Position in the picture.
     pub at_px: [f64; 2],
-    /// Exposure of its brightest part.
+    /// Exposure of the brightest part.
     pub stops: f64,
 }
 
-/// Settings that would give a trail the wanted exposure, each by itself. `None` if one cannot.
+/// Settings that would each give a trail the wanted exposure on its own. A setting is `None` if it
+/// cannot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
-    /// Sensitivity. `None` below the base sensitivity, at which the well would still saturate.
+    /// Sensitivity. `None` below the base sensitivity, where the full well still saturates.
     pub iso: Option<f64>,
-    /// Level of the lamp relative to the present one. `None` above it, since a lamp at full level
-    /// gives no more.
+    /// Level of the lamp relative to the present one. `None` above 1, which a lamp at full level
+    /// lacks.
     #[serde(rename = "level_factor")]
     pub level: Option<f64>,
 }
@@ -100,7 +102,7 @@ impl LampReading {
         sum
     }
 
-    /// Returns settings that would move the median to `target_stops`.
+    /// Returns the settings that would move the median to `target_stops`.
     #[must_use]
     pub fn advice(&self, camera: &Camera, target_stops: f64) -> ExposureAdvice {
         let change_stops = target_stops - self.median_stops;
@@ -113,15 +115,15 @@ impl LampReading {
     }
 }
 
-/// Returns a reading for each emitter of a trace, by name. Emitters without light in the picture
-/// are omitted.
+/// Returns a reading for each emitter of a trace, in order of first appearance. Emitters without
+/// light in the picture are omitted.
 ///
 /// # Errors
 ///
-/// [`Error::Input`], as [`super::expose`].
+/// Returns the same [`Error::Input`] as [`super::expose`].
 pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     super::check(trace, camera, &super::ExposeOptions::default())?;
-    // A row that changes its color is several lamps of one name.
+    // A row of the emitter table that changes its color is several lamps of the same name.
     let mut trails: Vec<(&Lamp, Vec<Segment>)> = Vec::new();
     for lamp in &trace.lamps {
         let mut segments = visible_segments(lamp, luminance(lamp.emitter.rgb), camera);
@@ -147,7 +149,7 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     Ok(with_discs.collect())
 }
 
-/// Ratio of the strongest channel to the luminance above which light is colored. White has 1.
+/// Ratio of the strongest channel to the luminance above which light is colored. White light has 1.
 const COLORED: f64 = 1.25;
 
 /// True if the light of a lamp with all dies at full level is metered as a color, not as white.
@@ -156,14 +158,14 @@ pub fn is_colored(lamp: &Fixture) -> bool {
     is_color(emitter(lamp, &vec![1.0; lamp.dies.len()]).rgb)
 }
 
-/// True if light, in linear sRGB, is metered as a color, not as white.
+/// True if light in linear sRGB is metered as a color instead of white.
 fn is_color(rgb: [f64; 3]) -> bool {
     rgb.into_iter().fold(0.0, f64::max) > COLORED * luminance(rgb)
 }
 
-/// Returns the exposures of a lamp's brightest color and of its brightest white, by the lamp's
-/// label: median over the trail in the strongest channel, in stops relative to saturation. `None`
-/// if it has no such light.
+/// Returns the exposures of a lamp's brightest color and of its brightest white, for the lamp with
+/// this label. Each exposure is the median over the trail in the strongest channel, in stops
+/// relative to saturation, or `None` if the lamp has no such light.
 #[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
     [true, false].map(|colored| {
@@ -177,8 +179,7 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f
     })
 }
 
-/// Returns the segments of a lamp's trail in the picture. Their light is `fraction` times the
-/// lamp's.
+/// Returns the segments of a lamp's trail inside the picture, with `fraction` of the lamp's light.
 fn visible_segments(lamp: &Lamp, fraction: f64, camera: &Camera) -> Vec<Segment> {
     let mut segments = Vec::new();
     merge::merge(project::intervals(lamp, camera), fraction, MERGE_PX, &mut segments);
@@ -189,8 +190,8 @@ fn visible_segments(lamp: &Lamp, fraction: f64, camera: &Camera) -> Vec<Segment>
     segments
 }
 
-/// Returns the brightest light on floor and walls, in stops relative to saturation. `None` if they
-/// are dark or out of the picture.
+/// Returns the brightest light on floor and walls in stops relative to saturation, or `None` if
+/// they are dark or outside the picture.
 #[must_use]
 pub fn floor_stops(
     trace: &LightTrace,
@@ -204,17 +205,17 @@ pub fn floor_stops(
 /// Number of segments of a trail above which successive segments at the same point are joined.
 const MANY: usize = 20_000;
 
-/// Distance, in σ of the spot, within which segments are at the same point.
+/// Maximum distance between segments at the same point, in σ of the spot.
 const SAME_POINT_SIGMA: f64 = 0.1;
 
-/// Least length of a segment as a weight, so that a lamp at rest has quantiles, too.
+/// Minimum weight of a segment's length, which gives a lamp at rest quantiles, too.
 const MIN_LENGTH_PX: f64 = 1e-9;
 
-/// Gap between two segments that still follow each other, s.
+/// Maximum gap in s between two segments that follow each other without a pause.
 const SAME_TIME_S: f64 = 1e-6;
 
-/// Joins successive segments at the same point, such as the pulses of a slow lamp. Each is then
-/// compared with few others, for any number of pulses.
+/// Joins successive segments at the same point, such as the pulses of a slow lamp. However many
+/// pulses there are, each is then compared with only a few others.
 fn joined(segments: &[Segment]) -> Vec<Segment> {
     let mut joined: Vec<Segment> = Vec::new();
     for segment in segments {
@@ -234,21 +235,21 @@ fn joined(segments: &[Segment]) -> Vec<Segment> {
     joined
 }
 
-/// Returns the reading of a lamp from the segments of its trail. `None` if it has none.
+/// Returns the reading of a lamp from the segments of its trail, or `None` if it has none.
 fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
     let joined = (segments.len() > MANY).then(|| joined(segments));
     let segments = joined.as_deref().unwrap_or(segments);
     let stops = (0..segments.len())
         .map(|i| libm::log2(exposure_lx_s(segments, i) / camera.saturation_lx_s()));
     let stops: Vec<f64> = stops.collect();
-    // Quantiles over the length of the trail.
+    // Quantiles of the exposure over the length of the trail.
     let lengths = segments.iter().map(|segment| segment.length_px().max(MIN_LENGTH_PX));
     let mut weighted: Vec<(f64, f64)> = stops.iter().copied().zip(lengths).collect();
     let [p5_stops, median_stops, p95_stops] =
         [0.05, 0.5, 0.95].map(|probability| weighted_quantile(&mut weighted, probability));
     let (p5_stops, median_stops, p95_stops) = (p5_stops?, median_stops?, p95_stops?);
 
-    // Streaks are faster than the median over the time.
+    // Streaks are faster than a multiple of the median speed over time.
     let speeds = segments.iter().map(|s| (s.length_px() / s.duration_s, s.duration_s));
     let mut speeds: Vec<(f64, f64)> = speeds.collect();
     let median = weighted_quantile(&mut speeds, 0.5)?;
@@ -265,7 +266,7 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
     })
 }
 
-/// Returns the parts of a trail that are brighter than a limit. A dark gap separates two of them.
+/// Returns the parts of a trail that are brighter than a limit. A dark gap separates two parts.
 fn hot_spots(segments: &[Segment], stops: &[f64], limit_stops: f64) -> Vec<HotSpot> {
     let trail: Vec<(&Segment, f64)> = segments.iter().zip(stops.iter().copied()).collect();
     let runs = trail.chunk_by(|(a, stops), (b, next_stops)| {
@@ -283,7 +284,7 @@ fn hot_spots(segments: &[Segment], stops: &[f64], limit_stops: f64) -> Vec<HotSp
     spots.collect()
 }
 
-/// Returns the exposure in the middle of segment `i`, from itself and from adjoining segments.
+/// Returns the exposure in the middle of segment `i`, from this segment and those that adjoin it.
 fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
     let point_px = segments[i].middle_px();
     let is_near = |s: &&Segment| {
@@ -295,20 +296,20 @@ fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
     after.chain(before).chain([&segments[i]]).map(|s| segment_lx_s(s, point_px)).sum()
 }
 
-/// Returns the exposure that a segment leaves at a point, in lx s.
+/// Returns the exposure in lx s that a segment leaves at a point.
 fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
-    // A segment with a half width is a rectangle, as of a lamp that is seen with its shape.
+    // A segment with a half width is a blurred rectangle: its lamp is seen with its shape.
     if segment.half_px != Px::ZERO {
         return rectangle_lx_s(segment, point_px);
     }
-    // A Gaussian across the segment, and along it a Gaussian averaged over its length.
+    // A Gaussian across the segment, multiplied by a Gaussian averaged over its length.
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = segment.length_px();
     let along = if length > 0.0 { (end - start) / length } else { Px::X };
     let (u, v) = ((point_px - start).dot(along) / sigma, along.perp_dot(point_px - start) / sigma);
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
-    // The mean over a very short segment would lose its digits.
+    // For a very short segment, the difference in the mean would lose all its digits.
     let smear = if length > MIN_LENGTH_SIGMA * sigma {
         let [upper, lower] =
             [u, u - length / sigma].map(|x| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2));
@@ -319,8 +320,8 @@ fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     light_lx_s * smear * across
 }
 
-/// Returns the exposure that a blurred rectangle leaves at a point, in lx s: the mean over points
-/// along the segment, a σ apart.
+/// Returns the exposure in lx s that a blurred rectangle leaves at a point. The exposure is the
+/// mean over points along the segment, one σ apart.
 fn rectangle_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, half_px, light_lx_s, .. } = *segment;
     #[expect(clippy::cast_possible_truncation, reason = "within 1 and 1000")]
@@ -332,8 +333,8 @@ fn rectangle_lx_s(segment: &Segment, point_px: Px) -> f64 {
     light_lx_s * sum / f64::from(n)
 }
 
-/// Returns the light per pixel of a blurred line of `half` to either side, at a distance from its
-/// middle. The light of the whole line is 1.
+/// Returns the light per pixel at a distance from the middle of a blurred line that extends `half`
+/// to either side. The whole line has a light of 1.
 fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
     let half = half.max(MIN_HALF_SIGMA * sigma);
     let [lower, upper] = [from_middle - half, from_middle + half]
@@ -341,10 +342,10 @@ fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
     (upper - lower) / (4.0 * half)
 }
 
-/// Least half width of a line, in σ. Blur hides any narrower line.
+/// Minimum half width of a line, in σ. The blur hides any narrower line.
 const MIN_HALF_SIGMA: f64 = 1e-3;
 
-/// Least length of a segment, in σ, over which a Gaussian is averaged.
+/// Minimum length of a segment, in σ, over which a Gaussian is averaged.
 const MIN_LENGTH_SIGMA: f64 = 1e-3;
 
 #[cfg(test)]
@@ -353,8 +354,8 @@ mod tests {
     use super::*;
     use crate::light::LightTraceData;
 
-    /// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly
-    /// over a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
+    /// Returns the exposure in lx s of the trail of a lamp that moves perpendicular to the optical
+    /// axis, spread evenly over `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
     fn trail_exposure_lx_s(
         intensity_cd: f64,
         camera: &Camera,
@@ -370,7 +371,7 @@ mod tests {
     #[test]
     fn the_exposure_table_of_the_field_comes_out() {
         // Intensity, aperture number, exposure and stops for 35 mm, 3 m, 0.2 m/s, ISO 100 and a
-        // source of 3 mm: 35 µm on the sensor.
+        // source of 3 mm, which is 35 µm on the sensor.
         let table = [
             (1.8, 8.0, 33.1, 5.4),
             (1.8, 22.0, 4.38, 2.5),
@@ -399,7 +400,7 @@ mod tests {
             project::intervals(&lamp, &camera).next().unwrap().sigma_px * camera.pixel_pitch_m();
         let metered =
             meter(&LightTrace::made(LightTraceData { lamps: vec![lamp] }), &camera).unwrap();
-        // A trail of even brightness, √(2π) σ wide, has the same peak as the Gaussian.
+        // An evenly bright trail with a width of √(2π) σ has the same peak as the Gaussian.
         let width_m = std::f64::consts::TAU.sqrt() * sigma_m;
         let wanted = trail_exposure_lx_s(1.8, &camera, 3.0, 0.2, width_m);
         let wanted = libm::log2(wanted / camera.saturation_lx_s());
@@ -431,7 +432,7 @@ mod tests {
             let metered = meter(&trace, &camera).unwrap();
             let options = super::super::ExposeOptions { floor_albedo: 0.0, ..Default::default() };
             let film = super::super::project(&trace, &camera, &options).unwrap().on_cpu().film;
-            // The middle of the picture is a corner of pixels.
+            // The middle of the picture is a corner between pixels.
             let middle = film.exposure_lx_s(1, 200 * 640 + 320);
             let wanted = libm::log2(middle / camera.saturation_lx_s());
             let stops = metered[0].median_stops;

@@ -1,30 +1,31 @@
 //! Expose: lamps and a camera become a [`Film`].
 //!
-//! Product in: [`LightTrace`] and [`Camera`]. Product out: [`Film`], in lx s.
+//! Input: [`LightTrace`] and [`Camera`]. Output: [`Film`], in lx s.
 //!
-//! 1. The path of each lamp between two samples is projected, in f64: position, light and width of
-//!    its spot (lens blur ⊕ diffraction ⊕ disc of the lamp ⊕ pixel, as one Gaussian). Intervals
-//!    that run straight and evenly are merged into segments.
-//! 2. Each segment becomes records: `∫ (1 + r s) g(u - s) g(v) ds`, the image of a Gaussian spot
-//!    that moves evenly along a line while it fades, as a sum of up to four spots at rest
-//!    (quadrature, to 6e-6 of the peak), each a curve along x times a curve along y. Pixels add
-//!    them up in integers, on the CPU or on a graphics device, with the same bits.
-//! 3. Lamps of one color are added up in one plane, which is then counted into the three planes of
-//!    the film. The glow of the floor is added last.
+//! 1. The path of each lamp between two samples is projected in f64: position, light and width of
+//!    its spot. The width combines lens blur, diffraction, the lamp's disc and the pixel into one
+//!    Gaussian. Intervals that run straight and evenly are merged into segments.
+//! 2. Each segment becomes records. A record is `∫ (1 + r s) g(u - s) g(v) ds`, the image of a
+//!    Gaussian spot that moves evenly along a line while it fades. Quadrature makes it a sum of up
+//!    to four spots at rest (to 6e-6 of the peak), each a curve along x times a curve along y. The
+//!    spots are added to the pixels in integers, with the same bits on the CPU and on a graphics
+//!    device.
+//! 3. Lamps of one color are added up in one plane, which is then distributed to the three planes
+//!    of the film. The glow of the floor is added last.
 //!
-//! Vectors are nalgebra's and f64 up to the segments. Records are scalars in f32, and everything
-//! after them is integers. The width changes in `record`.
+//! Up to the segments, vectors are nalgebra's in f64. Records are scalars in f32, and everything
+//! after them is integers. The conversion from f64 to f32 is in `record`.
 //!
-//! Accuracy: the light of a spot to 1e-6, pixels to 2e-5 of the brightest unmerged, and to 1e-3
-//! merged at 0.005 px. No pixel can overflow: a bound on the brightest sets the scale of the
-//! counts.
+//! Accuracy: 1e-6 for the light of a spot, and for a pixel 2e-5 of the brightest pixel without
+//! merging or 1e-3 with merging at 0.005 px. No pixel can overflow, because a bound on the
+//! brightest pixel determines the scale of the counts.
 //!
-//! A lamp of I cd that moves at v m/s, d m away, leaves `I τ π f / (4 N² d v)` lx s m across its
-//! trail on the sensor. At rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source
-//! of the smeared Gaussian: Vereš et al. 2012 (trails of asteroids).
+//! A lamp of I cd that moves at v m/s at a distance of d m leaves `I τ π f / (4 N² d v)` lx s m
+//! across its trail on the sensor. At rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its
+//! spot. The smeared Gaussian is described by Vereš et al. 2012 (trails of asteroids).
 //!
-//! Not modeled: occlusion by drone or hands, rolling shutter, lamps nearer than 0.1 m. Ambient
-//! light, glare and noise belong to `photo`.
+//! Not modeled: occlusion by drone or hands, rolling shutter, and lamps nearer than 0.1 m. Ambient
+//! light, glare and noise are added in `photo`.
 
 mod cpu;
 mod curves;
@@ -63,7 +64,7 @@ pub use floor::Reflectance;
 pub use growing::GrowingFilm;
 pub(crate) use room::Room;
 
-/// Most samples of a trace, and most segments of a picture.
+/// Maximum number of samples of a trace, and of segments of a picture.
 pub const MAX_SAMPLES: usize = 50_000_000;
 
 /// A film and the backend that exposed it.
@@ -71,21 +72,21 @@ pub const MAX_SAMPLES: usize = 50_000_000;
 pub struct Exposure {
     /// The film.
     pub film: Film,
-    /// The backend that exposed it.
+    /// The backend that exposed the film.
     pub backend: Backend,
     /// Name and driver of the graphics device, or `CPU`.
     pub adapter: String,
 }
 
 impl Exposure {
-    /// Returns the exposure of a film on the processor.
+    /// Returns the exposure of a film that the processor exposed.
     #[must_use]
     pub fn by_processor(film: Film) -> Self {
         Self { film, backend: Backend::Cpu, adapter: "CPU".to_owned() }
     }
 }
 
-/// A latent image: records of the segments in the picture, before they are added up.
+/// A latent image: the records of the segments in the picture before they are added up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Latent {
     size_px: [u32; 2],
@@ -94,13 +95,13 @@ pub struct Latent {
     glow: Option<Glow>,
 }
 
-/// Records of all lamps of one color.
+/// The records of all lamps of one color.
 #[derive(Clone, Debug, PartialEq)]
 struct Tint {
     /// Red, green and blue relative to the brightest of them, which is [`ALL`].
     fractions: [u32; 3],
     records: Vec<Record>,
-    /// End of the records of each lamp.
+    /// Index of the end of each lamp's records.
     lamp_ends: Vec<usize>,
 }
 
@@ -115,9 +116,9 @@ settings! {
 
     /// Choice of the backend.
     pub enum BackendChoice {
-        /// A graphics device if one works, else the processor.
+        /// A graphics device if one works, otherwise the processor.
         "auto" => Auto,
-        /// A graphics device, or an error.
+        /// A graphics device. If none works, exposing is an error.
         "wgpu" => Wgpu,
         /// The processor.
         "cpu" => Cpu,
@@ -125,32 +126,33 @@ settings! {
 
     /// Resolution of the exposure, and the floor and the walls that the lamps light.
     pub struct ExposeOptions {
-        /// Fraction of light that the floor reflects, evenly to all sides (its albedo): a dark
-        /// carpet 0.1, gray concrete 0.3, a black floor 0.
+        /// Fraction of the light that the floor reflects evenly in all directions (its albedo): 0.1
+        /// for dark carpet, 0.3 for gray concrete, 0 for a black floor.
         floor_albedo: f64 = 0.2, in 0.0..=1.0;
-        /// Sheen of the floor: mean slope of its facets (α of GGX), 0.15 for polished stone, 0.3
-        /// for linoleum, 0.6 for worn boards (assumptions). Matte if left out.
+        /// Sheen of the floor: the mean slope of its facets (α of GGX). Assumed: 0.15 for polished
+        /// stone, 0.3 for linoleum, 0.6 for worn boards. The floor is matte if left out.
         floor_roughness: Option<f64> = None, in 0.1..=1.0, for "expose.floor_albedo";
-        /// Width, depth and height of the room, its middle at x = y = 0: its walls are lit, and
-        /// flights are checked against them. No walls if left out.
+        /// Width, depth and height of the room, which is centered at x = y = 0. The walls reflect
+        /// light, and flights are checked against them. There are no walls if left out.
         room_m: Option<[f64; 3]> = None, in 0.1..=1e3;
-        /// Unevenness of floor and walls, from worn spots to stains: standard deviation of their
-        /// albedo, relative.
+        /// Unevenness of floor and walls, from worn spots to stains: the relative standard
+        /// deviation of their albedo.
         ///
-        /// Measured on lit floors and walls of eight public long exposures: 2 to 3 % on smooth
+        /// Measured on lit floors and walls in eight public long exposures: 2 to 3 % on smooth
         /// surfaces, 5 to 13 % on a hall's floor and a scratched table.
         unevenness: f64 = 0.05, in 0.0..=1.0;
         fixed {
-            /// How far a sample may lie from the segment that replaces it. 0 merges nothing and
-            /// errs least, 0.005 errs by up to 1e-3 of the peak, more is faster and coarser.
+            /// Maximum distance between a sample and the segment that replaces it. 0 merges nothing
+            /// and has the smallest error, 0.005 has an error of up to 1e-3 of the peak, and larger
+            /// values are faster and coarser.
             merge_tolerance_px: f64 = 0.005;
-            /// Height of the floor below the position of a standing drone.
+            /// Height of the floor relative to the position of a standing drone.
             ///
-            /// That of a Crazyflie is the position of its board, 2 cm above the floor (an
-            /// assumption: feet below the motor mounts).
+            /// A Crazyflie's position is that of its board, 2 cm above the floor (assumed from feet
+            /// below the motor mounts).
             floor_z_m: f64 = -0.02;
-            /// Fraction of light that the walls and the ceiling reflect, evenly to all sides: white
-            /// paint 0.8, gray 0.4, black cloth 0.05.
+            /// Fraction of the light that walls and ceiling reflect evenly in all directions: 0.8
+            /// for white paint, 0.4 for gray, 0.05 for black cloth.
             wall_albedo: f64 = 0.4;
         }
     }
@@ -158,15 +160,15 @@ settings! {
 
 /// Exposes a film to moving lamps while the shutter of a camera is open.
 ///
-/// Lamps behind the camera and lamps nearer than 0.1 m along the optical axis leave no light. Spots
-/// with a σ above 256 px are drawn with a σ of 256 px and all their light.
+/// Lamps behind the camera or nearer than 0.1 m along the optical axis leave no light. Spots with a
+/// σ above 256 px are drawn with a σ of 256 px and all of their light.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for numbers of a lamp that are not finite or out of range and for time that
-/// falls (with lamp and time), for numbers of the camera or the options out of range, and above the
-/// largest picture or [`MAX_SAMPLES`]. [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or
-/// the device fails.
+/// Returns [`Error::Input`] for numbers of a lamp, the camera or the options that are not finite or
+/// out of range, for decreasing times (naming lamp and time), and for more than the largest picture
+/// or [`MAX_SAMPLES`]. Returns [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or the
+/// device fails.
 pub fn expose(
     trace: &LightTrace,
     camera: &Camera,
@@ -181,7 +183,7 @@ pub fn expose(
 ///
 /// # Errors
 ///
-/// Like [`expose`], except for the device.
+/// Returns the same errors as [`expose`], except those of the device.
 pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<Latent> {
     check(trace, camera, options)?;
     let size_px = [camera.width_px, camera.height_px];
@@ -194,12 +196,12 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
 }
 
 impl Latent {
-    /// Returns the image with counts of `2^scale_log2` lx s, for films that are to be added up.
+    /// Returns the image with counts of `2^scale_log2` lx s, so that films can be added up.
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] if counts so fine would overflow. [`Error::Input`] for a scale that no
-    /// film may have.
+    /// Returns [`Error::Infeasible`] if such fine counts would overflow, and [`Error::Input`] for a
+    /// scale that no film can have.
     pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
         film::check_scale(scale_log2)?;
         if scale_log2 < self.scale_log2 {
@@ -211,32 +213,31 @@ impl Latent {
         Ok(Self { scale_log2, ..self })
     }
 
-    /// Multiplies the light of floor and walls by the reflectance of a photographed room
+    /// Multiplies the light on floor and walls by the reflectance of a photographed room
     /// ([`crate::photo::reflectance`]), which is 4 at most.
     #[must_use]
     pub fn reflected_by(mut self, room: Option<Reflectance>) -> Self {
         if let (Some(glow), Some(room)) = (&mut self.glow, room) {
-            // Two bits for light that is up to four times as bright.
+            // The light may become four times as bright, which takes two more bits.
             self.scale_log2 += 2;
             glow.reflectance = Some(room);
         }
         self
     }
 
-    /// Adds up the light on the processor, in at most one band of rows for each core. Returns the
-    /// film.
+    /// Adds up the light on the processor, in at most one band of rows per core. Returns the film.
     #[must_use]
     pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
         self.film(cpu::splat(cores.get() as u64, self))
     }
 
-    /// Adds up the light on all cores of the processor. Returns the film.
+    /// Adds up the light on all cores of the processor, and returns the film.
     #[must_use]
     pub fn develop_on_all(&self) -> Film {
         self.develop_on(NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN))
     }
 
-    /// Returns the scale: one count of the film is `2^scale_log2` lx s.
+    /// Returns the scale of the film, where one count is `2^scale_log2` lx s.
     #[must_use]
     pub fn scale_log2(&self) -> i32 {
         self.scale_log2
@@ -266,12 +267,12 @@ impl Latent {
         libm::ldexp(1.0, -self.scale_log2)
     }
 
-    /// True if the counts of another image can be added to those of this one.
+    /// True if the counts of both images have the same meaning and can be added.
     fn counts_as(&self, other: &Self) -> bool {
         (self.size_px, self.scale_log2) == (other.size_px, other.scale_log2)
     }
 
-    /// Returns a film with the lamps' counts and the glow.
+    /// Returns a film with the counts of the lamps and the glow of the room.
     fn film(&self, counts: Vec<u32>) -> Film {
         let [width_px, height_px] = self.size_px;
         let mut film = FilmData { width_px, height_px, counts, scale_log2: self.scale_log2 };
@@ -282,18 +283,17 @@ impl Latent {
     }
 }
 
-/// A backend that starts in the background, since opening a graphics device and compiling its
+/// A backend that starts in the background, because opening a graphics device and compiling its
 /// shader take longer than exposing a film.
 #[derive(Debug)]
 pub struct Developer {
     choice: BackendChoice,
-    /// The device that is being opened. `None` if the processor was chosen, or no thread could be
-    /// started.
+    /// The thread that opens the device. `None` for the processor, or if no thread started.
     device: Option<JoinHandle<Result<Gpu>>>,
 }
 
 impl Developer {
-    /// Starts the backend in a separate thread. The processor needs none.
+    /// Starts the backend in a separate thread. The processor needs no such start.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
         let device = match choice {
@@ -303,16 +303,16 @@ impl Developer {
         Self { choice, device }
     }
 
-    /// Adds up the light of an image once the backend is ready. With [`BackendChoice::Auto`] the
-    /// processor replaces a device that fails.
+    /// Adds up the light of an image as soon as the backend is ready. With [`BackendChoice::Auto`]
+    /// the processor replaces a device that fails.
     ///
     /// # Errors
     ///
-    /// [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or the device fails.
+    /// Returns [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or the device fails.
     pub fn develop(mut self, latent: &Latent) -> Result<Exposure> {
         let gpu = match self.device.take() {
             None if self.choice != BackendChoice::Wgpu => return Ok(latent.on_cpu()),
-            // No thread could be started.
+            // The thread could not be started, so the device is opened here.
             None => Gpu::ready(),
             Some(device) => device.join().unwrap_or_else(|_| Err(gpu::driver_panicked())),
         };
@@ -323,17 +323,17 @@ impl Developer {
     }
 }
 
-/// Opens the graphics device, and runs the shader once. Returns its name and driver.
+/// Opens the graphics device, runs the shader once, and returns the device's name and driver.
 ///
 /// # Errors
 ///
-/// [`Error::Gpu`] if there is none, or it fails.
+/// Returns [`Error::Gpu`] if there is no device or it fails.
 pub fn try_device() -> Result<String> {
     Gpu::ready().map(|gpu| gpu.adapter)
 }
 
 impl Drop for Developer {
-    /// Waits for the device, since a driver that is still compiling may crash an exiting program.
+    /// Waits for the device, because a driver that is still compiling may crash an exiting program.
     fn drop(&mut self) {
         if let Some(device) = self.device.take() {
             drop(device.join());
@@ -341,7 +341,7 @@ impl Drop for Developer {
     }
 }
 
-/// Refuses numbers of camera and options out of range, and traces with too many samples.
+/// Refuses camera and option numbers out of range, and traces with too many samples.
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
     check_size(camera.width_px, camera.height_px)?;
     let ranges = [
@@ -355,7 +355,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
         ("camera: vignetting", camera.vignetting, [0.0, 1.0]),
         ("camera: focus_m", camera.focus_m.unwrap_or(1.0), [1e-3, 1e9]),
     ];
-    // All numbers of the camera's distortion and pose, which may be negative.
+    // The numbers of the camera's distortion and pose may be negative.
     let distortion = camera.distortion.map(|k| ("camera: distortion", k, [-1e3, 1e3]));
     let pose = camera.position_m.iter().chain(camera.camera_from_world.iter());
     let pose = pose.map(|value| ("camera: position and attitude", *value, [-1e9, 1e9]));
@@ -371,7 +371,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     Ok(())
 }
 
-/// Returns the records of all lamps, grouped by color. Refuses more than [`MAX_SAMPLES`].
+/// Returns the records of all lamps, grouped by color. Refuses more than [`MAX_SAMPLES`] segments.
 fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
     let mut tints: Vec<Tint> = Vec::new();
     let (mut segments, mut n) = (Vec::new(), 0);
@@ -389,7 +389,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
                 tints.push(Tint { fractions, records: Vec::new(), lamp_ends: Vec::new() });
                 tints.len() - 1
             });
-        // Lamp by lamp: its path, merged to segments, becomes records.
+        // Merges each lamp's path into segments, and converts these to records.
         segments.clear();
         let intervals = project::intervals(lamp, camera);
         merge::merge(intervals, brightest, merge_tolerance_px, &mut segments);
@@ -408,7 +408,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
     Ok(tints)
 }
 
-/// Returns the error of too many samples or segments.
+/// Returns the error for too many samples or segments.
 fn too_many(place: &str, what: &str, n: usize) -> Error {
     let hint = "take a shorter flight, coarser samples or a larger merge tolerance";
     Error::input(place, format!("{n} {what}"), format!("at most {MAX_SAMPLES}"), hint)

@@ -1,21 +1,21 @@
-//! Replaces the graphics device in a build without the feature `gpu`. Every call fails.
+//! Replaces the graphics device in a build without the feature `gpu`, where every call fails.
 
 use super::Latent;
 use noctograph_core::error::{Error, Result};
 
-/// A graphics device that cannot be opened.
+/// A graphics device that can never be opened.
 #[derive(Debug)]
 pub(super) struct Gpu {
     pub(super) adapter: String,
 }
 
 impl Gpu {
-    /// Returns the error of a missing device.
+    /// Returns the error for a missing device.
     pub(super) fn ready() -> Result<Self> {
         Err(driver_panicked())
     }
 
-    /// Returns the error of a missing device.
+    /// Returns the error for a missing device.
     pub(super) fn splat(&self, _: &Latent) -> Result<Vec<u32>> {
         Err(driver_panicked())
     }

@@ -1,12 +1,12 @@
-//! Projection of lamps: position, brightness and width of their spots in the picture, in f64.
+//! Projects lamps: position, brightness and width of their spots in the picture, in f64.
 //!
-//! A lamp of intensity `I` cd gives `I(θ) cosα / d²` lx at the entrance pupil (θ off the beam axis,
-//! α off the optical axis). The pupil of diameter `f/N` passes `π (f/2N)² τ` times that in lumen,
-//! and all of it falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
-//! spot, is called light here, in lx px².
+//! A lamp of intensity `I` cd gives `I(θ) cosα / d²` lx at the entrance pupil (θ from the beam
+//! axis, α from the optical axis). A pupil of diameter `f/N` passes `π (f/2N)² τ` times that in
+//! lumens, all of which fall into the spot. "Light" here means lumens per area of a pixel, summed
+//! over the pixels of the spot, in lx px².
 //!
 //! A small lamp is a disc that faces the camera and widens the Gaussian of the lens. A cylinder,
-//! such as a diffuser, is a rectangle as wide and as high as the box around it, which is blurred.
+//! such as a diffuser, is a blurred rectangle with the width and height of the box around it.
 
 use glam::DVec2;
 use nalgebra::Vector3;
@@ -16,51 +16,51 @@ use noctograph_core::camera::Camera;
 
 pub(super) type Px = DVec2;
 
-/// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus,
-/// pupil size).
+/// Minimum depth of a lamp that leaves light. The model of focus and pupil size is not valid for
+/// nearer points.
 pub(super) const NEAREST_M: f64 = 0.1;
 
 /// Width of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width
-/// differs by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), hence curves are divided by their sums.
+/// varies by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), so curves are divided by their sums.
 pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
-/// Width of the widest spot. Wider spots are drawn this wide, with all their light.
+/// Width of the widest spot. Wider spots are drawn with this width and all of their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;
 
-/// Greatest distance of a spot from the corner of the picture, for the precision of differences.
+/// Maximum distance of a spot from the corner of the picture, which keeps differences precise.
 const FARTHEST_PX: f64 = 1e9;
 
-/// Wavelength of the diffraction: the peak of photopic vision.
+/// Wavelength for the diffraction, at the peak of photopic vision.
 const WAVELENGTH_M: f64 = 0.55e-6;
 
-/// σ of the Gaussian nearest to an Airy disc, in units of λN (0.21 λ / numerical aperture: Zhang,
+/// σ of the Gaussian closest to an Airy disc, in units of λN (0.21 λ / numerical aperture: Zhang,
 /// Zerubia and Olivo-Marin 2007).
 const AIRY_SIGMA: f64 = 0.42;
 
 /// Variance of a square pixel along each axis, in px².
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 
-/// Motion of a spot between two neighboring samples with the shutter open.
+/// Motion of a spot between two neighboring samples while the shutter is open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interval {
     pub(super) time_s: [f64; 2],
     pub(super) at_px: [Px; 2],
-    /// Brightness of the spot at both, linear in between.
+    /// Brightness of the spot at both times, linear in between.
     pub(super) light_lx_px2: [f64; 2],
-    /// Standard deviation of the spot, mean of its ends.
+    /// Standard deviation of the spot, averaged over both ends.
     pub(super) sigma_px: f64,
-    /// Half the size of the box around a cylinder, mean of its ends. 0 for a disc.
+    /// Half the size of the box around a cylinder, averaged over both ends, or 0 for a disc.
     pub(super) half_px: Px,
 }
 
 impl Interval {
-    /// Returns the light over the interval, in lx s px²: mean brightness times duration.
+    /// Returns the light over the interval in lx s px²: the mean brightness times the duration.
     pub(super) fn light(&self) -> f64 {
         0.5 * (self.light_lx_px2[0] + self.light_lx_px2[1]) * (self.time_s[1] - self.time_s[0])
     }
 }
 
-/// Image of a lamp at an instant.
+/// The image of a lamp at one instant.
 #[derive(Clone, Copy)]
 struct Spot {
     at_px: Px,
@@ -85,7 +85,7 @@ pub(super) fn intervals<'a>(
         }
         let first = if a.time_s < open { a.toward(&b, open) } else { a };
         let second = if b.time_s > close { a.toward(&b, close) } else { b };
-        // The start is mostly the end of the previous interval, which was projected already.
+        // The start usually is the end of the previous interval, which was already projected.
         let from = match last {
             Some((sample, spot)) if sample == first => spot,
             _ => lens.spot(&first),
@@ -108,11 +108,11 @@ pub(super) fn intervals<'a>(
 struct Lens<'a> {
     camera: &'a Camera,
     emitter: &'a Emitter,
-    /// Light in lx px² of 1 cd on the optical axis at 1 m.
+    /// Light in lx px² of a lamp of 1 cd on the optical axis at a distance of 1 m.
     light_at_1m: f64,
-    /// Variance of the spot without the disc of the lamp.
+    /// Variance of the spot without the lamp's disc.
     blur_px2: f64,
-    /// Variance that the disc adds at a depth of 1 m: R²/4 along each axis.
+    /// Variance that the lamp's disc adds at a depth of 1 m: R²/4 along each axis.
     disc_at_1m_px2: f64,
 }
 
@@ -124,7 +124,7 @@ impl<'a> Lens<'a> {
         let pupil_m2 = std::f64::consts::PI * radius_m * radius_m * camera.transmission;
         let blur_px = camera.blur_m / pitch_m;
         let airy_px = AIRY_SIGMA * WAVELENGTH_M * camera.f_number / pitch_m;
-        // A cylinder is drawn as a rectangle, not as a disc.
+        // A cylinder is drawn as a rectangle instead of a disc.
         let disc_m = if emitter.depth_m.is_some() { 0.0 } else { emitter.diameter_m };
         let disc_px = disc_m * camera.focal_length_px();
         Self {
@@ -136,15 +136,15 @@ impl<'a> Lens<'a> {
         }
     }
 
-    /// Returns the spot of a lamp in the picture. `None` if the lamp is nearer than [`NEAREST_M`]
-    /// or behind the camera, or the spot beyond [`FARTHEST_PX`].
+    /// Returns the spot of a lamp in the picture. Returns `None` if the lamp is nearer than
+    /// [`NEAREST_M`] or behind the camera, or if the spot is beyond [`FARTHEST_PX`].
     fn spot(&self, sample: &LightSample) -> Option<Spot> {
         let image = self.camera.image_from_world(sample.position_m)?;
         let at_px = Px::new(image.x_px, image.y_px);
         if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
             return None;
         }
-        // Light of the spot: I(θ) cosα / d² through the pupil, less vignetting.
+        // The light of the spot is I(θ) cosα / d² through the pupil, reduced by vignetting.
         let to_camera_m = self.camera.position_m - sample.position_m;
         let distance_sq_m2 = to_camera_m.norm_squared();
         let distance_m = distance_sq_m2.sqrt();
@@ -153,7 +153,7 @@ impl<'a> Lens<'a> {
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
         let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
             * self.camera.unvignetted(image.x_px, image.y_px);
-        // Variances add up: lens and pixel, disc of the lamp, circle of confusion.
+        // The variances of lens and pixel, the lamp's disc, and the circle of confusion add up.
         let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
         let variance = self.blur_px2
             + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)
@@ -166,14 +166,14 @@ impl<'a> Lens<'a> {
         })
     }
 
-    /// Returns half the width and half the height of the box around a cylinder in the picture. 0
-    /// for a disc.
+    /// Returns half the width and half the height of a cylinder's box in the picture, or 0 for a
+    /// disc.
     fn half_px(&self, axis: Vector3<f64>, depth_m: f64) -> Px {
         let Some(length_m) = self.emitter.depth_m else { return Px::ZERO };
         let axis = self.camera.camera_from_world * axis / axis.norm();
         let px_per_m = self.camera.focal_length_px() / depth_m;
         let half = [axis.x, axis.y].map(|along: f64| {
-            // The length and the round ends, both foreshortened.
+            // Both the length and the round ends are foreshortened.
             let ends_m = self.emitter.diameter_m * (1.0 - along * along).max(0.0).sqrt();
             (0.5 * (length_m * along.abs() + ends_m) * px_per_m).min(MAX_SIGMA_PX)
         });

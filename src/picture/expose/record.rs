@@ -1,9 +1,10 @@
 //! Records: parts of segments in the form that both backends draw.
 //!
-//! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature makes it a
-//! sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which the
-//! backends add up. The same holds for a blurred rectangle. A ramp of the brightness is in the
-//! weights of the spots, so a fade costs nothing. Here f64 becomes f32.
+//! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature turns it
+//! into a sum of up to [`SPOTS`] spots, each the product of a curve along x and a curve along y.
+//! The backends add up these products. A blurred rectangle is handled in the same way. A ramp of
+//! the brightness only changes the weights of the spots, so a fade costs no time. f64 becomes f32
+//! here.
 
 use std::ops::Range;
 
@@ -14,26 +15,26 @@ use noctograph_core::random::{GOLDEN, split_mix};
 
 pub(super) const SPOTS: usize = 4;
 
-/// Radius of a spot. 3.7e-6 of the light is beyond it, and is added to the rest of the spot. At
-/// this radius the spot has 3.7e-6 of its peak.
+/// Radius of a spot. The spot there has 3.7e-6 of its peak, and 3.7e-6 of its light is beyond. That
+/// light is added to the rest of the spot.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Bound on the peak of a spot relative to its Gaussian, after the sum is corrected: for spots
-/// narrower than 0.85 px, and for others.
+/// Upper bound on the peak of a spot relative to its Gaussian, after the correction of the sum: for
+/// spots narrower than 0.85 px, and for wider ones.
 const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 const NARROW_SIGMA_PX: f64 = 0.85;
 
-/// Longest segment, in σ, that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak (error term of
-/// the quadrature, with the derivative of order 2n of the Gaussian at its middle). Longer segments
-/// are split.
+/// Maximum length, in σ, of a segment that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak, by
+/// the error term of the quadrature with the derivative of order 2n in the middle of the Gaussian.
+/// Longer segments are split.
 const LONGEST_SIGMA: [f64; SPOTS] = [0.011, 0.3, 0.95, 1.8];
 
 /// Factor on [`LONGEST_SIGMA`] for a rectangle wider and higher than 2 σ, which is drawn to within
-/// 4e-5 of its peak (same error term, with the derivative of order 2n - 1 at its edge).
+/// 4e-5 of its peak, by the same error term with the derivative of order 2n - 1 at its edge.
 const LONGER_FLAT: f64 = 1.6;
 
-/// Nodes from -1 to 1 and weights of 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and Stegun
-/// 1964, table 25.4).
+/// Nodes from -1 to 1 and weights for 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and
+/// Stegun 1964, table 25.4).
 const RULES: [&[(f64, f64)]; SPOTS] = [
     &[(0.0, 1.0)],
     &[(-0.577_350_269_189_625_8, 0.5), (0.577_350_269_189_625_8, 0.5)],
@@ -50,33 +51,33 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
     ],
 ];
 
-/// Steps along x and y of the dither, the threshold at which counts are rounded up. Rounding to
-/// nearest would lose the faint edge of every spot if thousands of segments overlap (2e-6 of the
-/// light of a hover at 250 Hz).
+/// Steps along x and y of the dither, which is the threshold above which counts are rounded up.
+/// With thousands of overlapping segments, rounding to nearest would lose the faint edge of every
+/// spot (2e-6 of the light of a hover at 250 Hz).
 ///
-/// The steps are 2^32 over the plastic number and its square, for a threshold that is evenly
-/// distributed in the plane (Roberts 2018, the R2 sequence).
+/// The steps are 2^32 divided by the plastic number and by its square, which distributes the
+/// threshold evenly over the plane (Roberts 2018, the R2 sequence).
 pub(super) const DITHER: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
 
-/// √(π/2): the peak of a Gaussian is that of a rectangle this many σ to either side.
+/// √(π/2). A Gaussian has the same peak as a rectangle that extends this many σ to either side.
 const ROOT_HALF_PI: f64 = 1.253_314_137_315_500_3;
 
-/// Least half width, in σ, of a rectangle that is drawn as one.
+/// Minimum half width, in σ, of a rectangle that is drawn as such.
 const LEAST_HALF_SIGMA: f64 = 0.1;
 
 /// A short segment as the sum of its spots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Record {
-    /// Centers of the first `spots` spots, from the center of the first pixel of the box.
+    /// Centers of the first `spots` spots, relative to the center of the first pixel of the box.
     pub(super) x_px: [f32; SPOTS],
     pub(super) y_px: [f32; SPOTS],
-    /// Fractions of the light, with sum 1.
+    /// Fractions of the light in the spots, which add up to 1.
     pub(super) fraction: [f32; SPOTS],
-    /// Luminous exposure in the brightest channel, summed over the pixels.
+    /// Luminous exposure of the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
     /// 1 / σ.
     pub(super) per_px: f32,
-    /// Half the width and half the height of the blurred rectangle. 0 for a Gaussian.
+    /// Half the width and half the height of the blurred rectangle, or 0 for a Gaussian.
     pub(super) half_px: [f32; 2],
     /// First pixel of the box, which may be outside the picture.
     pub(super) x: i32,
@@ -84,17 +85,17 @@ pub(super) struct Record {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) spots: u32,
-    /// Threshold of the first pixel: see [`DITHER`].
+    /// Threshold at the first pixel (see [`DITHER`]).
     pub(super) dither: u32,
 }
 
 impl Record {
-    /// Returns an upper bound of the exposure that it adds to any pixel.
+    /// Returns an upper bound on the exposure that the record adds to any pixel.
     #[inline(always)]
     pub(super) fn peak_lx_s(&self) -> f64 {
         let per_px = f64::from(self.per_px);
         let margin = PEAK_MARGINS[usize::from(per_px < 1.0 / NARROW_SIGMA_PX)];
-        // The peak of a Gaussian in two dimensions, and the factor of a rectangle on each axis.
+        // The peak of a two-dimensional Gaussian, reduced by the rectangle on each axis.
         let gaussian = per_px * per_px * (margin / std::f64::consts::TAU);
         let flat = self.half_px.map(|half| {
             let half_sigma = f64::from(half) * per_px;
@@ -103,7 +104,7 @@ impl Record {
         self.light_lx_s * gaussian * flat[0] * flat[1]
     }
 
-    /// Returns the columns and rows of the box that are in the picture and among `rows`.
+    /// Returns the columns and rows of the box that are inside the picture and among `rows`.
     #[inline(always)]
     pub(super) fn inside(&self, width: u32, rows: &Range<u32>) -> [Range<u32>; 2] {
         let end = |first: i32, pixels: u32| (first + pixels.cast_signed()).max(0).cast_unsigned();
@@ -125,10 +126,10 @@ impl Record {
 }
 
 /// Calls `each` with the records of the part of a segment that reaches the picture. A long part is
-/// split.
+/// split into several records.
 pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
     let Some([from, to]) = visible(segment, size_px) else { return };
-    // Pieces of equal length, each short enough for the quadrature with the most nodes.
+    // The pieces have equal lengths, each short enough for the quadrature with the most nodes.
     let length_sigma = length_sigma(segment);
     let n = ((to - from) * length_sigma / LONGEST_SIGMA[SPOTS - 1]).ceil().max(1.0);
     let mut dither = dither(segment.start_s);
@@ -147,20 +148,20 @@ pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut
     }
 }
 
-/// Returns the length of a segment in σ, to compare with [`LONGEST_SIGMA`].
+/// Returns the length of a segment in σ, for comparison with [`LONGEST_SIGMA`].
 fn length_sigma(segment: &Segment) -> f64 {
     let is_flat = segment.half_px.min_element() > segment.sigma_px;
     segment.length_px() / segment.sigma_px / if is_flat { LONGER_FLAT } else { 1.0 }
 }
 
-/// Returns the fractions of the length, 0 to 1, between which the light of a segment reaches the
-/// picture (line clipping by Liang and Barsky 1984). `None` if it does not.
+/// Returns the two fractions of the length, 0 to 1, between which a segment's light reaches the
+/// picture (line clipping by Liang and Barsky 1984), or `None` if it does not.
 fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     let reach = reach_px(segment) + Px::ONE;
     let [start, end] = segment.ends_px;
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        // Borders of the picture, wider by the reach of a spot.
+        // Borders of the picture, extended by the reach of a spot.
         let borders = [-reach[axis], f64::from(size_px[axis]) + reach[axis]];
         if [start, end].iter().all(|px| (borders[0]..=borders[1]).contains(&px[axis])) {
             continue;
@@ -176,14 +177,14 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     (from < to).then_some([from, to])
 }
 
-/// Returns the distance from a spot's middle along each axis beyond which it leaves no light.
+/// Returns the distance from a spot's center along each axis beyond which it leaves no light.
 fn reach_px(segment: &Segment) -> Px {
     segment.half_px + REACH_SIGMA * segment.sigma_px
 }
 
-/// Returns the record of a short segment. `None` if its box misses the picture.
+/// Returns the record of a short segment, or `None` if its box is outside the picture.
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
-    // The box of pixels whose centers, at +0.5, the light reaches.
+    // The box contains the pixels whose centers, at +0.5, the light reaches.
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
     let reach = reach_px(segment);
@@ -193,7 +194,7 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     if (0..2).any(|axis| last[axis] < 0.0 || first[axis] >= f64::from(size_px[axis])) {
         return None;
     }
-    // The quadrature with the fewest nodes that is accurate for this length.
+    // Selects the quadrature with the fewest nodes that is accurate for this length.
     let length_sigma = length_sigma(segment);
     let enough = LONGEST_SIGMA.iter().position(|longest| length_sigma <= *longest);
     let rule = RULES[enough.unwrap_or(SPOTS - 1)];
@@ -222,13 +223,13 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     Some(record)
 }
 
-/// Returns the first dither of a segment: a hash of its start time. It depends on nothing else, so
-/// that films can be added up.
+/// Returns the first dither of a segment, which is a hash of its start time. The dither depends on
+/// nothing else, so that films can be added up.
 fn dither(start_s: f64) -> u32 {
     (split_mix(start_s.to_bits().wrapping_sub(GOLDEN)) >> 32) as u32
 }
 
-/// Returns a whole number of pixels as an integer.
+/// Converts a whole number of pixels to an integer.
 #[expect(clippy::cast_possible_truncation, reason = "a box reaches the picture")]
 fn pixel(whole: f64) -> i32 {
     whole as i32

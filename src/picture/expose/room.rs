@@ -1,10 +1,11 @@
-//! Room: the floor and the walls as planes, their intersection with rays, and how they reflect.
+//! Room: the planes of floor and walls, their intersection with rays, and how they reflect light.
 //!
-//! Walls are matte. The floor is matte or has a sheen on top: microfacets with GGX-distributed
+//! Walls are matte. The floor is matte or also has a sheen: microfacets with GGX-distributed
 //! normals (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect
-//! like glass and polish: 4 % at normal incidence and all of it at grazing angles (Schlick 1994).
+//! like glass and polish, with 4 % of the light at normal incidence and all of it at grazing angles
+//! (Schlick 1994).
 //!
-//! Not modeled: furniture, doors, and surfaces that hide each other.
+//! Furniture, doors, and surfaces that hide each other are not modeled.
 
 use nalgebra::Vector3;
 
@@ -15,10 +16,10 @@ use super::texture;
 /// Fraction of light that a polished surface of refractive index 1.5 reflects at normal incidence.
 const NORMAL_REFLECTANCE: f64 = 0.04;
 
-/// Largest light of a gap close to it, relative to a wall at the depth of the room.
+/// Maximum light close to a gap, relative to that on a wall at the depth of the room.
 const MAX_GAP_LIGHT: f64 = 30.0;
 
-/// Least cosine at which a ray meets a surface, and a lower limit against division by zero.
+/// Minimum cosine at which a ray meets a surface, and a lower limit that prevents division by zero.
 const MIN_RAY_COS: f64 = 1e-9;
 const MIN_COS: f64 = 1e-6;
 
@@ -26,28 +27,28 @@ const MIN_COS: f64 = 1e-6;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Surface {
     pub(super) normal: Vector3<f64>,
-    /// `normal · p` of its points.
+    /// Value of `normal · p` at the points of the plane.
     at_m: f64,
-    /// Fraction of light that it reflects diffusely.
+    /// Fraction of the light that the surface reflects diffusely.
     pub(super) albedo: f64,
-    /// Mean slope of the facets of its sheen.
+    /// Mean slope of the facets of the sheen.
     pub(super) roughness: Option<f64>,
 }
 
-/// The surfaces that a camera sees from inside.
+/// The surfaces that a camera inside the room sees.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Room {
     camera_m: Vector3<f64>,
-    /// The floor first, if the camera is above it.
+    /// The surfaces. The floor is the first one if the camera is above it.
     pub(super) surfaces: Vec<Surface>,
-    /// Width, depth and height, if there are walls.
+    /// Width, depth and height of the room if it has walls.
     size_m: Option<[f64; 3]>,
-    /// Standard deviation of the albedo, relative.
+    /// Relative standard deviation of the albedo.
     pub(super) unevenness: f64,
 }
 
 impl Room {
-    /// Returns the surfaces that face a camera. A camera outside looks through the wall.
+    /// Returns the surfaces that face a camera. A camera outside the room looks through the wall.
     pub(crate) fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
         let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
         let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);
@@ -62,13 +63,13 @@ impl Room {
             ];
             surfaces.extend(walls.map(|(normal, at_m)| Surface::matte(normal, at_m, wall_albedo)));
         }
-        // Seen from behind, a wall is transparent.
+        // A wall is transparent from behind.
         surfaces.retain(|surface| surface.height_m(camera_m) >= NEAREST_M);
         Self { camera_m, surfaces, size_m: options.room_m, unevenness: options.unevenness }
     }
 
     /// Intersects a ray from the camera with the room. Returns the index of the nearest surface and
-    /// the point, or `None` if the ray meets no surface.
+    /// the point on it, or `None` if the ray meets no surface.
     pub(crate) fn intersection(&self, ray: Vector3<f64>) -> Option<(usize, Vector3<f64>)> {
         let hits = self.surfaces.iter().enumerate().filter_map(|(i, surface)| {
             let cos = surface.normal.dot(&ray);
@@ -78,7 +79,7 @@ impl Room {
         Some((i, self.camera_m + ray * distance))
     }
 
-    /// Returns the point of the texture at a point of surface `on`.
+    /// Returns the point of the texture at a point on surface `on`.
     pub(super) fn on_texture(&self, on: usize, point_m: Vector3<f64>) -> [f32; 2] {
         let normal = self.surfaces[on].normal;
         texture::on_tile(match (normal.x != 0.0, normal.y != 0.0) {
@@ -88,19 +89,19 @@ impl Room {
         })
     }
 
-    /// Returns the albedo at a point of surface `on` relative to the surface's mean. Walls are half
-    /// as uneven as the floor.
+    /// Returns the albedo at a point on surface `on`, relative to the surface's mean. Walls are
+    /// half as uneven as the floor.
     pub(crate) fn relative_albedo(&self, on: usize, point_m: Vector3<f64>) -> f64 {
         let deviation = f64::from(texture::deviation(self.on_texture(on, point_m)));
         let factor = if self.surfaces[on].is_floor() { 1.0 } else { 0.5 };
         (1.0 + factor * self.unevenness * deviation).max(0.0)
     }
 
-    /// Returns the luminance of a point of surface `on` in the light of the room, relative to a
-    /// wall far from the floor. Without walls it is 1.
+    /// Returns the luminance of a point on surface `on` in the light of the room, relative to that
+    /// of a wall far from the floor. The luminance is 1 if there are no walls.
     ///
-    /// The light is diffuse by reflection between walls and ceiling. Half of it comes from a gap at
-    /// `gap_m`, if there is one.
+    /// The light is diffuse because walls and ceiling reflect it. If there is a gap at `gap_m`,
+    /// half of the light comes from it.
     pub(crate) fn ambient(
         &self,
         on: usize,
@@ -111,8 +112,8 @@ impl Room {
         let surface = &self.surfaces[on];
         let albedos = self.surfaces.iter().map(|surface| surface.albedo);
         let brightest = albedos.fold(1e-9, f64::max);
-        // A darker plane at right angles, of width h and at the distance d, fills the fraction
-        // (1 - d / √(d² + h²)) / 2 of the view (its form factor).
+        // A darker plane at right angles, with width h and distance d, fills the fraction (1 - d /
+        // √(d² + h²)) / 2 of the view (its form factor).
         let others = self.surfaces.iter().filter(|other| other.normal.dot(&surface.normal) == 0.0);
         let hidden = others.map(|other| {
             let d = other.height_m(point_m).max(0.0);
@@ -121,8 +122,8 @@ impl Room {
             0.5 * (1.0 - d / (d * d + h * h).sqrt()) * (1.0 - other.albedo / brightest).max(0.0)
         });
         let diffuse = 1.0 - hidden.sum::<f64>();
-        // The gap's light falls with the cosine over d², relative to the depth of the room. Near
-        // the gap the added constant limits it.
+        // The gap's light falls with the cosine divided by d², relative to the depth of the room.
+        // The added constant limits it near the gap.
         let light = gap_m.map_or(diffuse, |gap_m| {
             let to_gap_m = gap_m - point_m;
             let d_sq = to_gap_m.norm_squared() + NEAREST_M;
@@ -135,7 +136,7 @@ impl Room {
 }
 
 impl Surface {
-    /// Returns a surface without sheen, whose points have `normal · p = at_m`.
+    /// Returns a surface without sheen, whose points satisfy `normal · p = at_m`.
     pub(super) fn matte(normal: Vector3<f64>, at_m: f64, albedo: f64) -> Self {
         Self { normal, at_m, albedo, roughness: None }
     }
@@ -145,24 +146,24 @@ impl Surface {
         self.normal == Vector3::z()
     }
 
-    /// Returns the distance of a point from the surface, positive inside the room, m.
+    /// Returns the distance in m of a point from the surface, which is positive inside the room.
     fn height_m(&self, point_m: Vector3<f64>) -> f64 {
         self.normal.dot(&point_m) - self.at_m
     }
 
     /// Returns the light that a floor with sheen reflects from one direction to another, relative
-    /// to a matte floor. Both are unit vectors away from the surface.
+    /// to a matte floor. Both directions are unit vectors away from the surface.
     pub(super) fn sheen(&self, roughness: f64, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
-        // Facets along the half vector mirror: D = α² / (π (cos² (α² - 1) + 1)²).
+        // Facets along the half vector act as mirrors: D = α² / (π (cos² (α² - 1) + 1)²).
         let half = (from + to).normalize();
         let [cos_from, cos_to, cos] = [from, to, half].map(|v| self.normal.dot(&v).max(MIN_COS));
         let a_sq = roughness * roughness;
         let spread = cos * cos * (a_sq - 1.0) + 1.0;
         let facets = a_sq / (std::f64::consts::PI * spread * spread);
-        // Schlick's Fresnel term.
+        // Schlick's approximation of the Fresnel term.
         let x = 1.0 - from.dot(&half).clamp(0.0, 1.0);
         let reflected = NORMAL_REFLECTANCE + (1.0 - NORMAL_REFLECTANCE) * x * x * x * x * x;
-        // Smith's shadowing, with the cosines of the microfacet model divided out.
+        // Smith's shadowing term, without the cosines of the microfacet model.
         let shadow = |cos: f64| 1.0 / (cos + (a_sq + (1.0 - a_sq) * cos * cos).sqrt());
         let lobe = facets * reflected * shadow(cos_from) * shadow(cos_to);
         1.0 + std::f64::consts::PI * lobe / self.albedo
@@ -218,7 +219,7 @@ mod tests {
             let gap_m = Some(Vector3::new(-1.9, 0.0, 2.0));
             2.0 * room.ambient(on, point_m, gap_m) - room.ambient(on, point_m, None)
         };
-        // 1 at the room's depth, by cos / d²: beside the gap, and at the wall's other end.
+        // cos / d² is 1 at the room's depth. The test checks it beside the gap and at the far end.
         for (x, x_sq) in [(-1.9, 0.0), (1.9, 3.8 * 3.8)] {
             let d_sq: f64 = x_sq + 9.0;
             let wanted = 36.0 * 3.0 / (d_sq * d_sq.sqrt());
@@ -228,7 +229,7 @@ mod tests {
 
     #[test]
     fn a_sheen_reflects_no_more_light_than_it_receives() {
-        // Sum over the hemisphere, less the matte part of albedo 0.2.
+        // Sums over the hemisphere, without the matte part, whose albedo is 0.2.
         let floor = Room::new(&ROOM, Vector3::z()).surfaces[0];
         for (roughness, degrees) in [(0.1, 10.0_f64), (0.3, 45.0), (0.3, 75.0), (1.0, 60.0)] {
             let angle = degrees.to_radians();

@@ -1,7 +1,8 @@
-//! Point sources of the light on floor and walls, in trees.
+//! The lamps as point sources of the light on floor and walls, sorted into trees.
 //!
-//! Each lamp becomes point sources along its path. Those of one beam shape and about one axis form
-//! a tree (Barnes and Hut 1986): a branch that is small for its distance counts as one source.
+//! Each lamp becomes point sources along its path. Sources with the same beam shape and nearly the
+//! same axis form a tree (Barnes and Hut 1986). A branch that is small for its distance counts as
+//! one source.
 
 use std::sync::LazyLock;
 
@@ -12,47 +13,47 @@ use crate::light::{Emitter, LightSample, LightTrace};
 use crate::whole;
 use noctograph_core::camera::Camera;
 
-/// Least height of a lamp above the floor: half the thickness of an LED package. The zero of a
-/// flight may be off by centimeters, and no lamp shines below the floor.
+/// Minimum height of a lamp above the floor: half the thickness of an LED package. The zero of a
+/// flight may be off by centimeters, but no lamp can shine from below the floor.
 const LOWEST_M: f64 = 0.002;
 
-/// Largest ratio of a branch's radius to its distance. At 0.3 an evenly filled branch errs by 4 %
+/// Maximum ratio of a branch's radius to its distance. At 0.3 an evenly filled branch errs by 4 %
 /// straight below it, and by less elsewhere.
 const OPENING: f64 = 0.3;
 
-/// Largest step along a lamp's path between two sources, relative to its height.
+/// Maximum step between two sources along a lamp's path, relative to the lamp's height.
 const STEP: f64 = 0.25 * OPENING;
 
 pub(super) type Rgb = [f64; 3];
 
-/// Sources of one beam shape and about one axis.
+/// Sources with the same beam shape and nearly the same axis.
 pub(super) struct Tree<'a> {
     pub(super) emitter: &'a Emitter,
     pub(super) branches: Vec<Branch>,
 }
 
-/// A branch of a tree, followed by its children.
+/// A branch of a tree, which is followed by its children.
 pub(super) struct Branch {
-    /// All sources of the branch as one.
+    /// All sources of the branch, combined into one.
     pub(super) source: Source,
-    /// Half the diagonal of the box around its sources.
+    /// Half the diagonal of the bounding box of its sources.
     radius_m: f64,
-    /// Index of the first branch after its descendants.
+    /// Index of the first branch after all descendants of this one.
     next: usize,
 }
 
-/// Light that a lamp emits at a point.
+/// The light that a lamp emits at one point.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Source {
     pub(super) position_m: Vector3<f64>,
     axis: Vector3<f64>,
-    /// Luminous intensity on the axis times duration.
+    /// Luminous intensity on the axis, multiplied by the duration.
     light_cd_s: Rgb,
 }
 
-/// Returns the light of a trace while the shutter is open: a tree for each beam shape and axis.
+/// Returns the light of a trace while the shutter is open: one tree per beam shape and axis.
 pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) -> Vec<Tree<'a>> {
-    // Sources of each emitter, by a key of beam shape and axis.
+    // The sources of each emitter, grouped by beam shape and axis.
     let mut groups: Vec<(&Emitter, [f64; 6], Vec<Source>)> = Vec::new();
     for lamp in &trace.lamps {
         let emitter = &lamp.emitter;
@@ -60,7 +61,7 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
         for LightSample { position_m, axis, level, .. } in points(&lamp.samples, camera, floor_z_m)
         {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
-            // Axes are grouped by their coordinates, rounded to halves. An isotropic lamp has none.
+            // Axes are grouped by coordinates rounded to halves. An isotropic lamp has no axis.
             let scale = if emitter.is_isotropic() { 0.0 } else { 2.0 };
             let [x, y, z] = axis.map(|value| (scale * value).round()).into();
             let key =
@@ -78,13 +79,13 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
     }))
 }
 
-/// Divides a lamp's path into points, between which it moves little for its height. The level of a
-/// point is multiplied by its duration.
+/// Divides a lamp's path into points between which the lamp moves little relative to its height.
+/// The level of each point is multiplied by its duration.
 fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<LightSample> {
     let mut points: Vec<LightSample> = Vec::new();
     let mut start_m: Option<Vector3<f64>> = None;
     for pair in samples.windows(2) {
-        // The part of the interval with the shutter open, in steps short for the height.
+        // Cuts the interval to the time that the shutter is open, and divides it into short steps.
         let (a, b) = (&pair[0], &pair[1]);
         let from_s = a.time_s.max(camera.shutter_open_s);
         let to_s = b.time_s.min(camera.shutter_close_s);
@@ -101,7 +102,7 @@ fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Light
             let mut next = a.toward(b, time_s);
             next.position_m.z = next.position_m.z.max(floor_z_m + LOWEST_M);
             next.level = next.level * (to_s - from_s) / f64::from(n);
-            // Steps close to the start of a point are averaged into it, weighted by their light.
+            // Steps close to the start of a point are merged into it, weighted by their light.
             match points.last_mut().zip(start_m) {
                 Some((last, start_m)) if (next.position_m - start_m).norm() < step_m => {
                     let weight = next.level / (last.level + next.level).max(f64::MIN_POSITIVE);
@@ -119,10 +120,10 @@ fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Light
     points
 }
 
-/// Appends the branch that contains all `sources`, and then its children.
+/// Appends the branch that contains all `sources`, followed by its children.
 fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let Some(first) = sources.first() else { return };
-    // The branch as one source: the sum of the light, at the mean position weighted by it.
+    // The branch as one source has the sum of the light, at the mean position weighted by light.
     let (mut low, mut high) = (first.position_m, first.position_m);
     let (mut sum, mut total) = (Source::default(), 0.0);
     for source in &sources {
@@ -154,11 +155,11 @@ fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     branches[index].next = branches.len();
 }
 
-/// Least side of the squares of the floor that light the walls, and most squares along a wall.
+/// Minimum side of the floor squares that light the walls, and maximum number along a wall.
 const PATCH_M: f64 = 0.5;
 const MAX_PATCHES: f64 = 32.0;
 
-/// Emitter for a square of the floor: a Lambertian beam.
+/// Emitter of one square of the floor, with a Lambertian beam.
 static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     name: "floor".to_owned(),
     intensity_cd: 1.0,
@@ -170,10 +171,10 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     depth_m: None,
 });
 
-/// Returns the sources of light that the floor of a room reflects: one for each square.
+/// Returns the sources of the light that the floor of a room reflects, one for each square.
 ///
-/// The exposure of a square is computed at the point below its middle at a depth of one side, so
-/// that no lamp close to the floor lights one square too much or falls between two.
+/// The exposure of a square is computed at the point one side length below its center. A lamp close
+/// to the floor then neither lights one square too much nor falls between two squares.
 pub(super) fn reflected(
     trees: &[Tree<'_>],
     [width_m, depth_m]: [f64; 2],
@@ -183,7 +184,7 @@ pub(super) fn reflected(
     let side_m = PATCH_M.max(width_m.max(depth_m) / MAX_PATCHES);
     let (columns, rows) = ((width_m / side_m).ceil(), (depth_m / side_m).ceil());
     let floor = Surface::matte(Vector3::z(), floor_z_m, albedo);
-    // A Lambertian square of area A under E lx s has the intensity ρ A E / π cd s.
+    // A Lambertian square of area A that receives E lx s has an intensity of ρ A E / π cd s.
     let area_m2 = width_m * depth_m / (columns * rows);
     let factor = albedo * area_m2 / std::f64::consts::PI;
     let sources = (0..whole(columns * rows)).map(|square| {
@@ -203,11 +204,11 @@ pub(super) fn reflected(
     Tree { emitter: &PATCH, branches }
 }
 
-/// Returns the exposure of points of a surface. On a surface with sheen, light is weighted by its
+/// Returns the exposure at points of a surface. On a surface with sheen, light is weighted by its
 /// reflection toward a unit vector at each point, relative to a matte surface.
 ///
-/// The points are close together, so that they mostly open the same branches, and are computed
-/// together. The result has the same bits as for each point separately.
+/// The points are computed together because they are close to each other and mostly open the same
+/// branches. The result has the same bits as for each point separately.
 #[inline(always)]
 pub(super) fn exposures_lx_s<const N: usize>(
     trees: &[Tree<'_>],
@@ -216,18 +217,18 @@ pub(super) fn exposures_lx_s<const N: usize>(
     toward: [Vector3<f64>; N],
 ) -> [Rgb; N] {
     let points_m: [[f64; N]; 3] = std::array::from_fn(|axis| points_m.map(|point| point[axis]));
-    // A mirror resolves lamps that a matte surface blurs, so their branches are opened sooner.
+    // A shiny surface resolves lamps that a matte one blurs, so their branches are opened sooner.
     let opening = surface.roughness.map_or(OPENING, |roughness| OPENING.min(0.5 * roughness));
     let mut sums = [[0.0; N]; 3];
     for Tree { emitter, branches } in trees {
-        // Intensity at the edge of the body's shadow, beyond which the light ends at once.
+        // Intensity at the edge of the body's shadow, where the light ends abruptly.
         let edge = if emitter.visible_cos <= -1.0 {
             0.0
         } else {
             emitter.relative_intensity(emitter.visible_cos)
         };
         let is_even = emitter.is_isotropic();
-        // Walk down the tree. Each point skips the children of a branch that it has counted.
+        // Walks down the tree. Each point skips the children of a branch that it has counted.
         let mut index = 0;
         let mut skipped_until = [0; N];
         while let Some(Branch { source, radius_m, next }) = branches.get(index) {
@@ -240,16 +241,16 @@ pub(super) fn exposures_lx_s<const N: usize>(
             let squares: [f64; N] = std::array::from_fn(|n| {
                 to[0][n] * to[0][n] + to[1][n] * to[1][n] + to[2][n] * to[2][n]
             });
-            // Opening criterion: a branch is near if its radius over the distance is too large.
+            // Opening criterion: the ratio of a branch's radius to its distance is too large.
             let is_leaf = *next == index + 1;
             let is_near: [bool; N] =
                 std::array::from_fn(|n| radius_m * radius_m > opening * opening * squares[n]);
-            // Near the root every point opens the branch, so the steps below are skipped.
+            // Near the root every point opens the branch, and the steps below are not needed.
             if !is_leaf && (0..N).all(|n| is_near[n] && skipped_until[n] <= index) {
                 index += 1;
                 continue;
             }
-            // Branches at the edge of the body's shadow are opened, too.
+            // Branches at the edge of the body's shadow are opened as well.
             let per_m = squares.map(|square| 1.0 / square.sqrt());
             let cos_beam = if is_even { [0.0; N] } else { dot(&source.axis) };
             let cos_beam: [f64; N] = std::array::from_fn(|n| cos_beam[n] * per_m[n]);
@@ -258,7 +259,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
             });
             let opens: [bool; N] = std::array::from_fn(|n| !is_leaf && (is_near[n] || at_edge[n]));
             let counts: [bool; N] = std::array::from_fn(|n| skipped_until[n] <= index && !opens[n]);
-            // The cosine law and the inverse square, in lx for each cd: cos / d².
+            // The cosine law and the inverse square law give cos / d² lx per cd.
             let down = dot(&surface.normal);
             let mut weights: [f64; N] = std::array::from_fn(|n| {
                 let weight = (-down[n] * per_m[n] / squares[n]).max(0.0);
@@ -280,7 +281,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
             for (sums, light) in sums.iter_mut().zip(source.light_cd_s) {
                 sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * light);
             }
-            // Down to the children if any point opens the branch, else past them.
+            // Goes on to the children if any point opens the branch, and otherwise past them.
             let mut any_opens = false;
             for n in 0..N {
                 any_opens |= opens[n] && skipped_until[n] <= index;

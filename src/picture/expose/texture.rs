@@ -1,20 +1,20 @@
-//! Texture: unevenness of the light that floor and walls reflect, from worn spots to stains.
+//! Texture: how unevenly floor and walls reflect light, from worn spots to stains.
 //!
-//! Fractal noise (Perlin, "An image synthesizer", 1985): octaves from 4 cm to 1.28 m, of the same
-//! variance each, from one tile that repeats. Not modeled: boards, tiles and seams.
+//! Fractal noise (Perlin, "An image synthesizer", 1985) whose octaves, from 4 cm to 1.28 m, all
+//! have the same variance. One tile repeats. Boards, tiles and seams are not modeled.
 
 use std::sync::LazyLock;
 
 use crate::narrow;
 use noctograph_core::random::split_mix;
 
-/// Points of the tile along a side, and the distance between them.
+/// Number of points along a side of the tile, and the distance between them.
 const SIDE: usize = 256;
 const STEP_M: f64 = 0.02;
-/// Distances between the nodes of the octaves, in points.
+/// Distance between the nodes of each octave, in points.
 const OCTAVES: [usize; 6] = [2, 4, 8, 16, 32, 64];
 
-/// Deviations from the mean, of variance 1.
+/// Deviations from the mean, with a variance of 1.
 static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let mut tile = vec![0.0; SIDE * SIDE];
     for cell in OCTAVES {
@@ -34,7 +34,7 @@ static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
 
 /// Converts a point of a surface in meters to a point on the tile, which repeats.
 pub(super) fn on_tile(point_m: [f64; 2]) -> [f32; 2] {
-    // Moved by whole tiles, so that no coordinate of a room is negative.
+    // Moves the point by whole tiles, so that no coordinate in a room is negative.
     let offset = f64::from(1 << 17);
     point_m.map(|point_m| narrow((point_m / STEP_M).clamp(-offset, offset) + offset))
 }
@@ -81,7 +81,7 @@ mod tests {
         }
         let ratio = roughness(0.0) / roughness(0.5 * period_m);
         assert!((0.7..1.4).contains(&ratio), "at the seam by the middle: {ratio}");
-        // Means over squares of 0.32 m keep what is coarser: two of six octaves.
+        // Means over squares of 0.32 m keep only coarser structures: two of the six octaves.
         let mean = |i: usize, j: usize| {
             let points = (0..256)
                 .map(|k| value((i * 16 + k % 16) as f64 * 0.02, (j * 16 + k / 16) as f64 * 0.02));

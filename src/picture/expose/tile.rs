@@ -1,39 +1,40 @@
 //! Tiles: the light of one color on some rows of the picture, before it is counted into the film.
 //!
-//! All records of a color are added up in one plane. Its lit tiles are then counted into the three
-//! planes of the film: the color is multiplied once per pixel, not once per segment.
+//! All records of a color are added up in one plane. The plane's lit tiles are then counted into
+//! the three planes of the film, so the light is multiplied by the color once per pixel, not per
+//! segment.
 
 use std::ops::Range;
 
 /// Width and height of the tiles that are counted.
 const TILE_PX: [usize; 2] = [64, 16];
 
-/// Fraction of a channel with all light of the tiles.
+/// Fraction for a channel that receives all light of the tiles.
 pub(super) const ALL: u32 = 1 << ALL_BITS;
 const ALL_BITS: u32 = 31;
 
-/// Light of one color, in counts of its brightest channel.
+/// The light of one color, in counts of its brightest channel.
 #[derive(Debug)]
 pub(super) struct Tiles {
     pub(super) rows: Range<u32>,
-    /// Distance between rows, in pixels: at least the width of the picture.
+    /// Distance between rows in pixels, which is at least the width of the picture.
     pub(super) stride: usize,
-    /// Counts row by row. Those beyond the width have no meaning.
+    /// Counts, row by row. Counts beyond the width have no meaning.
     pub(super) counts: Vec<u32>,
     width: usize,
-    /// True for each tile that has light, row by row.
+    /// True for each tile with light, row by row.
     lit: Vec<bool>,
 }
 
 impl Tiles {
-    /// Returns dark tiles for some rows of a picture of that width.
+    /// Returns dark tiles for some rows of a picture with a given width.
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];
         Self { rows, stride, counts, width, lit: vec![false; tiles] }
     }
 
-    /// Marks the tiles that columns and rows of the picture touch as lit.
+    /// Marks all tiles as lit that columns and rows of the picture touch.
     #[inline(always)]
     pub(super) fn light(&mut self, columns: &Range<u32>, rows: &Range<u32>) {
         let [first_column, last_column] =
@@ -46,8 +47,8 @@ impl Tiles {
         }
     }
 
-    /// Adds the light to the film's planes, given from these rows on, and clears it. Each channel
-    /// gets a fraction of it, relative to [`ALL`].
+    /// Adds the light to the film's planes, which start at these rows, and then clears it. Each
+    /// channel gets a fraction of the light, relative to [`ALL`].
     #[inline(always)]
     pub(super) fn count(&mut self, fractions: [u32; 3], planes: &mut [&mut [u32]]) {
         let tiles_across = self.width.div_ceil(TILE_PX[0]);
@@ -71,8 +72,8 @@ impl Tiles {
     }
 }
 
-/// Adds columns and rows of light to planes, a fraction to each. The light begins at column `x` of
-/// rows `light_stride` apart, and the planes at pixel `first` of rows `stride` apart.
+/// Adds columns and rows of light to planes, with a fraction for each plane. The light starts at
+/// column `x` of rows `light_stride` apart, and the planes at pixel `first` of rows `stride` apart.
 #[inline(always)]
 pub(super) fn count(
     light: &[u32],

@@ -1,11 +1,11 @@
 //! Light traces as tables, for trails from other programs.
 //!
-//! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every
-//! direction). More columns are allowed. A table has no beams.
+//! The columns are `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every
+//! direction). Further columns are allowed. A table cannot describe beams.
 //!
-//! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case,
-//! after `#`, in every form of table that [`Head`] knows, units in brackets, timestamps in ms, µs
-//! or ns by their steps, levels from 0 to 255 (1 cd). Guesses and omissions are warnings.
+//! [`read`] also accepts the light logs of other programs: titles from `TITLES` in any case or
+//! after `#`, every form of table that [`Head`] knows, units in brackets, timestamps in ms, µs or
+//! ns (told by their steps), and levels from 0 to 255 (1 cd). Guesses and omissions give warnings.
 
 use std::collections::BTreeMap;
 
@@ -20,10 +20,11 @@ use noctograph_core::flight::timestamps::unit_of;
 
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 
-/// Resolution of an intensity. Rows whose colors differ by at most this count as one color.
+/// Resolution of an intensity in a table, in cd. Rows whose colors differ by at most this much have
+/// the same color.
 const DIGIT_CD: f64 = 1e-5;
 
-/// Usual titles of each column, in lower case and without their unit.
+/// Usual titles of each column, in lower case and without a unit.
 const TITLES: [(&str, &str); 7] = [
     ("t", "t time timestamp seconds"),
     ("x", "x px pos_x"),
@@ -36,22 +37,22 @@ const TITLES: [(&str, &str); 7] = [
 
 /// Speed that no drone reaches.
 const FASTEST_M_S: f64 = 15.0;
-/// Shorter steps do not count as motion.
+/// Minimum length of a step that counts as motion.
 const STEP_M: f64 = 1e-3;
-/// Number of steps, and their fraction of all steps, from which a lamp is too fast.
+/// Minimum number of steps, and minimum fraction of all steps, that make a lamp too fast.
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
-/// Largest intensity of a channel, cd.
+/// Maximum intensity of a channel, in cd.
 const MAX_CD: f64 = 1e6;
-/// Bytes in which the header is searched.
+/// Number of bytes in which the header is searched.
 const HEADER_SIZE: usize = 1 << 16;
 
-/// Largest level of a light log in bytes, and the corresponding intensity.
+/// Maximum level of a light log in bytes, and the intensity that it stands for.
 const FULL_LEVEL: f64 = 255.0;
 const FULL_CD: f64 = 1.0;
 
-/// Returns the name in [`COLUMNS`] of a title such as `Time [ms]` or `x_cm`, and the size of its
-/// unit in s or m, if it has one. `None` for another title or an unknown unit.
+/// Returns the name in [`COLUMNS`] of a title such as `Time [ms]` or `x_cm`, and the size in s or m
+/// of its unit if it has one. Returns `None` for other titles and unknown units.
 fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     let (bare, bracket) = bracketed(title);
     let bare = simplified(bare);
@@ -66,13 +67,13 @@ fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     }
 }
 
-/// Returns the name in [`COLUMNS`] of a title without its unit. `None` for another title.
+/// Returns the name in [`COLUMNS`] of a title without its unit, or `None` for other titles.
 fn column_name(bare_title: &str) -> Option<&'static str> {
     let mut columns = TITLES.iter();
     Some(columns.find(|(_, titles)| titles.split(' ').any(|title| title == bare_title))?.0)
 }
 
-/// True if a text begins with the header of a light trace.
+/// True if a text starts with the header of a light trace.
 #[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
     let head = Head::find(&Text::decode(&text[..text.len().min(HEADER_SIZE)]).bytes);
@@ -80,13 +81,13 @@ pub fn is_light_trace(text: &[u8]) -> bool {
     COLUMNS.iter().all(|column| names.contains(column))
 }
 
-/// Reads the text of a light trace or of another program's light log. `file` is its name in
-/// messages. Guesses and omissions are warnings.
+/// Reads the text of a light trace or of another program's light log. `file` is the name to show in
+/// messages. Guesses and omissions give warnings.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with line and column if a cell is not a number, time falls, or an intensity is
-/// negative.
+/// Returns [`Error::Input`] with line and column if a cell is not a number, time decreases, or an
+/// intensity is negative.
 pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     let text = Text::decode(text);
     let mut head = Head::find(&text.bytes);
@@ -97,7 +98,7 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     if !others.is_empty() {
         warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
     }
-    // The unit of time is in the title, or follows from the steps.
+    // The title has the unit of time, or else it follows from the steps.
     let [unit_t, unit_x, unit_y, unit_z] =
         ["t", "x", "y", "z"].map(|name| units.get(name).copied().flatten());
     let unit_s = match unit_t {
@@ -106,13 +107,13 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
         None => unit_from_steps_s(&table, &mut warnings)?,
     };
     let unit_cd = unit_cd(&table, is_trace, &mut warnings);
-    // Rows of the table, in s, m and cd.
+    // The rows of the table in s, m and cd.
     let t = table.times_in("t", unit_s)?;
     if let Some(first) = t.first().filter(|first| **first != 0.0) {
         let first_s = on_grid(first * unit_s);
-        warnings.push(format!("its clock begins at {first_s} s, and the exposure at 0 s"));
+        warnings.push(format!("its clock starts at {first_s} s, but the exposure at 0 s"));
     }
-    // Positions may have any sign, intensities may not be negative.
+    // Positions may have any sign, but intensities may not be negative.
     let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
     let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
     for (name, column) in [("r", r), ("g", g), ("b", b)] {
@@ -134,8 +135,8 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
 }
 
-/// Renames titles to those of [`COLUMNS`]. Of several titles for one column the first counts.
-/// Returns the units that the titles name, and the titles of other columns.
+/// Renames titles to those of [`COLUMNS`]. If several titles mean the same column, the first is
+/// used. Returns the units that the titles contain, and the titles of all other columns.
 fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>, Vec<String>) {
     let (mut units, mut others) = (BTreeMap::new(), Vec::new());
     for title in titles {
@@ -153,18 +154,19 @@ fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>,
     (units, others)
 }
 
-/// Returns the unit of the timestamps in s, from the steps between them. Warns if it is not 1 s.
+/// Returns the unit of the timestamps in s, by the steps between them. Warns if the unit is not 1
+/// s.
 fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
     let timestamps = unit_of(table.column("t")?);
     let (unit_s, step) = (timestamps.unit_s, timestamps.step);
     if unit_s != 1.0 {
-        warnings.push(format!("timestamps {step} apart: taken as {unit_s} s a unit"));
+        warnings.push(format!("timestamps are {step} apart: their unit is taken to be {unit_s} s"));
     }
     Ok(unit_s)
 }
 
 /// Returns the unit of the colors in cd. Whole numbers up to 255 are levels, except in a light
-/// trace. Warns of such numbers.
+/// trace. Warns of numbers that look like levels.
 fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
     let largest = colors.clone().copied().fold(0.0, f64::max);
@@ -172,15 +174,13 @@ fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     if largest <= 1.0 || largest > FULL_LEVEL || !is_whole {
         return 1.0;
     }
-    let (unit_cd, warning) = match is_trace {
-        true => {
-            (1.0, "r, g and b are whole numbers up to 255: they are candela all the same".into())
-        }
-        false => {
-            let warning =
-                format!("its colors are levels of 0 to 255, and 255 is shown as {FULL_CD} cd");
-            (FULL_CD / FULL_LEVEL, warning)
-        }
+    let (unit_cd, warning) = if is_trace {
+        let warning =
+            "r, g and b are whole numbers up to 255: they are taken as candela, not as levels";
+        (1.0, warning.to_owned())
+    } else {
+        let levels = "its colors are taken as levels from 0 to 255";
+        (FULL_CD / FULL_LEVEL, format!("{levels}, where 255 is {FULL_CD} cd"))
     };
     warnings.push(warning);
     unit_cd
@@ -196,8 +196,8 @@ fn too_fast(instants: &[Instant]) -> Option<String> {
     let is_frequent = fast as f64 > MIN_FAST_FRACTION * moving.len() as f64;
     (fast >= MIN_FAST_STEPS && is_frequent).then(|| {
         format!(
-            "{fast} of {} steps are faster than {FASTEST_M_S} m/s: are the columns in another unit \
-             (x_cm), or the rows of several drones? Keep those of one",
+            "{fast} of {} steps are faster than {FASTEST_M_S} m/s: check whether the columns are in another \
+             unit (x_cm), and keep the rows of only one drone",
             moving.len()
         )
     })
@@ -211,13 +211,13 @@ struct Instant {
 }
 
 impl Instant {
-    /// Returns the intensity of the strongest channel, cd.
+    /// Returns the intensity of the strongest channel in cd.
     fn strength_cd(&self) -> f64 {
         self.rgb_cd.into_iter().fold(0.0, f64::max)
     }
 }
 
-/// Divides instants into runs that are lit. Each includes the dark instant before and after it.
+/// Splits instants into lit runs. Each run includes the dark instants before and after it.
 fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
     let runs = instants.chunk_by(|a, b| (a.rgb_cd == [0.0; 3]) == (b.rgb_cd == [0.0; 3]));
     let mut end = 0;
@@ -229,14 +229,15 @@ fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
     })
 }
 
-/// A run has at most [`MIN_STRETCHES`] stretches of one color, and one more for this many rows.
+/// Number of rows in a run that allow it one more stretch of a single color, beyond the first
+/// [`MIN_STRETCHES`].
 const ROWS_PER_STRETCH: usize = 8;
 const MIN_STRETCHES: usize = 2;
 
-/// Returns the lamps of a lit run: one for each stretch of one color, which fades into the next, or
-/// one for each channel of a color that changes continuously.
+/// Returns the lamps of a lit run. There is one lamp for each stretch of a single color, which
+/// fades into the next, or one for each channel if the color changes continuously.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
-    // Stretches of one color, taken from the brightest row so far.
+    // Each stretch of a single color is compared with its brightest row so far.
     let mut stretches = Vec::new();
     let (mut start, mut brightest) = (0, &run[0]);
     for (i, instant) in run.iter().enumerate() {
@@ -249,7 +250,7 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
         }
     }
     stretches.push((start..run.len(), brightest));
-    // Too many for a lamp each: the color changes continuously.
+    // With too many stretches for a lamp each, the color changes continuously.
     if stretches.len() > run.len() / ROWS_PER_STRETCH + MIN_STRETCHES {
         let channels = (0..3).map(|c| {
             lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, instant| instant.rgb_cd[c])
@@ -265,16 +266,16 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     }))
 }
 
-/// True if two rows have the same color, within the resolution of the file.
+/// True if two rows have the same color within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
-    // x / a = y / b in each channel, without dividing by zero in the dark.
+    // Compares x / a with y / b in each channel, without dividing by zero in the dark.
     let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
     let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
     channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))
 }
 
-/// Returns a lamp that shines in all directions. `instant_cd` gives its intensity at each instant
-/// by index. The largest intensity is level 1.
+/// Returns a lamp that shines in all directions. `instant_cd` takes the index and the values of an
+/// instant, and returns the lamp's intensity. The maximum intensity becomes level 1.
 fn lamp(run: &[Instant], rgb: [f64; 3], instant_cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
     let intensities_cd: Vec<f64> =
         run.iter().enumerate().map(|(i, instant)| instant_cd(i, instant)).collect();

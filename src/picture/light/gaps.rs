@@ -1,8 +1,8 @@
-//! Gaps in a log: bridged if the motion allows it, else dark.
+//! Gaps in a log: lamps shine across a gap if the motion there is known well enough, else are dark.
 //!
-//! Between the ends of a gap of T seconds the position follows the cubic through both ends with
-//! their velocities, and the attitude changes at a constant rate. A drone that accelerates at `a`
-//! leaves that path by at most about `a T² / 8`. The flight stays below `a` in 95 % of its time.
+//! In a gap of T seconds the position follows the cubic through both ends with the velocities
+//! there, and the attitude changes at a constant rate. A drone with an acceleration of `a` deviates
+//! from that path by at most about `a T² / 8`. The flight has less than `a` in 95 % of its time.
 
 use std::borrow::Cow;
 
@@ -12,11 +12,11 @@ use noctograph_core::flight::{Flight, FlightSample, airborne};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::statistics::weighted_quantile;
 
-/// Largest uncertainty of a bridge: about the width of an overexposed trail. A larger limit draws
-/// strokes that were not flown. A smaller value leaves dashes.
+/// Maximum uncertainty of a bridge: about the width of an overexposed trail. A larger limit would
+/// draw strokes that were not flown, and a smaller limit would leave dashes.
 const BRIDGE_M: f64 = 0.02;
 
-/// Least acceleration that is assumed for a flight, m/s², as in the reference flight.
+/// Minimum acceleration that is assumed for a flight in m/s², that of the reference flight.
 const LEAST_M_S2: f64 = 0.4;
 
 /// Time over which velocities are measured: ten samples of the firmware's position loop.
@@ -25,44 +25,44 @@ const VELOCITY_S: f64 = 0.1;
 /// Time between the samples of a bridge.
 const STEP_S: f64 = 0.01;
 
-/// Quantile of speed and acceleration that counts as their largest value.
+/// Quantile of speed and acceleration that is taken as their maximum.
 const LARGEST: f64 = 0.95;
 
-/// Largest distance of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between
-/// motors.
+/// Maximum distance of a lamp from the center of a Crazyflie: half its diagonal, which is 92 mm
+/// between motors.
 const LAMP_M: f64 = 0.05;
 
-/// A gap of a log.
+/// A gap in a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Times of the samples before and after it.
+    /// Times of the last sample before the gap and of the first one after it.
     pub span_s: [f64; 2],
-    /// Uncertainty of a position in its middle.
+    /// Uncertainty of the position in the middle of the gap.
     pub uncertainty_m: f64,
 }
 
 impl Gap {
-    /// True if lamps shine across it.
+    /// True if lamps shine across the gap.
     pub fn is_bridged(&self) -> bool {
         self.uncertainty_m <= BRIDGE_M
     }
 }
 
-/// Returns the gaps of a flight with the uncertainty of a bridge over each.
+/// Returns the gaps of a flight, each with the uncertainty of a bridge over it.
 pub fn gaps(flight: &Flight) -> Vec<Gap> {
     if flight.gaps.is_empty() {
         return Vec::new();
     }
     let acceleration_m_s2 = acceleration_m_s2(flight).max(LEAST_M_S2);
     Vec::from_iter(flight.gaps.iter().map(|span_s| {
-        // a T² / 8: the largest deviation from a path of constant velocity.
+        // a T² / 8 is the maximum deviation from a path of constant velocity.
         let duration_s = span_s[1] - span_s[0];
         let uncertainty_m = acceleration_m_s2 * duration_s * duration_s / 8.0;
         Gap { span_s: *span_s, uncertainty_m }
     }))
 }
 
-/// Returns the gaps that are not bridged, each with the longest path of a lamp in it, m.
+/// Returns the gaps that are not bridged, each with the longest possible path in m of a lamp in it.
 pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     if flight.gaps.is_empty() {
         return Vec::new();
@@ -72,7 +72,7 @@ pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     open.map(|gap| (gap, 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]))).collect()
 }
 
-/// Returns the samples of a flight, divided at gaps that are not bridged. Bridges are filled with
+/// Returns the samples of a flight, split at gaps that are not bridged. Bridges are filled with
 /// interpolated samples.
 pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     if flight.gaps.is_empty() {
@@ -80,14 +80,15 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     }
     let (mut stretches, mut stretch) = (Vec::new(), Vec::new());
     let mut rest = &flight.samples[..];
-    // Up to each gap, and over it if it is bridged.
+    // Copies the samples up to each gap, and bridges the gap or ends the stretch.
     for gap in gaps(flight) {
         let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap.span_s[1]));
         rest = after;
         stretch.extend_from_slice(before);
-        match gap.is_bridged() {
-            true => stretch.extend(bridge(&stretch, after)),
-            false => stretches.push(Cow::Owned(std::mem::take(&mut stretch))),
+        if gap.is_bridged() {
+            stretch.extend(bridge(&stretch, after))
+        } else {
+            stretches.push(Cow::Owned(std::mem::take(&mut stretch)))
         }
     }
     stretch.extend_from_slice(rest);
@@ -95,11 +96,11 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     stretches
 }
 
-/// Returns interpolated samples between the end of `before` and the start of `after`. Empty if
+/// Returns interpolated samples between the end of `before` and the start of `after`, or none if
 /// either has no samples.
 fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> {
     let (Some(a), Some(b)) = (before.last(), after.first()) else { return Vec::new() };
-    // Velocities at both ends, or the mean over the gap if there are too few samples.
+    // Velocities at both ends. With too few samples, the mean velocity over the gap is used.
     let span_s = b.time_s - a.time_s;
     let chord_m_s = (b.position_m - a.position_m) / span_s;
     let start = before.partition_point(|s| s.time_s < a.time_s - VELOCITY_S);
@@ -128,14 +129,14 @@ fn between_angles(from_rad: f64, to_rad: f64, u: f64) -> f64 {
     from_rad + (to_rad - from_rad - turns * std::f64::consts::TAU) * u
 }
 
-/// Returns the mean velocity over samples. `None` if they have no duration.
+/// Returns the mean velocity over samples, or `None` if they have no duration.
 fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
     let (first, last) = (samples.first()?, samples.last()?);
     let duration_s = last.time_s - first.time_s;
     (duration_s > 0.0).then(|| (last.position_m - first.position_m) / duration_s)
 }
 
-/// Returns the acceleration that a flight stays below in 95 % of its time, outside of its gaps.
+/// Returns the 95 % quantile of a flight's acceleration over time, outside of its gaps.
 fn acceleration_m_s2(flight: &Flight) -> f64 {
     let runs = spaced(flight, &flight.samples);
     let accelerations = runs.iter().flat_map(|run| run.windows(3)).map(|triple| {
@@ -147,7 +148,7 @@ fn acceleration_m_s2(flight: &Flight) -> f64 {
     weighted_quantile(&mut accelerations.collect::<Vec<_>>(), LARGEST).unwrap_or(0.0)
 }
 
-/// Returns the speed that a flight stays below in 95 % of its time in the air, outside of its gaps.
+/// Returns the 95 % quantile of a flight's speed over its time in the air, outside of its gaps.
 fn speed_m_s(flight: &Flight) -> f64 {
     let air = airborne(flight).unwrap_or(0..flight.samples.len());
     let runs = spaced(flight, &flight.samples[air]);
@@ -158,7 +159,7 @@ fn speed_m_s(flight: &Flight) -> f64 {
     weighted_quantile(&mut speeds.collect::<Vec<_>>(), LARGEST).unwrap_or(0.0)
 }
 
-/// Thins samples to at least [`VELOCITY_S`] apart. Returns the runs between the gaps.
+/// Thins samples so that they are at least [`VELOCITY_S`] apart, and splits them at the gaps.
 fn spaced<'a>(flight: &Flight, samples: &'a [FlightSample]) -> Vec<Vec<&'a FlightSample>> {
     let mut gaps = flight.gaps.iter().peekable();
     let (mut runs, mut run) = (Vec::new(), Vec::<&FlightSample>::new());
@@ -179,7 +180,7 @@ mod tests {
     use super::*;
     use noctograph_core::flight::FlightData;
 
-    /// A circle of 0.5 m/s and 0.5 m/s² at 100 Hz, without the samples in the gaps.
+    /// Returns a circle of 0.5 m/s and 0.5 m/s², sampled at 100 Hz, without samples in the gaps.
     fn circle(gaps: &[[f64; 2]]) -> Flight {
         fn sample(i: i32) -> FlightSample {
             let time_s = f64::from(i) * 0.01;

@@ -11,7 +11,7 @@ use super::{Fixture, LightSample};
 use noctograph_core::flight::FlightSample;
 use noctograph_core::geometry::Chords;
 
-/// Pose of the body at a sample of the flight.
+/// Pose of the drone's body at one sample of the flight.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pose {
     time_s: f64,
@@ -19,23 +19,23 @@ pub(super) struct Pose {
     world_from_body: Matrix3<f64>,
 }
 
-/// Largest distance of a lamp from its path between two samples: 1 % of a pixel that shows a
-/// millimeter. A smaller value needs more samples and improves no picture.
+/// Maximum distance of a lamp from its path between two samples: 1 % of a pixel that shows one
+/// millimeter. A smaller distance takes more samples without a visible gain.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// Largest distance for a lamp of several colors in turn, such as an LED of a spinner.
+/// Maximum distance for a lamp that cycles through several colors, such as an LED of a spinner.
 pub(super) const COARSE_M: f64 = 60e-6;
 
-/// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.
+/// Lever arm of a lamp on the body: the sum of its distances from the center along the three axes.
 const ARM_M: f64 = 0.07;
 
 /// Returns the poses of each stretch of a flight, thinned within a tolerance. The motion between
-/// two poses is straight, at constant speed.
+/// two poses is straight and at constant speed.
 pub(super) fn stretches(samples: &[Cow<'_, [FlightSample]>], tolerance_m: f64) -> Vec<Vec<Pose>> {
     samples.iter().map(|stretch| poses(stretch, tolerance_m)).collect()
 }
 
-/// Thins the poses of a stretch to the ends of straight segments within a tolerance.
+/// Reduces the poses of a stretch to the ends of segments that are straight within a tolerance.
 fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
     let mut kept: Vec<Pose> = Vec::new();
     let mut run: Option<Straight> = None;
@@ -50,7 +50,7 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
             run = Some(Straight::new(pose, pose));
             continue;
         };
-        // The run's last pose ends it and begins the next.
+        // The last pose of a run ends it and starts the next one.
         if !current.extend(&pose, tolerance_m) {
             kept.push(current.last);
             *current = Straight::new(current.last, pose);
@@ -60,7 +60,7 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
     kept
 }
 
-/// Poses that one straight segment replaces so far.
+/// The poses that one straight segment has replaced so far.
 struct Straight {
     first: Pose,
     last: Pose,
@@ -68,18 +68,19 @@ struct Straight {
 }
 
 impl Straight {
-    /// Begins a run with two poses, which are always straight.
+    /// Starts a run with two poses, between which the motion is always straight.
     fn new(first: Pose, last: Pose) -> Self {
         Self { first, last, chords: Chords::ALL }
     }
 
-    /// Extends the run to the next pose. Returns false, without doing so, if it is not straight.
+    /// Extends the run to the next pose. If the run would not stay straight, returns false and
+    /// leaves it unchanged.
     fn extend(&mut self, next: &Pose, tolerance_m: f64) -> bool {
-        // Half of the tolerance is for the position and half for the rotation, on each of 3 axes.
+        // On each of 3 axes, half of the tolerance is for the position and half for the rotation.
         let slack_m = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
         if skipped_s > 0.0 {
-            // The last pose is skipped if the run goes on, and limits the rates of its chord.
+            // If the run goes on, its last pose is skipped and thus limits the chord's rates.
             let skipped_m = self.last.lengths_from(&self.first);
             let [low, high] = [-slack_m, slack_m].map(|m| skipped_m.map(|length_m| length_m + m));
             self.chords.keep_between(low, high, skipped_s);
@@ -94,8 +95,8 @@ impl Straight {
 }
 
 impl Pose {
-    /// Returns the differences of position and of attitude from another pose, m: three coordinates,
-    /// then the nine numbers of the rotation matrix times the lever arm.
+    /// Returns the differences from another pose in m: three coordinates, followed by the nine
+    /// entries of the rotation matrix times the lever arm.
     fn lengths_from(&self, other: &Self) -> [f64; 12] {
         std::array::from_fn(|i| match i.checked_sub(3) {
             None => self.position_m[i] - other.position_m[i],
@@ -104,8 +105,8 @@ impl Pose {
     }
 }
 
-/// Returns the samples of a lamp over a flight. Each lit run begins and ends at level 0. The lamp
-/// is dark between two stretches, since its path is unknown there.
+/// Returns the samples of a lamp over a flight. Each lit run starts and ends at level 0. The lamp
+/// is dark between two stretches, because its path is unknown there.
 pub(super) fn shine(
     stretches: &[Vec<Pose>],
     fixture: &Fixture,
@@ -113,7 +114,7 @@ pub(super) fn shine(
 ) -> Vec<LightSample> {
     let knots = knots(changes);
     let mut samples = Vec::new();
-    // Knots before `next` have passed.
+    // Knots before index `next` are in the past.
     let mut next = 0;
     for poses in stretches {
         let start = samples.len();
@@ -128,8 +129,8 @@ pub(super) fn shine(
     samples
 }
 
-/// Appends the samples of a lamp over one stretch. Knots in the gap before it take effect at its
-/// start. `next` is the first knot that has not passed, and moves on.
+/// Appends the samples of a lamp over one stretch. Knots in the gap before the stretch take effect
+/// at its start. `next` is the index of the first knot that is not in the past, and is advanced.
 fn shine_along(
     poses: &[Pose],
     fixture: &Fixture,
@@ -143,12 +144,12 @@ fn shine_along(
         while knots.get(*next).is_some_and(|knot| knot.time_s <= pose.time_s) {
             *next += 1;
         }
-        // A sample at each knot since the previous pose, then one at the pose.
+        // Adds a sample at each knot since the previous pose, and then one at this pose.
         if first < *next {
             let end = dark_sample(pose, fixture);
             let start = previous.map_or(end, |previous| dark_sample(previous, fixture));
             for index in first..*next {
-                // Lit at the knot, just before or just after it.
+                // The lamp is lit at the knot, just before it, or just after it.
                 let neighbors = &knots[index.saturating_sub(1)..(index + 2).min(knots.len())];
                 if neighbors.iter().any(|knot| knot.level > 0.0) {
                     let Change { time_s, level } = knots[index];
@@ -165,8 +166,8 @@ fn shine_along(
     }
 }
 
-/// Returns changes of a level as knots, linear in between. Every change is a step, two knots at one
-/// time, since LEDs switch in less than 1 µs.
+/// Returns the changes of a level as knots with linear interpolation. Every change is a step, made
+/// of two knots at the same time, because LEDs switch in less than 1 µs.
 fn knots(changes: &[Change]) -> Vec<Change> {
     let mut level = 0.0;
     let mut knots: Vec<Change> = Vec::with_capacity(2 * changes.len());
@@ -179,7 +180,7 @@ fn knots(changes: &[Change]) -> Vec<Change> {
     knots
 }
 
-/// Returns the level at `time_s`, which is after all knots before `next` and before the others.
+/// Returns the level at `time_s`, which is between the knots before `next` and the others.
 fn level_at(knots: &[Change], next: usize, time_s: f64) -> f64 {
     let Some(last) = next.checked_sub(1).map(|index| knots[index]) else { return 0.0 };
     match knots.get(next) {
@@ -191,7 +192,7 @@ fn level_at(knots: &[Change], next: usize, time_s: f64) -> f64 {
     }
 }
 
-/// Returns position and axis of a lamp at a pose, with level 0.
+/// Returns the position and axis of a lamp at a pose, with a level of 0.
 fn dark_sample(pose: &Pose, fixture: &Fixture) -> LightSample {
     let axis = Vector3::from(fixture.axis_body).normalize();
     LightSample {
@@ -202,7 +203,7 @@ fn dark_sample(pose: &Pose, fixture: &Fixture) -> LightSample {
     }
 }
 
-/// Interpolates position and axis of a lamp at `time_s`, which is limited to the samples' times.
+/// Interpolates position and axis of a lamp at `time_s`, which is clamped to the samples' times.
 fn between(a: LightSample, b: LightSample, time_s: f64) -> LightSample {
     let span_s = b.time_s - a.time_s;
     let fraction = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };

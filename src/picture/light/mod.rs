@@ -1,22 +1,23 @@
-//! Light: the lamps on the drone, from command to light.
+//! Light: from the commands to the drone's lamps to the light that these emit.
 //!
-//! Product in: [`Flight`]. Product out: [`LightTrace`], lamps moving through the world. There are
-//! no pixels and no camera here.
+//! Input: [`Flight`]. Output: [`LightTrace`], which has lamps moving through the world. This module
+//! knows neither pixels nor cameras.
 //!
-//! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, power, a
-//!    sequence of the firmware, or the effect of the LED ring. Commands take the delay of the radio
-//!    and wait for the timer of the firmware, 50 ms.
-//! 2. The dies of a row have levels over time. Each color that they show together is a lamp.
-//! 3. With the flight, the levels become samples of the lamps while they are lit, enough to keep
-//!    them within 10 µm of their path. Lamps shine across the short gaps of a real log. In long
-//!    gaps, in which their positions are unknown, they are dark.
+//! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, the power
+//!    supply, a sequence of the firmware, or the effect of the LED ring. Commands are delayed by
+//!    the radio and wait for the timer of the firmware, which has a period of 50 ms.
+//! 2. The dies of a row have levels over time. Each color that they produce together becomes a
+//!    lamp.
+//! 3. Together with the flight, the levels become samples of the lamps while they are lit. There
+//!    are enough samples to keep the lamps within 10 µm of their path. Lamps shine across the short
+//!    gaps of a real log. In long gaps, where their positions are unknown, they are dark.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
-//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp.
+//! sheets, see [`tables`]. The body hides a lamp outside a cone around the lamp's axis.
 //!
-//! Not modeled: light reflected by the body, effects of the ring that depend on sensors, a falling
-//! battery voltage, the firmware's clock (1.2 % slow until 2026). A lamp dimmed by pulse width
-//! shines with its mean. Rare stalls of the radio (up to 0.7 s in the team's log) are left out.
+//! Not modeled: light reflected by the body, ring effects that depend on sensors, falling battery
+//! voltage, the error of the firmware's clock (1.2 % slow until 2026), and rare stalls of the radio
+//! (up to 0.7 s in the team's log). A lamp dimmed by pulse width shines at its mean level.
 
 use std::cell::LazyCell;
 
@@ -41,13 +42,13 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
-/// Lamps moving through the world, of one drone or of several ([`LightTraceData::append`]).
+/// The lamps of one or several drones ([`LightTraceData::append`]), moving through the world.
 pub type LightTrace = Valid<LightTraceData>;
 
 /// Data of a [`LightTrace`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightTraceData {
-    /// One lamp for each color of each row that is ever lit.
+    /// One lamp for each color of each table row that is ever lit.
     pub lamps: Vec<Lamp>,
 }
 
@@ -57,8 +58,7 @@ impl Rules for LightTraceData {
     }
 }
 
-/// Checks that a lamp's numbers are finite and within range, and that its samples are in order of
-/// time.
+/// Checks that a lamp's numbers are finite and within range, and its samples sorted by time.
 fn check_lamp(lamp: &Lamp) -> Result<()> {
     check_emitter(&lamp.emitter)?;
     let (name, mut previous_s) = (&lamp.emitter.name, f64::NEG_INFINITY);
@@ -83,7 +83,7 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
     Ok(())
 }
 
-/// Largest level of a sample. Levels above 1 are not expected, but a film can hold them.
+/// Maximum level of a sample. Levels above 1 are not expected, but a film can hold them.
 const MAX_LEVEL: f64 = 1e3;
 
 /// Checks that an emitter's numbers are within range.
@@ -98,7 +98,7 @@ fn check_emitter(emitter: &Emitter) -> Result<()> {
         diameter_m,
         depth_m,
     } = emitter;
-    // Each number with its least and its largest value.
+    // Each number comes with its minimum and its maximum.
     let settings = [
         ("intensity_cd", *intensity_cd, 0.0, 1e9),
         ("rgb[0]", rgb[0], 0.0, 1e3),
@@ -113,8 +113,7 @@ fn check_emitter(emitter: &Emitter) -> Result<()> {
     for (key, value, min, max) in settings {
         if !(min..=max).contains(&value) {
             let place = format!("lamp `{name}`: {key}");
-            let hint =
-                "correct this emitter in the scene; a color outside sRGB must be brought inside";
+            let hint = "correct this emitter in the scene, and choose a color inside sRGB";
             return Err(Error::input(
                 place,
                 value,
@@ -134,21 +133,21 @@ impl LightTraceData {
         last_samples.map(|last| last.time_s).fold(0.0, f64::max)
     }
 
-    /// Adds the lamps of another drone, flown at the same time.
+    /// Adds the lamps of another drone that was flown at the same time.
     pub fn append(&mut self, other: LightTrace) {
         self.lamps.append(&mut other.into_data().lamps);
     }
 }
 
-/// One emitter and its path.
+/// An emitter and its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
-    /// Drone that carries it. `None` if there is only one drone.
+    /// The drone that carries the lamp. `None` if there is only one drone.
     pub drone: Option<DroneIndex>,
-    /// Constant properties.
+    /// The constant properties of the lamp.
     pub emitter: Emitter,
-    /// Path in order of time. Position, axis and level are linear between samples. Two samples at
-    /// the same time make a step.
+    /// The path, sorted by time. Position, axis and level are linear between samples. Two samples
+    /// at the same time make a step.
     pub samples: Vec<LightSample>,
 }
 
@@ -161,7 +160,7 @@ impl Lamp {
     }
 
     /// True if `disc` is a disc around this lamp that shines at the same times, such as the body
-    /// that it lights. A picture shows both as one trail.
+    /// that the lamp illuminates. A picture shows both as one trail.
     pub(crate) fn is_within(&self, disc: &Self) -> bool {
         self.emitter.diameter_m < disc.emitter.diameter_m
             && (self.drone, self.samples.len()) == (disc.drone, disc.samples.len())
@@ -178,7 +177,7 @@ pub struct LightSample {
     pub time_s: f64,
     /// Position of the lamp, in the world.
     pub position_m: Vector3<f64>,
-    /// Axis of its beam, a unit vector in the world.
+    /// Axis of the lamp's beam, as a unit vector in the world.
     pub axis: Vector3<f64>,
     /// Level relative to the emitter's intensity, 0 to 1.
     pub level: f64,
@@ -198,20 +197,21 @@ impl LightSample {
     }
 }
 
-/// A source of light of one color.
+/// A light source with one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name of the row in the table. A row that changes its color is several lamps of one name.
+    /// Name of the row in the table. A row that changes its color becomes several lamps with the
+    /// same name.
     pub name: String,
     /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,
     /// Color as linear sRGB with luminance 1 (`0.2126 r + 0.7152 g + 0.0722 b = 1`).
     pub rgb: [f64; 3],
-    /// Exponent m of the beam's shape cosᵐ.
+    /// Exponent m of the beam shape cosᵐ.
     pub beam_exponent: f64,
-    /// Isotropic fraction: intensity in all directions relative to that on the axis, 0 to 1.
+    /// Isotropic fraction: the intensity in all directions relative to that on the axis, 0 to 1.
     pub isotropic_fraction: f64,
-    /// Cosine of the angle off axis beyond which the body hides the lamp.
+    /// Cosine of the angle from the axis beyond which the body hides the lamp.
     pub visible_cos: f64,
     /// Diameter of the luminous disc or cylinder.
     pub diameter_m: f64,
@@ -220,15 +220,15 @@ pub struct Emitter {
 }
 
 impl Emitter {
-    /// Returns the luminous intensity at level 1 in a direction, by the cosine of its angle off the
-    /// axis.
+    /// Returns the luminous intensity at level 1 in a direction, given by the cosine of its angle
+    /// from the axis.
     #[must_use]
     pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
         self.intensity_cd * self.relative_intensity(cos_off_axis)
     }
 
-    /// Returns the intensity in a direction relative to the axis, by the cosine of its angle off
-    /// the axis. 0 if the body hides the lamp.
+    /// Returns the intensity in a direction, given by the cosine of its angle from the axis,
+    /// relative to that on the axis. The intensity is 0 if the body hides the lamp.
     #[must_use]
     pub fn relative_intensity(&self, cos_off_axis: f64) -> f64 {
         if cos_off_axis < self.visible_cos {
@@ -250,13 +250,13 @@ impl Emitter {
 
 /// Computes the light of a flight's lamps.
 ///
-/// `seed` and `drone` (its index from 0) determine all random numbers: the jitter of the radio and
-/// the flicker of the link LEDs.
+/// `seed` and `drone` (its index from 0) determine all random numbers, which are the jitter of the
+/// radio and the flicker of the link LEDs.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range, for a flight without positions or without any of
-/// the light columns that the lamps follow.
+/// Returns [`Error::Input`] for an option out of range, and for a flight without positions or
+/// without any of the light columns that the lamps follow.
 pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> Result<LightTrace> {
     options.check()?;
     if !flight.has(Quantity::Position) {
@@ -267,7 +267,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
     let samples = gaps::stretches(flight);
-    // A row of several colors has many short runs, for which coarser paths suffice.
+    // A row of several colors has many short runs, for which a coarser path suffices.
     let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
     let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
     let mut trace = LightTraceData::default();
@@ -284,12 +284,12 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     LightTrace::new(trace)
 }
 
-/// Refuses a flight without any of the channels that the lamps follow.
+/// Refuses a flight that has none of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     let mut drives = fixtures.iter().map(|fixture| &fixture.drive);
     let commanded = drives.find(|drive| matches!(drive, Drive::Command(_)));
     let Some(first) = commanded.and_then(Drive::channel) else { return Ok(()) };
-    // Any channel of a lamp suffices: the others may be dark throughout.
+    // Any channel of a lamp suffices, because the others may be dark throughout.
     if flight.lights.keys().any(|channel| {
         fixtures.iter().any(|fixture| fixture.drive.channel() == Some(channel))
             || ring::CHANNELS.contains(&channel.as_str())
@@ -310,15 +310,15 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     .coded("lights-missing"))
 }
 
-/// Most colors of a row that become lamps. A row with more (a fade) becomes one lamp per primary
-/// color.
+/// Maximum number of colors of a row that become lamps. A row with more colors, such as a fade,
+/// becomes one lamp for each primary color.
 const MAX_COLORS: usize = 8;
 
-/// Returns the emitters of a row and the changes of their levels: one emitter for each color that
-/// the row ever shows, or for each primary color. `dies` are the changes of each die's level.
+/// Returns the emitters of a row and the changes of their levels. There is one emitter per color
+/// that the row ever has, or per primary color. `dies` has the changes of each die's level.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let states = states(dies);
-    // Every color that is ever shown, as levels relative to the highest.
+    // Every color that the row ever has, as levels relative to the highest one.
     let mut colors: Vec<Vec<f64>> = Vec::new();
     for (_, levels) in &states {
         let color = relative_levels(levels);
@@ -339,7 +339,8 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
 }
 
 /// Returns an emitter for each primary color of sRGB, and the changes of its level. Mixtures are
-/// converted to sRGB as a whole, since dies are outside it and would lose more saturation singly.
+/// converted to sRGB as a whole, because single dies are outside sRGB and would lose more
+/// saturation.
 fn by_primary(fixture: &Fixture, states: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
     // Luminous intensity of each primary color at each change.
     let intensities = states.iter().map(|(time_s, levels)| {
@@ -360,12 +361,12 @@ fn by_primary(fixture: &Fixture, states: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Ve
     primaries.into()
 }
 
-/// Returns the time of each change of any die, and the levels of all dies from then on.
+/// Returns the times at which any die changes, each with the levels of all dies from then on.
 fn states(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     let mut next = vec![0; dies.len()];
     let mut levels = vec![0.0; dies.len()];
     let mut states = Vec::new();
-    // A merge of the sorted changes of all dies.
+    // Merges the sorted changes of all dies.
     loop {
         let upcoming = dies.iter().zip(&next).filter_map(|(changes, next)| changes.get(*next));
         let Some(time_s) = upcoming.map(|change| change.time_s).min_by(f64::total_cmp) else {
@@ -381,20 +382,20 @@ fn states(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     }
 }
 
-/// Returns levels relative to the highest. All are 0 in the dark.
+/// Returns levels relative to the highest one. All levels are 0 if the lamp is dark.
 fn relative_levels(levels: &[f64]) -> Vec<f64> {
     let largest = largest(levels);
     levels.iter().map(|level| if largest > 0.0 { level / largest } else { 0.0 }).collect()
 }
 
-/// Returns the largest level, at least 0.
+/// Returns the largest level, or 0 if there is none.
 fn largest(levels: &[f64]) -> f64 {
     levels.iter().copied().fold(0.0, f64::max)
 }
 
 /// Returns the emitter that the dies of a lamp form together at these levels.
 pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
-    // Additive mixing: luminances and XYZ add up.
+    // In additive mixing, luminances and XYZ values add up.
     let (mut intensity_cd, mut mixture_xyz) = (0.0, [0.0; 3]);
     for (die, level) in fixture.dies.iter().zip(levels) {
         let die_cd = level * die.intensity_cd;
@@ -415,8 +416,9 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     }
 }
 
-/// Converts XYZ to linear sRGB with luminance 1. Narrow-band LEDs lie outside sRGB, and a film
-/// cannot store negative light. Clipping keeps luminance and roughly the hue, and loses saturation.
+/// Converts XYZ to linear sRGB with a luminance of 1. Narrow-band LEDs are outside sRGB, but a film
+/// cannot store negative light. Clipping keeps the luminance and roughly the hue, and loses
+/// saturation.
 fn rgb(xyz: [f64; 3]) -> [f64; 3] {
     let rgb = rgb_from_xyz(xyz).map(|channel| channel.max(0.0));
     rgb.map(|channel| channel / luminance(rgb))

@@ -1,4 +1,4 @@
-//! Programs: levels of each die of a lamp during a flight.
+//! Programs: the level of each die of a lamp during a flight.
 
 use std::cell::OnceCell;
 
@@ -28,14 +28,14 @@ pub(super) struct Programs<'a> {
     ring: OnceCell<Vec<(f64, Frame)>>,
 }
 
-/// Bit of `led.bitmask` with which it controls the LEDs of the board.
+/// Bit of `led.bitmask` by which it takes control of the board's LEDs.
 const BITMASK_ENABLED: u8 = 0x80;
 
-/// Time over which flicker is averaged.
+/// Time over which flicker is averaged, in s.
 const FLICKER_S: f64 = 0.1;
 
-/// Scales of the dies of the color LED deck, white, red, green, blue (`LED_PERCEPTUAL_SCALE`,
-/// `color_led_deck.h`), the same in every release that knows the deck, 2025.12 and later.
+/// Scales of the white, red, green and blue dies of the color LED deck (`LED_PERCEPTUAL_SCALE` in
+/// `color_led_deck.h`), which are the same in every release that knows the deck, 2025.12 and later.
 const COLOR_LED_SCALE: [f32; 4] = [0.99, 0.78, 0.51, 1.0];
 
 impl<'a> Programs<'a> {
@@ -51,7 +51,7 @@ impl<'a> Programs<'a> {
         Self { flight, options, seed, drone, begin_s, end_s, ring: OnceCell::new() }
     }
 
-    /// Returns the changes of each die's level. All are dark before the first change.
+    /// Returns the level changes of each die. All dies are dark before their first change.
     pub(super) fn changes(&self, fixture: &Fixture) -> Vec<Vec<Change>> {
         let changes = match (&fixture.drive, self.bitmask(fixture)) {
             (_, Some(level)) => self.steady(level),
@@ -72,7 +72,7 @@ impl<'a> Programs<'a> {
         vec![Change { time_s: self.begin_s, level }]
     }
 
-    /// Returns the level that `led.bitmask` sets. `None` if it does not control the lamp.
+    /// Returns the level that `led.bitmask` sets, or `None` if it does not control the lamp.
     fn bitmask(&self, fixture: &Fixture) -> Option<f64> {
         let mask = self.options.led_bitmask;
         let bit = fixture.bitmask_bit.filter(|_| mask & BITMASK_ENABLED != 0)?;
@@ -87,11 +87,11 @@ impl<'a> Programs<'a> {
         Timer { period_s: self.options.tick_s, phase_s: 0.0 }.hold(&arrivals)
     }
 
-    /// Returns the changes of a lamp that is lit for `on_s` in each period during the flight.
+    /// Returns the changes of a lamp that is lit for `on_s` in each period of the flight.
     fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
         let timer = Timer { period_s, phase_s };
         let mut changes = Vec::new();
-        // The first flash may have begun before the flight.
+        // The first flash may have started before the flight.
         let mut number = timer.next(self.begin_s - on_s);
         while timer.tick_s(number) < self.end_s {
             let tick_s = timer.tick_s(number);
@@ -116,7 +116,7 @@ impl<'a> Programs<'a> {
         changes.collect()
     }
 
-    /// Returns the changes of a die (0 red, 1 green, 2 blue) of an LED of the ring.
+    /// Returns the level changes of one die (0 red, 1 green, 2 blue) of an LED of the ring.
     fn ring(&self, led: usize, die: usize) -> Vec<Change> {
         let frames = self.ring.get_or_init(|| {
             let chance = Chance::new(self.seed, self.drone, RING.name);
@@ -132,9 +132,9 @@ impl<'a> Programs<'a> {
         changes
     }
 
-    /// Returns the changes of the four dies of the color LED deck.
+    /// Returns the level changes of the four dies of the color LED deck.
     fn color_led(&self) -> Vec<Vec<Change>> {
-        // Commands are packed into one number, so that a change of any die is a change.
+        // The four bytes are packed into one number, so that a change of any die is a command.
         let commands = self.color_led_commands();
         let initial = commands.first().copied().unwrap_or(0.0);
         let chance = Chance::new(self.seed, self.drone, COLOR_LED.name);
@@ -152,11 +152,11 @@ impl<'a> Programs<'a> {
         dies
     }
 
-    /// Returns the command to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
+    /// Returns the command (`wrgb8888`) to the color LED deck at each sample: its color, dimmed.
     fn color_led_commands(&self) -> Vec<f64> {
         let level = self.flight.lights.get(COLOR_LED.name);
         let colors = COLOR_LED_COLORS.map(|name| self.flight.lights.get(name));
-        // A letter's color stays until the next letter, if the plan has no color channels.
+        // Without color channels in the plan, a letter's color stays until the next letter.
         let mut letter = None;
         let samples = self.flight.samples.iter().enumerate();
         Vec::from_iter(samples.map(|(row, sample)| {
@@ -172,22 +172,19 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Luminous intensity of white, mixed from red, green and blue dies: of the color LED deck, and of
-/// an LED of the ring.
-///
-/// Twice as much from the deck overexposes a word of seven letters at f/22. Half as much leaves 8
+/// Twice the deck's value overexposes a word of seven letters at f/22, and half of it leaves 8
 /// steps of green. An LED of the ring can emit 1 cd. Screen colors that differ only in brightness
-/// become one color, whose strongest channel is as bright as white's, so that one exposure suits
-/// all.
+/// become one color, whose strongest channel is as bright as that of white, so that one exposure
+/// suits all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
-/// Factors on the intensity in the search for the best bytes. The first is preferred.
+/// Factors on the intensity that are tried to find the best bytes. The first factor is preferred.
 const FACTORS: [f64; 17] = [
     1.0, 1.025, 0.975, 1.05, 0.95, 1.075, 0.925, 1.1, 0.9, 1.125, 0.875, 1.15, 0.85, 1.175, 0.825,
     1.2, 0.8,
 ];
 
-/// Returns white, red, green and blue, 0 to 255, with which the color LED deck shows an sRGB color.
+/// Returns the white, red, green and blue bytes with which the color LED deck shows an sRGB color.
 #[must_use]
 pub fn color_led_wrgb(srgb: [u8; 3], levels: ColorLedLevels) -> [u8; 4] {
     let dies = &color_led()[0].dies[1..];
@@ -197,7 +194,7 @@ pub fn color_led_wrgb(srgb: [u8; 3], levels: ColorLedLevels) -> [u8; 4] {
     [0, r, g, b]
 }
 
-/// Returns red, green and blue, 0 to 255, with which the LED ring shows an sRGB color.
+/// Returns the red, green and blue bytes with which the LED ring shows an sRGB color.
 #[must_use]
 pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
     let ring = led_ring().into_iter().find(|row| matches!(row.drive, Drive::Ring(_)));
@@ -207,15 +204,15 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
     })
 }
 
-/// Returns the bytes for red, green and blue dies whose light is closest to an sRGB color, by its
-/// largest difference on a screen. `cd` gives the luminous intensity of a die at a byte.
+/// Returns the bytes for red, green and blue dies whose light is closest to an sRGB color, by the
+/// largest channel difference on a screen. `cd` gives the luminous intensity of a die at a byte.
 fn closest_bytes(
     dies: &[Die],
     srgb: [u8; 3],
     white_cd: f64,
     cd: impl Fn(usize, u8) -> f64,
 ) -> [u8; 3] {
-    // The color as a mixture of the dies, and as a screen shows it.
+    // The color as a mixture of the dies, and as displayed on a screen.
     let chromaticities: [_; 3] = std::array::from_fn(|die| dies[die].chromaticity);
     let color = mixture(chromaticities, srgb);
     let wanted = at_full_scale(match srgb {
@@ -223,13 +220,13 @@ fn closest_bytes(
         _ => srgb.map(|level| linear_from_encoded(f64::from(level) / 255.0)),
     });
     let die_rgb = chromaticities.map(|die| Vector3::from(rgb_from_xyz(xyz(die))));
-    // Candidates: at each intensity, each die's byte below the mixture or the next one above it.
+    // The candidates are, at each intensity, each die's byte below the mixture or the next one.
     let candidates = FACTORS.into_iter().flat_map(|factor| {
         let below = [0, 1, 2].map(|die| {
             let wanted_cd = factor * white_cd * color[die];
             (0..255).rev().find(|byte| cd(die, *byte) <= wanted_cd).unwrap_or(0)
         });
-        // The three bits of `up` choose the byte of each die.
+        // The three bits of `up` select one of the two bytes of each die.
         (0..8).map(move |up| std::array::from_fn(|die| below[die] + (up >> die & 1)))
     });
     let with_error = candidates.map(|bytes: [u8; 3]| {
@@ -241,15 +238,15 @@ fn closest_bytes(
     with_error.min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
 }
 
-/// Scales linear light so that its strongest channel is 1. Returns it in sRGB encoding, 0 to 1.
+/// Scales linear light so that its strongest channel is 1, and encodes it as sRGB, 0 to 1.
 fn at_full_scale(rgb: [f64; 3]) -> [f64; 3] {
-    // The lower limit only prevents a division by zero.
+    // The lower limit only prevents division by zero.
     let largest = rgb.into_iter().fold(1e-9, f64::max);
     rgb.map(|channel| encoded_from_linear((channel / largest).max(0.0)))
 }
 
 /// Returns the luminance of each die for an sRGB color at full scale, relative to white. Colors
-/// outside the dies' gamut are clipped. Black counts as white.
+/// outside the gamut of the dies are clipped, and black counts as white.
 pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
     let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));
@@ -262,7 +259,7 @@ pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     dies_from_rgb.map_or(full, |dies| dies * full).map(|luminance| luminance.max(0.0))
 }
 
-/// Returns the levels of the dies of the color LED deck, 0 to 1, with the integer arithmetic of
+/// Returns the levels of the dies of the color LED deck, 0 to 1, by the integer arithmetic of
 /// `color_led_deck.c`.
 pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
     std::array::from_fn(|die| {

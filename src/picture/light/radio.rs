@@ -1,5 +1,6 @@
-//! Radio: times at which the commands of a plan reach the firmware, and the firmware's timer. Also
-//! the random numbers of the lamps: named streams of one seed, with each number by its index.
+//! Radio: the times at which the commands of a plan reach the firmware, and the firmware's timer.
+//! The lamps' random numbers are here as well: named streams of one seed, with numbers addressed by
+//! index.
 
 use super::LightOptions;
 use noctograph_core::flight::FlightSample;
@@ -12,15 +13,15 @@ pub(super) struct Change {
     pub(super) level: f64,
 }
 
-/// A stream of random numbers. They depend only on the seed, the drone, the name and their index,
-/// so that an additional lamp or drone does not change the light of the others.
+/// A stream of random numbers. The numbers depend only on the seed, the drone, the name and their
+/// index, so that an additional lamp or drone does not change the light of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chance {
     key: u64,
 }
 
 impl Chance {
-    /// Returns the stream of a name for a drone.
+    /// Returns the stream with a name for a drone.
     pub(super) fn new(seed: u64, drone: u64, name: &str) -> Self {
         let name = name.bytes().fold(0, |hash, byte| split_mix(hash ^ u64::from(byte)));
         Self { key: split_mix(split_mix(split_mix(seed) ^ drone) ^ name) }
@@ -28,7 +29,7 @@ impl Chance {
 
     /// Returns a number that is uniformly distributed in `[0, 1)`.
     pub(super) fn uniform(&self, index: u64) -> f64 {
-        // The upper 53 bits, over 2^53.
+        // The upper 53 bits, divided by 2^53.
         let bits = (split_mix(self.key.wrapping_add(index.wrapping_mul(GOLDEN))) >> 11) as f64;
         bits / 9_007_199_254_740_992.0
     }
@@ -40,7 +41,8 @@ impl Chance {
 }
 
 /// Returns the times at which commands arrive, in order. A command is sent at each sample whose
-/// level changes, from `initial_level`. It arrives after the radio's delay and a random jitter.
+/// level differs from the one before, which is `initial_level` for the first sample. The command
+/// arrives after the radio's delay and a random jitter.
 pub(super) fn arrivals(
     samples: &[FlightSample],
     levels: &[f64],
@@ -57,20 +59,20 @@ pub(super) fn arrivals(
         commanded = level;
         let delay_s = options.radio_delay_s + options.radio_jitter_s * chance.uniform(n);
         n += 1;
-        // No command overtakes another command.
+        // A command never overtakes another one.
         let earliest_s = arrivals.last().map_or(f64::NEG_INFINITY, |last| last.time_s);
         arrivals.push(Change { time_s: (sample.time_s + delay_s).max(earliest_s), level });
     }
     arrivals
 }
 
-/// Tolerance of the time of a tick, in periods.
+/// Tolerance for the time of a tick, in periods.
 const TICK_TOLERANCE: f64 = 1e-9;
 
 /// A timer of the firmware.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Timer {
-    /// 0 for a timer that reacts at once.
+    /// Period of the timer, or 0 for a timer that reacts immediately.
     pub(super) period_s: f64,
     pub(super) phase_s: f64,
 }
@@ -78,17 +80,17 @@ pub(super) struct Timer {
 impl Timer {
     /// Returns the number of the first tick at or after `time_s`.
     pub(super) fn next(self, time_s: f64) -> f64 {
-        // A command that arrives on a tick must not miss it by rounding.
+        // Rounding must not make a command that arrives on a tick miss that tick.
         ((time_s - self.phase_s) / self.period_s - TICK_TOLERANCE).ceil()
     }
 
-    /// Returns the time of a tick by its number, s.
+    /// Returns the time in s of the tick with a given number.
     pub(super) fn tick_s(self, number: f64) -> f64 {
         self.phase_s + number * self.period_s
     }
 
-    /// Returns the changes of a lamp that obeys commands at the next tick. Of several within a tick
-    /// the last one counts.
+    /// Returns the changes of a lamp that obeys commands at the next tick. If several arrive before
+    /// the same tick, the last one is used.
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {
@@ -119,7 +121,7 @@ mod tests {
         let chance = Chance::new(3, 0, "test");
         let n = 20_000;
         let mean = (0..n).map(|i| chance.uniform(i)).sum::<f64>() / 20_000.0;
-        // Standard deviation of the mean: 0.2887 / √20000 = 0.002.
+        // The standard deviation of the mean is 0.2887 / √20000 = 0.002.
         assert!((mean - 0.5).abs() < 0.008, "uniform mean {mean}");
         for wanted in [0.5, 20.0] {
             let counts: Vec<f64> = (0..n).map(|i| chance.poisson(i, wanted).into()).collect();

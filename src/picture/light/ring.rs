@@ -1,7 +1,8 @@
 //! Effects of the LED ring: the colors of its twelve LEDs from tick to tick.
 //!
-//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255,
-//! and the light of a WS2812B is proportional. As in the firmware, single precision and truncation.
+//! The effects follow Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values
+//! are 0 to 255, and the light of a WS2812B is proportional to them. Single precision and
+//! truncation are those of the firmware.
 
 use super::radio::{Chance, Change, Timer, arrivals};
 use super::{
@@ -13,21 +14,21 @@ use noctograph_core::flight::Flight;
 /// Red, green and blue of each LED.
 pub(super) type Frame = [[u8; 3]; RING_LEDS];
 
-/// Time between two parameter writes. Red, green and blue of the ring are three (Crazyswarm issue
-/// 728).
+/// Time between two parameter writes. Red, green and blue of the ring are separate parameters
+/// (Crazyswarm issue 728).
 const RADIO_WRITE_S: f64 = 0.015;
-/// Time of a call of the effect in its own arithmetic, s.
+/// Duration in s that the effect's own arithmetic assumes for one call.
 const FADE_STEP_S: f32 = 0.05;
-/// Brightness that a solid color gains in each call: 20 calls, a second, from dark to the color.
+/// Increase of a solid color's brightness per call: 20 calls, or one second, from dark to full.
 const BRIGHTNESS_STEP: f32 = 0.05;
 const DARK: Frame = [[0; 3]; RING_LEDS];
 
-/// Channels of a plan for the ring: on, red, green, blue.
+/// The ring's channels in a plan: on, red, green and blue.
 pub(super) const CHANNELS: [&str; 4] = [RING.name, RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
 /// Returns the frames that the ring shows during a flight, each with its time, if they differ from
-/// the one before. A ring without the channel `ring` is always on. A ring that is on at the start
-/// of the flight has finished fading in.
+/// the previous one. A ring without the channel `ring` is always on. A ring that is on when the
+/// flight starts has finished fading in.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,
@@ -44,7 +45,7 @@ pub(super) fn frames(
     let mut frames = vec![(first.time_s, ring.tick())];
     let mut number = timer.next(first.time_s);
     while timer.tick_s(number) <= last.time_s {
-        // The firmware sees at its tick what has arrived until then.
+        // At its tick, the firmware sees all commands that have arrived by then.
         let time_s = timer.tick_s(number);
         while let Some((channel, change)) =
             commands.next_if(|(_, c)| timer.next(c.time_s) <= number)
@@ -69,8 +70,8 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
         let initial_level = levels.first().copied().unwrap_or(0.0);
         let changes = arrivals(&flight.samples, levels, initial_level, options, chance).into_iter();
         commands.extend(changes.map(|c| (index, Change { time_s: c.time_s + write_s, ..c })));
-        // A fade's color is one parameter. A solid color is three parameters, which arrive one
-        // after another.
+        // The color of a fade is one parameter. A solid color has three parameters, which arrive
+        // one after another.
         if index > 0 && matches!(options.ring, RingEffect::Solid(_)) {
             write_s += RADIO_WRITE_S;
         }
@@ -79,15 +80,15 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
     commands
 }
 
-/// State of the ring in the firmware.
+/// The state of the ring in the firmware.
 #[derive(Debug)]
 struct Ring {
     effect: RingEffect,
     on: bool,
-    /// True if it was on at the last tick.
+    /// True if the ring was on at the last tick.
     was_on: bool,
     color: [u8; 3],
-    /// Calls since the effect was switched on.
+    /// Number of calls since the effect was switched on.
     calls: usize,
     /// Brightness of a solid color, 0 to 1.
     brightness: f32,
@@ -115,7 +116,7 @@ impl Ring {
             }
             RingEffect::Fade(RingFade { color, fade_s }) => (*color, *fade_s),
         };
-        // Channels of the plan take precedence over the scene's color.
+        // Channels of the plan take precedence over the color in the scene.
         for (value, channel) in color.iter_mut().zip(1..) {
             *value = initial(channel).map_or(*value, byte);
         }
@@ -126,7 +127,7 @@ impl Ring {
         Self { effect, on, was_on: on, color, calls: 0, brightness: 1.0, fade }
     }
 
-    /// Sets a channel of [`CHANNELS`], by its index, to a level from 0 to 1.
+    /// Sets a channel, given by its index in [`CHANNELS`], to a level from 0 to 1.
     fn obey(&mut self, channel: usize, level: f64) {
         match channel {
             0 => self.on = level > 0.0,
@@ -134,7 +135,7 @@ impl Ring {
         }
     }
 
-    /// Calls the effect once. Returns the frame that it shows.
+    /// Calls the effect once, and returns the frame that it shows.
     fn tick(&mut self) -> Frame {
         if self.on && !self.was_on {
             (self.calls, self.brightness) = (0, 0.0);
@@ -148,6 +149,7 @@ impl Ring {
             RingEffect::Off => DARK,
             RingEffect::DoubleSpin => double_spin(self.calls),
             RingEffect::Solid(_) => {
+                // As in the firmware, rounded steps may exceed 1 for one call.
                 if self.brightness < 1.0 {
                     self.brightness += BRIGHTNESS_STEP;
                 } else {
@@ -162,8 +164,8 @@ impl Ring {
 }
 
 impl Fade {
-    /// Advances one call towards `color`, linearly in time. Returns the color before it, so that
-    /// the first call after a new color still shows the old one.
+    /// Advances one call toward `color`, linearly in time. Returns the color before the call,
+    /// because the first call after a new color still shows the old one.
     fn tick(&mut self, color: [u8; 3]) -> [u8; 3] {
         if color != self.to {
             self.from = self.present_color();
@@ -177,7 +179,7 @@ impl Fade {
         shown.map(cut)
     }
 
-    /// Returns the color between both ends at the present time.
+    /// Returns the present color between the two ends of the fade.
     fn present_color(&self) -> [f32; 3] {
         let is_fading = self.remaining_s > 0.0;
         let remaining = if is_fading { self.remaining_s / self.duration_s } else { 0.0 };
@@ -186,13 +188,14 @@ impl Fade {
     }
 }
 
-/// The two lights of the double spinner, each a head and a tail of two LEDs. All others are dark.
+/// The two lights of the double spinner, each a head and a tail of two LEDs. All other LEDs are
+/// dark.
 const WHITE_LIGHT: [[u8; 3]; 3] = [[32; 3], [8; 3], [2; 3]];
 const BLUE_LIGHT: [[u8; 3]; 3] = [[64, 64, 255], [32, 32, 64], [8, 8, 16]];
 
-/// Returns the frame of the double spinner at a call, counted from 1. The white light moves towards
-/// lower LED numbers and the blue one towards higher, one LED per call, with their tails behind
-/// them. Each LED shows half of both.
+/// Returns the frame of the double spinner at a call, counted from 1. The white light moves toward
+/// lower LED numbers and the blue light toward higher ones, by one LED per call, and their tails
+/// follow. Each LED shows half of both lights.
 fn double_spin(call: usize) -> Frame {
     let mut frame = DARK;
     for (behind, (white, blue)) in WHITE_LIGHT.iter().zip(BLUE_LIGHT).enumerate() {
@@ -207,13 +210,13 @@ fn double_spin(call: usize) -> Frame {
     frame
 }
 
-/// Returns the nearest byte, 0 to 255, for a level from 0 to 1.
+/// Returns the byte, 0 to 255, that is nearest to a level from 0 to 1.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 pub(super) fn byte(level: f64) -> u8 {
     (255.0 * level).round().clamp(0.0, 255.0) as u8
 }
 
-/// Truncates a value to a byte like the firmware.
+/// Truncates a value to a byte, as the firmware does.
 #[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
 fn cut(value: f32) -> u8 {
     value as u8
@@ -271,7 +274,7 @@ mod tests {
 
     #[test]
     fn led_memory_rounds_to_16_bits() {
-        // Facts: R8 = (R5·527 + 23) >> 6, G8 = (G6·259 + 33) >> 6.
+        // The firmware computes R8 = (R5·527 + 23) >> 6 and G8 = (G6·259 + 33) >> 6.
         assert_eq!(ring_memory_rgb([255; 3]), [255; 3]);
         assert_eq!(ring_memory_rgb([0; 3]), [0; 3]);
         assert_eq!(ring_memory_rgb([20, 20, 20]), [16, 20, 16], "20 is 2 of 31 and 5 of 63");

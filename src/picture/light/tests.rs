@@ -8,7 +8,8 @@ use noctograph_core::flight::{DroneIndex, FlightSample};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::srgb;
 
-/// 0.2 m/s along x for 4 s at 100 Hz, with the named channels commanded on from 0.5 s to 2.5 s.
+/// Returns a flight at 0.2 m/s along x for 4 s, sampled at 100 Hz, with the named channels on from
+/// 0.5 s to 2.5 s.
 fn flight(channels: &[&str]) -> Flight {
     let sample = |i: i32| FlightSample {
         time_s: f64::from(i) * 0.01,
@@ -64,13 +65,13 @@ fn lit(options: &LightOptions, channels: &[&str]) -> LightTrace {
     light(&flight(channels), options, 0, 0).unwrap()
 }
 
-/// The lit stretches of a lamp: from sample to sample, with both levels.
+/// Returns the lit stretches of a lamp, from sample to sample, with the levels at both ends.
 fn stretches(lamp: &Lamp) -> Vec<(LightSample, LightSample)> {
     let pairs = lamp.samples.windows(2).map(|pair| (pair[0], pair[1]));
     pairs.filter(|(a, b)| b.time_s > a.time_s && (a.level > 0.0 || b.level > 0.0)).collect()
 }
 
-/// Level of a lamp at a time, 0 where it has no samples.
+/// Returns the level of a lamp at a time, or 0 if the lamp has no samples there.
 fn level(lamp: &Lamp, time_s: f64) -> f64 {
     let around = stretches(lamp).into_iter().find(|(a, b)| (a.time_s..b.time_s).contains(&time_s));
     around.map_or(0.0, |(a, b)| {
@@ -78,7 +79,7 @@ fn level(lamp: &Lamp, time_s: f64) -> f64 {
     })
 }
 
-/// Light of all lamps of a name at a time towards straight below, in cd.
+/// Returns the light in cd that all lamps of a name send straight down at a time.
 fn down_cd(trace: &LightTrace, name: &str, time_s: f64) -> f64 {
     let lamps = trace.lamps.iter().filter(|lamp| lamp.emitter.name.starts_with(name));
     lamps.map(|lamp| level(lamp, time_s) * lamp.emitter.intensity_cd(1.0)).sum()
@@ -167,7 +168,7 @@ fn a_solid_ring_of_20_20_20_sends_1_2_cd_down() {
     let options = solid([20; 3]);
     let trace = lit(&options, &["headlights"]);
     let ring_cd = down_cd(&trace, "ring", 2.0);
-    // 12 LEDs of 1.28 cd at 20/255.
+    // The ring has 12 LEDs of 1.28 cd at 20/255.
     assert!((ring_cd - 1.2047).abs() < 1e-3, "{ring_cd} cd");
     let lamps = trace.lamps.iter().filter(|lamp| lamp.emitter.name.starts_with("ring")).count();
     assert_eq!(lamps, 12, "one color, one lamp an LED");
@@ -177,7 +178,7 @@ fn a_solid_ring_of_20_20_20_sends_1_2_cd_down() {
 fn a_switched_ring_fades_in_over_a_second_of_ticks() {
     let options = solid([20; 3]);
     let trace = lit(&options, &["ring"]);
-    // Commanded at 0.5 s, received after 20 to 30 ms, seen by the timer at 0.55 s.
+    // The ring is commanded at 0.5 s, receives it after 20 to 30 ms, and its timer ticks at 0.55 s.
     assert_eq!(down_cd(&trace, "ring", 0.549), 0.0);
     let share = |time_s| down_cd(&trace, "ring", time_s) / 1.2047;
     assert!((share(0.551) - 0.05).abs() < 1e-3, "first of 20 steps: {}", share(0.551));
@@ -234,7 +235,7 @@ fn the_color_led_follows_its_firmwares_curve() {
     };
     let [white, blue] = [250.0, 50.0].map(|lm| 0.7 / 4.7 * lm);
     assert!((cd(ColorLedLevels::Corrected, [0, 0, 0, 255]) - blue).abs() < 1e-9);
-    // White 255 is evened out to 252 and squared to 249 of 255.
+    // White 255 is equalized to 252, and squaring gives 249 of 255.
     assert!((cd(ColorLedLevels::Corrected, [255, 0, 0, 0]) - white * 249.0 / 255.0).abs() < 1e-9);
     assert!((cd(ColorLedLevels::Plain, [255, 0, 0, 0]) - white).abs() < 1e-9);
     let switched = lit(&options(ColorLedLevels::Corrected), &["color-led"]);
@@ -396,7 +397,7 @@ fn colors_of_the_screen_are_those_of_the_lamps() {
         let row = rows.iter().find(|row| matches!(row.drive, Drive::Ring(_))).unwrap();
         emitter(row, &ring_rgb(srgb).map(|byte| f64::from(byte) / 255.0)).rgb
     };
-    // Linear light of sRGB: 165 is 0.376, 127 is 0.212, 105 is 0.141, 180 is 0.456.
+    // In linear sRGB light, 165 is 0.376, 127 is 0.212, 105 is 0.141, and 180 is 0.456.
     for (srgb, wanted) in [
         ([255, 0, 0], [1.0, 0.0, 0.0]),
         ([255, 165, 0], [1.0, 0.376, 0.0]),
@@ -406,7 +407,7 @@ fn colors_of_the_screen_are_those_of_the_lamps() {
         ([0, 128, 0], [0.0, 1.0, 0.0]),
         ([255, 255, 255], [1.0, 1.0, 1.0]),
     ] {
-        // At this brightness the deck has 8 steps of green and 3 to 5 of red and blue.
+        // At this brightness the deck has 8 steps of green, and 3 to 5 of red and blue.
         for (lamp, rgb, within) in
             [("color LED", color_led(srgb), 0.16), ("ring", ring(srgb), 0.02)]
         {

@@ -1,4 +1,4 @@
-//! Backdrop: the light of the room on its floor and walls, and a background picture.
+//! Backdrop: the light of the room on its floor and walls, and the background picture.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,35 +13,35 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::srgb;
 
-/// Light of room and background, relative to white.
+/// The light of the room and of the background, relative to white.
 #[derive(Debug)]
 pub(super) struct Backdrop {
     /// Light of the room in the middle of the picture.
     room: [f32; 3],
-    /// Square of the focal length in pixels.
+    /// Square of the focal length, in square pixels.
     focal_sq_px2: f32,
     center_px: [f32; 2],
-    /// Fraction of light lost by vignetting per square of the distance from the middle.
+    /// Fraction of the light that vignetting removes, per squared distance from the middle.
     vignetting_px2: f32,
     picture: Option<Picture>,
-    /// Floor and walls, if there are walls.
+    /// Floor and walls with their camera, if the room has walls.
     surfaces: Option<(Camera, Room)>,
-    /// Gap through which half of the room's light enters.
+    /// Position of a gap through which half of the room's light enters.
     gap_m: Option<Vector3<f64>>,
 }
 
-/// Distance of the columns between which the light of a surface is linear.
+/// Distance in pixels between columns, between which the light of a surface is linear.
 const STEP_PX: usize = 8;
 
 /// A background picture, scaled to the photo.
 #[derive(Debug)]
 struct Picture {
-    photo: Photo,
-    /// Light of each level.
+    background: Photo,
+    /// Linear light of each level.
     light: [f32; 256],
-    /// Pixels of the picture per pixel of the photo.
+    /// Number of the picture's pixels per pixel of the photo.
     scale: f64,
-    /// Columns to interpolate for each pixel, and the weight of the second.
+    /// The two columns to interpolate for each pixel, and the weight of the second one.
     columns: Vec<([usize; 2], f32)>,
 }
 
@@ -82,7 +82,7 @@ impl Backdrop {
         let mut relative = self.surface_luminances(y, rows[0].len());
         let dy = y as f32 + 0.5 - self.center_px[1];
         noctograph_core::dispatch!(|| {
-            // Natural vignetting, cos⁴ = (f² / (f² + r²))², times the lens's vignetting.
+            // Natural vignetting, cos⁴ = (f² / (f² + r²))², times the vignetting of the lens.
             for (x, relative) in (0_u16..).zip(&mut relative) {
                 let dx = f32::from(x) + 0.5 - self.center_px[0];
                 let radius_sq = dy * dy + dx * dx;
@@ -95,30 +95,32 @@ impl Backdrop {
         });
     }
 
-    /// Adds the background picture to a row after the sensor read it. Its own sensor has read the
-    /// background.
+    /// Adds the background picture to a row after the sensor has read the row, because the
+    /// background already went through a sensor.
     pub(super) fn add_picture(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if let Some(picture) = &self.picture {
             picture.add(y, self.center_px[1], rows);
         }
     }
 
-    /// Returns the luminance of floor and walls along a row, relative to the middle of a wall.
-    /// Without walls it is 1.
+    /// Returns the luminance of floor and walls along a row, relative to the middle of a wall. The
+    /// luminance is 1 if there are no walls.
     fn surface_luminances(&self, y: usize, width: usize) -> Vec<f32> {
         let Some((camera, room)) = &self.surfaces else { return vec![1.0; width] };
-        // Every few columns, with interpolation if both sides are on the same surface.
+        // Computes the luminance at every eighth column, and interpolates between two columns that
+        // show the same surface.
         let mut row = Vec::with_capacity(width + STEP_PX);
         let (mut left_surface, mut left) = self.luminance(camera, room, 0.0, y as f64);
         for i in 0..width.div_ceil(STEP_PX) {
-            // The row's upper and lower edge in turn, to detect an edge of the room along the row.
+            // Alternates between the row's upper and lower edge to detect a room edge along the
+            // row.
             let right_px = [((i + 1) * STEP_PX) as f64, (y + (i + 1) % 2) as f64];
             let (right_surface, right) = self.luminance(camera, room, right_px[0], right_px[1]);
             for j in 0..STEP_PX {
                 row.push(if left_surface == right_surface {
                     left + (right - left) * ((j as f32 + 0.5) / STEP_PX as f32)
                 } else {
-                    // A pixel near an edge is the mean of four points.
+                    // A pixel near an edge of the room gets the mean of four points.
                     let x = (i * STEP_PX + j) as f64;
                     let points = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
                     let luminances = points
@@ -131,8 +133,8 @@ impl Backdrop {
         row
     }
 
-    /// Returns the surface at a point of the picture, if any, and its luminance relative to the
-    /// middle of a wall.
+    /// Returns the surface at a point of the picture, if there is one, and its luminance relative
+    /// to the middle of a wall.
     fn luminance(&self, camera: &Camera, room: &Room, x: f64, y: f64) -> (Option<usize>, f32) {
         let hit = camera.world_from_image(x, y).and_then(|ray| room.intersection(ray));
         let luminance = hit.map_or(0.0, |(on, point_m)| {
@@ -142,12 +144,13 @@ impl Backdrop {
     }
 }
 
-/// Returns the albedo of floor and walls relative to the median, from the background in each
-/// channel as if it was uniformly lit. It is at most 4. `None` without a background.
+/// Returns the albedo of floor and walls relative to its median, or `None` without a background.
+/// The albedo is taken from the background's brightness in each channel, as if the room had been
+/// evenly lit, and is 4 at most.
 ///
 /// # Errors
 ///
-/// Those of [`super::read`].
+/// Returns the same errors as [`super::read`].
 pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Reflectance>> {
     if options.background.is_empty() {
         return Ok(None);
@@ -160,7 +163,7 @@ pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Ref
         picture.add(y, height as f32 / 2.0, &mut rows);
         planes.iter_mut().zip(rows).for_each(|(plane, row)| plane.extend(row));
     }
-    // Darker levels are noise.
+    // Lower levels would only add noise.
     let darkest = picture.light[DARKEST_LEVEL];
     for plane in &mut planes {
         let mut sorted = plane.clone();
@@ -171,41 +174,42 @@ pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Ref
     Ok(Some(Arc::new(planes)))
 }
 
-/// Least level of a background that counts.
+/// Minimum level of a background that is used as it is.
 const DARKEST_LEVEL: usize = 4;
 
-/// Largest light of a surface, relative to the median.
+/// Maximum light of a surface, relative to the median.
 const BRIGHTEST: f32 = 4.0;
 
 impl Picture {
-    /// Reads a picture and scales it so that it covers the photo.
+    /// Reads a background picture and scales it so that it covers the photo.
     fn read(path: &str, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
-        // A page has no files, and its module no decoder of photos.
+        // A web page has no files, and its module has no decoder for photos.
         if cfg!(target_family = "wasm") {
-            let (wanted, hint) = ("no file", "take the picture by the program");
+            let (wanted, hint) =
+                ("no background on a web page", "use the program, which reads files");
             return Err(Error::input("photo.background", path, wanted, hint));
         }
-        let photo = super::read(Path::new(path))?;
-        let size = [photo.width_px, photo.height_px].map(f64::from);
-        let wanted = [camera.width_px, camera.height_px].map(f64::from);
-        let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);
+        let background = super::read(Path::new(path))?;
+        let size_px = [background.width_px, background.height_px].map(f64::from);
+        let photo_px = [camera.width_px, camera.height_px].map(f64::from);
+        let scale = (size_px[0] / photo_px[0]).min(size_px[1] / photo_px[1]);
         let factor = libm::exp2(options.background_stops);
         let light =
             std::array::from_fn(|level| narrow(factor * options.tone.decode(level as f64 / 255.0)));
         let columns = (0..camera.width_px)
-            .map(|x| between(f64::from(x) + 0.5 - wanted[0] / 2.0, scale, photo.width_px))
+            .map(|x| between(f64::from(x) + 0.5 - photo_px[0] / 2.0, scale, background.width_px))
             .collect();
-        Ok(Self { photo, light, scale, columns })
+        Ok(Self { background, light, scale, columns })
     }
 
-    /// Adds the picture to a row, up to 1, by bilinear interpolation of linear light.
+    /// Adds the picture to a row by bilinear interpolation of linear light. The sum is at most 1.
     fn add(&self, y: usize, center_y_px: f32, rows: &mut [Vec<f32>; 3]) {
         let from_center_px = y as f64 + 0.5 - f64::from(center_y_px);
-        let ([above, below], down) = between(from_center_px, self.scale, self.photo.height_px);
-        let width = self.photo.width_px as usize;
+        let ([above, below], down) = between(from_center_px, self.scale, self.background.height_px);
+        let width = self.background.width_px as usize;
         for (channel, row) in rows.iter_mut().enumerate() {
             let light = |x: usize, y: usize| {
-                self.light[usize::from(self.photo.rgb8[3 * (y * width + x) + channel])]
+                self.light[usize::from(self.background.rgb8[3 * (y * width + x) + channel])]
             };
             for (value, &([left, right], along)) in row.iter_mut().zip(&self.columns) {
                 let [above, below] = [above, below]
@@ -216,8 +220,8 @@ impl Picture {
     }
 }
 
-/// Returns the two of `n` pixels around a position, given relative to the middle, and the weight of
-/// the second one.
+/// Returns the two of `n` pixels around a position, which is given relative to the middle, and the
+/// weight of the second one.
 fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
     let position = from_middle * scale + f64::from(n) / 2.0 - 0.5;
     let position = position.clamp(0.0, f64::from(n - 1));

@@ -1,14 +1,15 @@
-//! A camera from the EXIF of a photograph (EXIF 2.32): sensor, lens and exposure.
+//! Reads a camera's sensor, lens and exposure from the EXIF of a photograph (EXIF 2.32).
 //!
-//! Only the tags listed at [`taken_as`] change the camera. A directory without any of them may be
-//! broken.
+//! Only the tags that [`taken_as`] lists change the camera. A directory without any of these tags
+//! may be broken.
 //!
-//! The width of the sensor is that of a known body. Else it follows from the resolution in pixels
-//! per unit of length, or from the focal length and its equivalent on 35 mm film, which refers to
-//! diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of pixels may be newer than
-//! the resolution. Canon writes the resolution as 1000 times the pixels over thousandths of the
-//! unit, so that it holds both. For other makers the width is taken if the film equivalent agrees,
-//! else with a warning, or not at all if the tags show that the picture was edited.
+//! The sensor width of a known body is tabulated. For other bodies it follows from the resolution
+//! in pixels per unit of length, or from the focal length and its equivalent on 35 mm film, which
+//! refers to diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of pixels may be
+//! newer than the resolution. Canon writes the resolution as 1000 times the pixels divided by
+//! thousandths of the unit, so that it contains both. For other makers the width is used if the
+//! film equivalent confirms it. If nothing confirms it, there is a warning, or no width if the tags
+//! show that the picture was edited.
 
 use std::path::Path;
 
@@ -21,20 +22,20 @@ use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{JpegFrame, Limit};
 
-/// Largest file of a photograph: a raw file of a technical camera.
+/// Maximum size of a photograph's file: a raw file of a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
 
-/// The value of a tag for infinity, in `SubjectDistance`.
+/// Value of `SubjectDistance` that means infinity.
 const ENDLESS: u32 = u32::MAX;
 
-/// The value of `PhotographicSensitivity` for 65535 and more: other tags have the number.
+/// Value of `PhotographicSensitivity` that means 65535 or more. Other tags then have the number.
 const ISO_BEYOND: f64 = 65_535.0;
 
-/// Names in `Software` of programs that edit pictures. Cameras write their firmware there.
+/// Names in `Software` of programs that edit pictures. Cameras write their firmware's name there.
 const EDITORS: &str = "photoshop,lightroom,gimp,darktable,rawtherapee,paint,capture one,affinity,\
                        snapseed,picasa,imagemagick,photos ,acdsee,luminar,digikam,photo editor";
 
-/// EXIF tags by a part of the camera key that they set.
+/// The EXIF tags, each with a part of the camera key that it sets.
 const TAGS: [(&str, Tag); 7] = [
     ("f_number", Tag::FNumber),
     ("iso", Tag::PhotographicSensitivity),
@@ -47,27 +48,28 @@ const TAGS: [(&str, Tag); 7] = [
 
 /// Sets a camera to the one that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF).
 ///
-/// It sets sensor, focal length, aperture number, shutter time, sensitivity, distance in focus, and
-/// the aspect of the picture. The longer side keeps its number of pixels. Pose and other options
-/// stay. Warnings name guesses, and the reasons for them.
+/// The photograph sets sensor, lens, aperture number, shutter time, sensitivity, focus distance,
+/// and the aspect ratio of the picture, whose longer side keeps its number of pixels. Pose and
+/// other options do not change. Each guess gives a warning with its reason.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be read, [`Error::Input`] if it has no EXIF, lacks tags that a
-/// camera needs, with their names, or has numbers that no camera has.
+/// Returns [`Error::Io`] if the file cannot be read, and [`Error::Input`] if it has no EXIF, lacks
+/// tags that a camera needs (which it names), or has numbers that no camera has.
 pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraOptions>> {
     let place = path.display().to_string();
     let bytes = LIMIT.read(path)?;
     refuse_raw(&bytes, &place)?;
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
-    // The tags may be in an intact directory while another directory is broken.
+    // One broken directory must not hide the tags of an intact one.
     let reader = reader.continue_on_error(true);
-    // The container's reader would copy a TIFF file, and so a raw photograph.
+    // The container reader would copy a TIFF file, which may be a large raw photograph.
     let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
-    let read = match is_tiff {
-        true => reader.read_raw(bytes),
-        false => reader.read_from_container(&mut std::io::Cursor::new(bytes)),
+    let read = if is_tiff {
+        reader.read_raw(bytes)
+    } else {
+        reader.read_from_container(&mut std::io::Cursor::new(bytes))
     };
     let exif = read.or_else(|error| error.distill_partial_result(|_| {})).map_err(|error| {
         let cause = format_args!("no EXIF ({error})");
@@ -75,7 +77,7 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
     })?;
     let mut photograph = Photograph { exif, size_px, warnings: Vec::new() };
     photograph.set(&mut camera, &place)?;
-    // An impossible number comes from the file, so the error names the tag instead of the key.
+    // The error names the tag, not the key, because the impossible number comes from the file.
     camera.check().map_err(|error| {
         let Error::Input { place: key, found, wanted, .. } = &error else { return error };
         match TAGS.iter().find(|(part, _)| key.key().contains(part)) {
@@ -88,10 +90,10 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
     Ok(Warned { product: camera, warnings: warnings.collect() })
 }
 
-/// A tag that a camera needs, the key of a scene for it, and its value.
+/// A tag that a camera needs, the scene key that replaces it, and its value.
 type Needed = (Tag, &'static str, Option<f64>);
 
-/// The tags of a photograph, its size in pixels, and warnings about the tags.
+/// The tags of a photograph, its size in pixels, and the warnings about its tags.
 struct Photograph {
     exif: Exif,
     size_px: Option<[f64; 2]>,
@@ -99,8 +101,8 @@ struct Photograph {
 }
 
 impl Photograph {
-    /// Sets body, lens, exposure and aspect of a camera. Refuses a photograph without the tags that
-    /// a camera needs.
+    /// Sets body, lens, exposure and aspect ratio of a camera. Refuses a photograph that lacks tags
+    /// that a camera needs.
     fn set(&mut self, camera: &mut CameraOptions, place: &str) -> Result<()> {
         let body = self.text(Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
         let focal_length_m = self.number(Tag::FocalLength).map(|mm| mm / 1000.0);
@@ -108,7 +110,7 @@ impl Photograph {
             Some(body) => Some(body.figures().sensor_width_m),
             None => self.sensor_width_m(focal_length_m),
         };
-        // APEX values replace missing values: N = 2^(Av/2), t = 2^-Tv.
+        // Missing values are computed from APEX values: N = 2^(Av/2), t = 2^-Tv.
         let f_number = self
             .number(Tag::FNumber)
             .or_else(|| Some(libm::exp2(0.5 * self.signed(Tag::ApertureValue)?)));
@@ -132,7 +134,7 @@ impl Photograph {
         else {
             return Err(self.incomplete(&needed, place));
         };
-        // The lens keeps the distortion of the scene, since EXIF has none.
+        // The lens keeps the scene's distortion, because EXIF has none.
         camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
         let distortion = match &camera.lens {
             LensModel::Custom(lens) => lens.distortion,
@@ -178,22 +180,22 @@ impl Photograph {
         }
         let and = if missing.is_empty() { "" } else { ", and without " };
         let seen = format!("EXIF with {}{and}{missing}", empty.join(", "));
-        let wanted = "numbers of lens and exposure: a camera writes 0 for what it does not know, as \
-                      the aperture of a lens without contacts";
-        let hint = "leave the photograph out, and name these keys in a scene file, beside those that \
+        let wanted = "values of lens and exposure (a camera writes 0 for a value that it does not know, \
+                      such as the aperture of a lens without contacts)";
+        let hint = "omit the photograph, and set these keys in a scene file together with those that \
                     the photograph has";
         Error::input(place, seen, wanted, hint)
     }
 
-    /// Sets width and height to the aspect of the photograph, upright.
+    /// Sets width and height to the aspect ratio of the upright photograph.
     fn set_aspect(&mut self, camera: &mut CameraOptions) {
         let Some([mut width, mut height]) = self.tagged_size_px().or(self.size_px) else {
             let missing = "EXIF without PixelXDimension and PixelYDimension";
             self.warn("no-size", format!("{missing}: the picture keeps the scene's aspect ratio"));
             return;
         };
-        // Orientations 5 to 8 exchange x and y, unless a program has already turned the pixels and
-        // left the tag unchanged.
+        // Orientations 5 to 8 swap x and y, unless a program has already turned the pixels without
+        // updating the tag.
         let orientation = self.number(Tag::Orientation);
         let mut turned = orientation.is_some_and(|number| (5.0..=8.0).contains(&number));
         if let Some([real_width, real_height]) = self.size_px
@@ -203,7 +205,7 @@ impl Photograph {
                 turned = false;
             } else {
                 let message = format!(
-                    "EXIF is of a picture of {width} x {height} pixels, and this picture has \
+                    "EXIF describes a picture of {width} x {height} pixels, but this picture has \
                      {real_width} x {real_height}: it was cropped, and its camera saw more than \
                      it shows"
                 );
@@ -211,7 +213,7 @@ impl Photograph {
             }
             (width, height) = (real_width, real_height);
         }
-        // As many pixels on the longer side as before.
+        // The longer side keeps its number of pixels.
         let longer = camera.width_px.max(camera.height_px);
         let shorter = f64::from(longer) * (width.min(height) / width.max(height));
         #[expect(clippy::cast_possible_truncation, reason = "a side")]
@@ -226,8 +228,8 @@ impl Photograph {
         }
     }
 
-    /// Returns the sensor width of an unknown camera, from tags that were written together. `None`
-    /// if there are none. Warns of a guess.
+    /// Returns the sensor width of an unknown camera from tags that were written together, or
+    /// `None` if there are none. Warns if the width is a guess.
     fn sensor_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_width_m = self.equivalent_width_m(focal_length_m);
         let resolution = self.resolution_width_m(film_width_m.is_none());
@@ -248,17 +250,17 @@ impl Photograph {
             None if !is_of_one_age => {}
             _ => return Some(width_m),
         }
-        // No other tag confirms the resolution, so it counts only in a picture as it was taken.
+        // No other tag confirms the resolution, so it is only used if the picture was not edited.
         if let Some(why) = self.edited() {
             let message = format!(
-                "{pixels} pixels by FocalPlaneXResolution make a sensor of {mm:.2} mm, but {why}: \
-                 the two may be of different ages"
+                "{pixels} pixels and FocalPlaneXResolution imply a sensor of {mm:.2} mm, but {why}: \
+                 they may have been written at different times"
             );
             self.warn("edited", message);
             return None;
         }
         let message = format!(
-            "the sensor is taken to be {mm:.2} mm wide, {pixels} pixels by FocalPlaneXResolution, \
+            "the sensor is taken to be {mm:.2} mm wide, from {pixels} pixels and FocalPlaneXResolution, \
              which no other tag confirms: a picture that was resized has too small a sensor. If it \
              was, set camera.body in a scene file"
         );
@@ -266,9 +268,9 @@ impl Photograph {
         Some(width_m)
     }
 
-    /// Returns the pixels across, the sensor width by its resolution, and true if both were
-    /// certainly written together. `None` without the tags. Warns of an unknown unit if the width
-    /// is needed.
+    /// Returns the number of pixels across, the sensor width by the resolution, and true if both
+    /// were certainly written together, or `None` without the tags. Warns of an unknown unit if the
+    /// width is needed.
     fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
         let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
             None | Some(2.0) => 0.0254, // inches by default
@@ -276,7 +278,8 @@ impl Photograph {
             Some(4.0) => 1e-3,
             Some(5.0) => 1e-6,
             Some(unit) => {
-                let message = format!("FocalPlaneResolutionUnit {unit} is none of EXIF's");
+                let message =
+                    format!("FocalPlaneResolutionUnit {unit} is not a unit that EXIF defines");
                 is_needed.then(|| self.warn("resolution-unit", message));
                 return None;
             }
@@ -287,7 +290,7 @@ impl Photograph {
         Some((pixels, canon.unwrap_or(pixels / per_unit) * unit_m, canon.is_some()))
     }
 
-    /// Returns the width and height in the tags.
+    /// Returns the width and height that the tags give.
     fn tagged_size_px(&self) -> Option<[f64; 2]> {
         let side = |tag, or| self.number(tag).or_else(|| self.number(or));
         let width = side(Tag::PixelXDimension, Tag::ImageWidth)?;
@@ -295,7 +298,7 @@ impl Photograph {
     }
 
     /// Returns the sensor width by the focal length and its equivalent on 35 mm film, for the
-    /// picture's aspect. `None` without these tags. Warns of an impossible equivalent.
+    /// picture's aspect ratio, or `None` without these tags. Warns of an impossible equivalent.
     fn equivalent_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_mm = self.number(Tag::FocalLengthIn35mmFilm)?;
         if !FILM_MM.contains(&film_mm) {
@@ -303,26 +306,27 @@ impl Photograph {
             self.warn("film-equivalent", message);
             return None;
         }
+        // A picture of unknown size is taken to have the usual aspect ratio of 3:2.
         let [width, height] = self.tagged_size_px().or(self.size_px).unwrap_or([3.0, 2.0]);
         let aspect = width.max(height) / width.min(height);
         let film_by_sensor = film_mm / (1e3 * focal_length_m?);
         Some(film_width_m(aspect, film_by_sensor) / film_by_sensor)
     }
 
-    /// Returns the sensor width in the unit of the resolution, if Canon wrote it: the rational
-    /// number is 1000 times the pixels of the sensor over its width in thousandths of the unit.
+    /// Returns the sensor width in the unit of the resolution if Canon wrote it. Canon's rational
+    /// number is 1000 times the sensor's pixels divided by the width in thousandths of the unit.
     fn canon_width(&self) -> Option<f64> {
         if !self.text(Tag::Make)?.to_lowercase().contains("canon") {
             return None;
         }
         let Value::Rational(ratio) = self.value(Tag::FocalPlaneXResolution)? else { return None };
         let exif::Rational { num, denom } = *ratio.first()?;
-        // Thousandths of an inch: a sensor of 3 mm has 118.
+        // In thousandths of an inch, a sensor 3 mm wide has 118.
         (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
             .then(|| f64::from(denom) / 1000.0)
     }
 
-    /// Returns the reason to regard a picture as edited. `None` if the tags show no editing.
+    /// Returns the reason to regard a picture as edited, or `None` if no tag shows editing.
     fn edited(&self) -> Option<String> {
         if let Some(software) = self.text(Tag::Software) {
             let lower = format!("{} ", software.to_lowercase());
@@ -331,12 +335,12 @@ impl Photograph {
             }
         }
         let (taken, written) = (self.text(Tag::DateTimeOriginal)?, self.text(Tag::DateTime)?);
-        // By the day, since a long exposure is written when it ends.
+        // Only the days are compared, because a long exposure is written when it ends.
         (taken.get(..10) != written.get(..10))
             .then(|| format!("it was taken at {taken} and changed at {written}"))
     }
 
-    /// Returns the sensitivity, from the tag that can hold it.
+    /// Returns the sensitivity from the first tag that can hold it.
     fn iso(&self) -> Option<f64> {
         let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
         match self.number(Tag::PhotographicSensitivity) {
@@ -345,7 +349,7 @@ impl Photograph {
         }
     }
 
-    /// Returns the distance in focus, m. `None` if it is missing or 0, which means unknown.
+    /// Returns the focus distance in m, or `None` if it is missing or 0, which means unknown.
     fn subject_m(&self) -> Option<f64> {
         match self.value(Tag::SubjectDistance)? {
             Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
@@ -353,27 +357,29 @@ impl Photograph {
         }
     }
 
-    /// Warns of tags with values that should change the camera, but cannot.
+    /// Warns of tags that should change the camera but whose values cannot be used.
     fn warn_of_odd_tags(&mut self) {
         let [subject, orientation] = [Tag::SubjectDistance, Tag::Orientation]
             .map(|tag| Some(self.exif.get_field(tag, In::PRIMARY)?.display_value().to_string()));
         if let Some(zoom) = self.number(Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
-            let shown = "the picture shows a part of the sensor, and its camera saw more";
+            let shown = "the picture shows only a part of the sensor, and its camera saw more";
             self.warn("digital-zoom", format!("DigitalZoomRatio {zoom}: {shown}"));
         }
-        // Distance 0 is unknown. Only numbers are distances.
+        // A distance of 0 means unknown. A value that is not a number is no distance.
         if let Some(subject) = subject
             && self.signed(Tag::SubjectDistance).is_none_or(|m| m < 0.0)
             && self.subject_m().is_none()
         {
-            let message = format!("SubjectDistance {subject} is not a distance: the focus stays");
+            let message =
+                format!("SubjectDistance {subject} is not a distance: the focus is not changed");
             self.warn("subject-distance", message);
         }
         if let Some(orientation) = orientation
             && !self.number(Tag::Orientation).is_some_and(|number| (1.0..=8.0).contains(&number))
         {
-            let message =
-                format!("Orientation {orientation} is none of 1 to 8: taken as not turned");
+            let message = format!(
+                "Orientation {orientation} is not one of 1 to 8: the picture is taken as not turned"
+            );
             self.warn("orientation", message);
         }
     }
@@ -383,7 +389,7 @@ impl Photograph {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
-    /// Returns the first value of a tag as a number. `None` if it is missing or not above 0.
+    /// Returns the first value of a tag as a number, or `None` if it is missing or not positive.
     fn number(&self, tag: Tag) -> Option<f64> {
         self.signed(tag).filter(|value| *value > 0.0)
     }
@@ -408,17 +414,17 @@ impl Photograph {
         }
     }
 
-    /// Returns the value of a tag of the main picture.
+    /// Returns the value of a tag that belongs to the main picture.
     fn value(&self, tag: Tag) -> Option<&Value> {
         Some(&self.exif.get_field(tag, In::PRIMARY)?.value)
     }
 }
 
-/// Relative difference below which two aspects are the same. The sides of thumbnails are small
+/// Maximum relative difference between two equal aspect ratios. The sides of thumbnails are small
 /// whole numbers.
 const SAME_ASPECT: f64 = 0.04;
 
-/// Relative difference below which two sensor widths are the same.
+/// Maximum relative difference between two equal sensor widths.
 const SAME_WIDTH: f64 = 0.1;
 
 /// Returns the relative difference between two positive numbers.
@@ -426,11 +432,11 @@ fn relative_difference(a: f64, b: f64) -> f64 {
     (a / b - 1.0).abs()
 }
 
-const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
-                    or set the camera's keys in a scene file";
+const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF. \
+                    Or set the camera's keys in a scene file";
 
-/// Camera file formats that cannot be read, by their first bytes (`.` matches any byte). CR2, DNG,
-/// NEF and ARW are TIFF files, which can.
+/// Signatures of file formats that cannot be read, where `.` stands for any byte. CR2, DNG, NEF and
+/// ARW are TIFF files and can be read.
 const RAW_FILES: [(&str, &[u8]); 12] = [
     ("JPEG XL", b"....JXL "),
     ("JPEG XL", b"\xff\x0a"),
@@ -446,46 +452,45 @@ const RAW_FILES: [(&str, &[u8]); 12] = [
     ("Sigma X3F", b"FOVb"),
 ];
 
-/// Refuses a raw file, with the name of its format.
+/// Refuses a raw file and names its format.
 pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
     let raw = RAW_FILES.iter().find(|(_, signature)| {
         bytes.len() >= signature.len()
             && signature.iter().zip(bytes).all(|(wanted, byte)| [b'.', *byte].contains(wanted))
     });
     let Some((maker, _)) = raw else { return Ok(()) };
-    let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
+    let hint = "use the JPEG that the camera wrote with it, or export one with its EXIF";
     Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint))
 }
 
-/// Diagonal of a frame of 35 mm film, 36 by 24 mm.
+/// Diagonal of a 35 mm film frame, which is 36 by 24 mm.
 const FILM_DIAGONAL_M: f64 = 0.043_267;
 
-/// Returns the width of a picture's longer side on 35 mm film. `aspect` is the picture's aspect
-/// ratio, and film is `film_by_sensor` times as large as the sensor.
+/// Returns the width on 35 mm film of a picture's longer side. `aspect` is the picture's aspect
+/// ratio, and the film is `film_by_sensor` times as large as the sensor.
 ///
-/// The aspect of the sensor follows from its size. Full frame, APS-C and one inch (2.7) have 3:2.
-/// Larger sensors, Micro Four Thirds (2.0) and smaller ones have 4:3. A picture that is longer than
-/// the sensor is cropped in height, and a squarer picture in width.
+/// The aspect ratio of the sensor follows from its size. Full frame, APS-C and one-inch sensors
+/// (2.7) have 3:2. Larger sensors, Micro Four Thirds (2.0) and smaller ones have 4:3. A picture
+/// longer than the sensor was cropped in height, and a squarer picture in width.
 pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
     let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
     let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };
     aspect.min(sensor_aspect) / libm::hypot(sensor_aspect, 1.0) * FILM_DIAGONAL_M
 }
 
-/// Equivalent focal lengths of lenses, mm: from fisheye lenses to bridge cameras.
+/// Equivalent focal lengths of real lenses in mm, from fisheye lenses to bridge cameras.
 const FILM_MM: std::ops::RangeInclusive<f64> = 4.0..=4000.0;
 
-/// Widths of sensors, from the second camera of a phone to the back of a technical camera.
+/// Widths of real sensors, from a phone's second camera to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
 
-/// Returns width and height from the header of a JPEG or PNG file. `None` for another file.
+/// Returns width and height from the header of a JPEG or PNG file, or `None` for other files.
 fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
-    let size_px = match bytes.starts_with(b"\x89PNG") {
-        true => {
-            let [width, height] = [16, 20].map(|offset| bytes.get(offset..)?.first_chunk());
-            [width?, height?].map(|bytes| u64::from(u32::from_be_bytes(*bytes)))
-        }
-        false => JpegFrame::parse(bytes)?.size_px,
+    let size_px = if bytes.starts_with(b"\x89PNG") {
+        let [width, height] = [16, 20].map(|offset| bytes.get(offset..)?.first_chunk());
+        [width?, height?].map(|bytes| u64::from(u32::from_be_bytes(*bytes)))
+    } else {
+        JpegFrame::parse(bytes)?.size_px
     };
     size_px.iter().all(|side| *side > 0).then(|| size_px.map(|side| side as f64))
 }
@@ -495,7 +500,7 @@ mod tests {
     use super::*;
     use exif::{Field, Rational, experimental::Writer};
 
-    /// A TIFF file with only these tags.
+    /// Returns a TIFF file with only these tags.
     fn tiff(fields: &[(Tag, Value)]) -> tempfile::NamedTempFile {
         let fields: Vec<Field> = fields
             .iter()
@@ -527,7 +532,7 @@ mod tests {
         ]
     }
 
-    /// Its tags without some, and with others added or replaced.
+    /// Returns the telephone's tags without some, and with others added or replaced.
     fn telephone_with(left_out: &[Tag], added: &[(Tag, Value)]) -> Vec<(Tag, Value)> {
         let mut tags = telephone();
         tags.retain(|(tag, _)| {
@@ -555,7 +560,7 @@ mod tests {
             (0.0057, 1.8, 50.0)
         );
         let sensor_width_m = camera.body.figures().sensor_width_m;
-        // Diagonals: 43.267 mm of film, and 5 of a picture of 4 by 3.
+        // The diagonals are 43.267 mm for film, and 5 units for a picture of 4 by 3.
         assert!((sensor_width_m - 0.8 * 0.043_267 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
         assert_eq!(camera.shutter_close_s, Some(30.0));
         assert_eq!((camera.width_px, camera.height_px), (1920, 1440));
@@ -608,13 +613,13 @@ mod tests {
         let width_m = |tags: &[(Tag, Value)]| taken(tags).0.body.figures().sensor_width_m;
         assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
         tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
-        // A picture of 2 by 1 is as wide as one of 4 by 3 of so small a sensor.
+        // On so small a sensor, a picture of 2 by 1 is as wide as one of 4 by 3.
         assert!((width_m(&tags) - 0.034_613_6 * 5.7 / 26.0).abs() < 1e-7, "{}", width_m(&tags));
         assert!(taken(&tags).1[0].contains("makes it 22.30 mm"), "{:?}", taken(&tags).1);
     }
 
-    /// A compact camera of Canon's, whose resolution is 1000 times its pixels over thousandths of
-    /// an inch.
+    /// Returns the tags of a Canon compact camera, whose resolution is 1000 times its pixels
+    /// divided by thousandths of an inch.
     fn compact(pixels: [u32; 2]) -> Vec<(Tag, Value)> {
         let resolution = [
             (Tag::Make, Value::Ascii(vec![b"Canon".to_vec()])),
@@ -633,7 +638,7 @@ mod tests {
             let width_mm = 1e3 * camera.body.figures().sensor_width_m;
             assert!((width_mm - 7.391).abs() < 0.001 && said.is_empty(), "{pixels:?}: {width_mm}");
         }
-        // Another maker's resolution tells no age.
+        // The resolution tags of another maker do not tell when they were written.
         let mut other = compact([2560, 1920]);
         other.retain(|(tag, _)| *tag != Tag::Make);
         let (camera, said) = taken(&other);
@@ -694,7 +699,7 @@ mod tests {
         fn entries(bytes: &[u8], start: usize) -> usize {
             usize::from(u16::from_be_bytes(bytes[start..start + 2].try_into().unwrap()))
         }
-        // The directory of EXIF, and the pointer after it, which is to be 0.
+        // The directory of EXIF, and the pointer after it, which must be 0.
         let first = long(&bytes, 4);
         let tag = (0..entries(&bytes, first)).map(|n| first + 2 + 12 * n);
         let tag = tag.clone().find(|start| bytes[*start..*start + 2] == [0x87, 0x69]).unwrap();
@@ -704,7 +709,7 @@ mod tests {
         std::fs::write(file.path(), &bytes).unwrap();
         let camera = read(file.path()).unwrap().0;
         assert_eq!((camera.f_number, camera.iso), (1.8, 50.0));
-        // And the one after the first, of the thumbnail.
+        // The pointer after the first directory, to that of the thumbnail.
         let next = first + 2 + 12 * entries(&bytes, first);
         bytes[next..next + 4].copy_from_slice(&[0xff; 4]);
         std::fs::write(file.path(), &bytes).unwrap();
@@ -728,7 +733,7 @@ mod tests {
         let turned = telephone_with(&[], &[(Tag::Orientation, Value::Short(vec![6]))]);
         for (tags, size_px, wanted) in [
             (&turned, [4000, 3000], (1440, 1920)),
-            // A program turned the pixels, and left the tag.
+            // A program turned the pixels but did not change the tag.
             (&turned, [3000, 4000], (1440, 1920)),
             (&telephone(), [3000, 4000], (1440, 1920)),
             (&telephone(), [400, 300], (1920, 1440)),
@@ -746,7 +751,7 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
 
-        /// Sensors of data sheets, mm, and pictures as cameras cut them.
+        /// Sensors from data sheets in mm, and pictures as cameras crop them.
         #[test]
         fn an_equivalent_focal_length_gives_the_width_of_every_sensor_and_aspect(
             sensor in proptest::sample::select(vec![
@@ -776,7 +781,7 @@ mod tests {
             proptest::prop_assert!(error.abs() < 0.02, "{found_mm} mm, not {wanted_mm} mm");
         }
 
-        /// One tag of a good file that is not understood leaves the camera as it is, or is named.
+        /// A tag of a valid file that cannot be understood leaves the camera unchanged or is named.
         #[test]
         fn a_tag_that_is_not_understood_is_named_or_changes_nothing(
             which in 0..13_usize,

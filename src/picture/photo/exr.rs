@@ -1,4 +1,4 @@
-//! Readouts as `OpenEXR` files: scene-linear light with the standard attributes.
+//! Readouts as `OpenEXR` files, with scene-linear light and the standard attributes.
 
 use std::io::Cursor;
 
@@ -19,12 +19,11 @@ const CHROMATICITIES: Chromaticities = Chromaticities {
 };
 
 impl Readout {
-    /// Returns the readout as an uncompressed EXR file, with 32 bits per channel and without a
-    /// time.
+    /// Returns the readout as an uncompressed EXR file with 32 bits per channel and without a time.
     ///
-    /// Attributes: chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (if the
-    /// camera has one), software, and comments. The comments have a line `keyword: text` for each
-    /// note, in UTF-8, which the official library and its Python module read.
+    /// The attributes are chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (if
+    /// the camera has one), software and comments. The comments have one line `keyword: text` per
+    /// note, in UTF-8, which the official library and its Python module can read.
     pub fn encode_exr(&self, camera: &Camera, notes: &[(&str, String)]) -> Vec<u8> {
         let width = self.width_px as usize;
         let size = (width, self.height_px as usize);
@@ -54,7 +53,7 @@ impl Readout {
             focus: camera.focus_m.map(narrow),
             white_luminance: Some(narrow(self.white_lx_s / camera.lx_s_of_luminance())),
             software_name: Text::new_or_none(metadata::SOFTWARE),
-            // `Text::new_or_none` writes Latin-1.
+            // This is not `Text::new_or_none`, because that writes Latin-1.
             comments: Some(Text::from_slice_unchecked(notes.as_bytes())),
             ..LayerAttributes::default()
         }
@@ -97,7 +96,7 @@ mod tests {
         assert_eq!(attributes.aperture, Some(8.0));
         assert_eq!(attributes.iso_speed, Some(100.0));
         assert_eq!(attributes.focus, Some(2.5));
-        // H = 0.78 lx s at f/8, 46 s, τ = 0.9: 4 · 64 · 0.78 / (0.9 π 46) cd/m².
+        // H = 0.78 lx s at f/8, 46 s and τ = 0.9 gives 4 · 64 · 0.78 / (0.9 π 46) cd/m².
         assert!((attributes.white_luminance.unwrap() - 1.5353).abs() < 1e-3);
         assert_eq!(attributes.capture_date, None, "no time stamp");
         let comments = std::str::from_utf8(attributes.comments.as_ref().unwrap().as_slice());

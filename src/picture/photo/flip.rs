@@ -1,10 +1,10 @@
-//! ꟻLIP: the difference that a person sees who flips between two pictures (Andersson, Nilsson,
+//! ꟻLIP: the difference that a person sees when flipping between two pictures (Andersson, Nilsson,
 //! Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "ꟻLIP: A difference evaluator for
 //! alternating images", with the constants of that paper).
 //!
 //! Colors are filtered by the contrast sensitivity of the eye at a distance (`PIXELS_PER_DEGREE`),
 //! compared in Hunt-adjusted `L*a*b*` by the distance `HyAB`, and weighted by differences of edges
-//! and points. 0 is equal, 1 the largest difference (black and white, green and blue).
+//! and points. 0 means equal, and 1 is the largest difference (black and white, or green and blue).
 
 use std::f32::consts::PI;
 use std::iter::Sum;
@@ -15,10 +15,10 @@ use glam::{Mat3, Vec3};
 use super::{Photo, PhotoData};
 use noctograph_core::srgb;
 
-/// Pixels per degree of visual angle: a 4K screen, 0.7 m wide, from 0.7 m.
+/// Pixels per degree of visual angle: a 4K screen that is 0.7 m wide, seen from 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 67.0;
 
-/// White in XYZ: D65.
+/// White in XYZ (D65).
 const WHITE: Vec3 = Vec3::new(0.950_428_5, 1.0, 1.088_900_4);
 
 const XYZ_FROM_RGB: Mat3 = Mat3::from_cols(
@@ -27,7 +27,7 @@ const XYZ_FROM_RGB: Mat3 = Mat3::from_cols(
     Vec3::new(0.180_480_8, 0.072_192_32, 0.950_532_14),
 );
 
-/// Contrast sensitivity of the eye as two Gaussians `a √(π/b) exp(-π² x² / b)` of x in degrees: a
+/// Contrast sensitivity of the eye as two Gaussians `a √(π/b) exp(-π² x² / b)` with x in degrees: a
 /// and b for luminance, red-green and blue-yellow.
 const SENSITIVITY: [[Vec3; 2]; 2] = [
     [Vec3::new(1.0, 1.0, 34.1), Vec3::new(0.0047, 0.0053, 0.04)],
@@ -40,22 +40,22 @@ const FEATURE_EXPONENT: f32 = 0.5;
 /// Compression of large color differences: the first fraction of the largest maps to the second.
 const COMPRESSED: [f32; 2] = [0.4, 0.95];
 
-/// Width of the features that the eye detects, in degrees.
+/// Width in degrees of the features that the eye detects.
 const FEATURE_DEG: f32 = 0.082;
 
 /// The difference between two pictures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Width.
+    /// Width of the pictures.
     pub width_px: u32,
-    /// Height.
+    /// Height of the pictures.
     pub height_px: u32,
-    /// ꟻLIP error by pixel, 0 to 1, row by row from the top left.
+    /// ꟻLIP error of each pixel, 0 to 1, row by row from the top left.
     pub values: Vec<f32>,
 }
 
 impl Difference {
-    /// Returns the mean over the pixels for whose index `mask` is true, or 0 without any.
+    /// Returns the mean error over the pixels for whose index `mask` is true, or 0 without any.
     #[must_use]
     pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
         let masked = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
@@ -63,8 +63,8 @@ impl Difference {
         if n > 0.0 { sum / n } else { 0.0 }
     }
 
-    /// Returns a picture from black over purple and orange to white, in matplotlib's color map
-    /// "magma" (polynomial fit by Zucker, public domain).
+    /// Returns a picture with colors from black over purple and orange to white, by matplotlib's
+    /// color map "magma" (polynomial fit by Zucker, public domain).
     #[must_use]
     pub fn picture(&self) -> Photo {
         const FIT: [[f32; 3]; 7] = [
@@ -92,13 +92,13 @@ impl Difference {
 ///
 /// # Panics
 ///
-/// If the sizes differ.
+/// Panics if the sizes differ.
 #[must_use]
 pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
     let [a, b] = [Perceived::new(a), Perceived::new(b)];
-    // Differences are compressed by the largest difference, between green and blue.
+    // The largest difference, that between green and blue, scales the compression.
     let [green, blue] = [Vec3::Y, Vec3::Z].map(|rgb| hunt_lab(XYZ_FROM_RGB * rgb));
     let largest = libm::powf(hyab(green, blue), COLOR_EXPONENT);
     let values = (0..a.lab.len()).map(|i| {
@@ -112,7 +112,7 @@ pub fn difference(a: &Photo, b: &Photo) -> Difference {
     Difference { width_px: size[0], height_px: size[1], values }
 }
 
-/// Values by pixel, row by row: a gray picture, or one in three channels.
+/// Values of all pixels, row by row: a gray picture, or one with three channels.
 #[derive(Clone, Debug)]
 struct Plane<T> {
     width: usize,
@@ -121,14 +121,14 @@ struct Plane<T> {
 
 /// A picture as the eye perceives it.
 struct Perceived {
-    /// Hunt-adjusted `L*`, `a*`, `b*`.
+    /// Hunt-adjusted `L*`, `a*` and `b*`.
     lab: Vec<Vec3>,
     edges: Plane<f32>,
     points: Plane<f32>,
 }
 
 impl Perceived {
-    /// Filters a picture's colors, and finds its edges and points.
+    /// Filters a picture's colors, and detects its edges and points.
     fn new(photo: &Photo) -> Self {
         let width = photo.width_px as usize;
         let light = srgb::linear_from_level();
@@ -136,7 +136,7 @@ impl Perceived {
             let rgb = Vec3::from(pixel.map(|level| light[usize::from(level)]));
             opponent_from_xyz(XYZ_FROM_RGB * rgb)
         });
-        // Features are detected in the unfiltered luminance. Colors are filtered in linear light.
+        // Features are detected in unfiltered luminance, and colors are filtered in linear light.
         let opponent = Plane { width, values: opponent.collect() };
         let gray = opponent.values.iter().map(|color| (color.x + 16.0) / 116.0);
         let [edges, points] = Plane { width, values: gray.collect() }.features();
@@ -150,14 +150,14 @@ impl Perceived {
 }
 
 impl Plane<Vec3> {
-    /// Filters colors by the contrast sensitivity of the eye: a sum of two separable Gaussians.
+    /// Filters colors by the contrast sensitivity of the eye, a sum of two separable Gaussians.
     fn filtered(&self) -> Self {
-        // One radius for all channels, as in the program of the paper.
+        // All channels have the same radius, as in the program of the paper.
         let widest = SENSITIVITY.iter().map(|[_, b]| b.max_element()).fold(0.0, f32::max);
         let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil();
         let [(first, mut out), (second, wide)] = SENSITIVITY.map(|[a, b]| {
             let bell = kernel(radius, |x| b.map(|b| libm::expf(-PI * PI * x * x / b)));
-            // The factor a √(π/b) counts once for both axes.
+            // The factor a √(π/b) applies once for both axes.
             let area: Vec3 = bell.iter().sum();
             let bell = unit(bell);
             (a * b.map(|b| (PI / b).sqrt()) * area * area, self.along_x(&bell).along_y(&bell))
@@ -170,12 +170,12 @@ impl Plane<Vec3> {
 }
 
 impl Plane<f32> {
-    /// Returns the strength of edges and of points, by the first and the second derivative of a
-    /// Gaussian.
+    /// Returns the strengths of edges and of points, which are the first and the second derivative
+    /// of a Gaussian.
     fn features(&self) -> [Self; 2] {
         let sigma = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
         let radius = (3.0 * sigma).ceil();
-        // The functions below are of pixels, and `kernel` passes degrees.
+        // The functions below take pixels, but `kernel` passes degrees.
         let in_px = |f: &dyn Fn(f32) -> f32| kernel(radius, |x| f(x * PIXELS_PER_DEGREE));
         let bell = |x: f32| libm::expf(-x * x / (2.0 * sigma * sigma));
         let flat = unit(in_px(&bell));
@@ -191,7 +191,7 @@ impl Plane<f32> {
 }
 
 impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
-    /// Convolves rows with a kernel. The border pixel is repeated.
+    /// Convolves rows with a kernel. Pixels beyond the border repeat the border pixel.
     fn along_x(&self, kernel: &[T]) -> Self {
         let radius = kernel.len() / 2;
         let mut padded = Vec::new();
@@ -209,7 +209,7 @@ impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
         Self { width: self.width, values }
     }
 
-    /// Convolves columns with a kernel. The border pixel is repeated.
+    /// Convolves columns with a kernel. Pixels beyond the border repeat the border pixel.
     fn along_y(&self, kernel: &[T]) -> Self {
         let radius = (kernel.len() / 2).cast_signed();
         let height = (self.values.len() / self.width).cast_signed();
@@ -226,20 +226,20 @@ impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
     }
 }
 
-/// Returns the values of a function of degrees at integer pixels from `-radius` to `radius`.
+/// Returns the values of a function of degrees at whole pixels from `-radius` to `radius`.
 fn kernel<T>(radius: f32, value: impl Fn(f32) -> T) -> Vec<T> {
     #[expect(clippy::cast_possible_truncation, reason = "some ten pixels")]
     let radius = radius as i32;
     (-radius..=radius).map(|px| value(px as f32 / PIXELS_PER_DEGREE)).collect()
 }
 
-/// Scales a kernel to a sum of 1.
+/// Scales a kernel so that its sum is 1.
 fn unit<T: Copy + Sum + Div<Output = T>>(kernel: Vec<T>) -> Vec<T> {
     let sum: T = kernel.iter().copied().sum();
     kernel.into_iter().map(|value| value / sum).collect()
 }
 
-/// Scales the positive values of a kernel to a sum of 1, and the negative values to -1.
+/// Scales the positive values of a kernel to a sum of 1, and the negative ones to a sum of -1.
 fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
     let [positive, negative] =
         [1.0, -1.0].map(|sign| kernel.iter().map(|v| (sign * v).max(0.0)).sum::<f32>());
@@ -247,7 +247,7 @@ fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
     kernel
 }
 
-/// Converts XYZ to `YCxCz`, which is `L*a*b*` without its cube roots.
+/// Converts XYZ to `YCxCz`, which is `L*a*b*` without the cube roots.
 fn opponent_from_xyz(xyz: Vec3) -> Vec3 {
     let Vec3 { x, y, z } = xyz / WHITE;
     Vec3::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
@@ -259,8 +259,9 @@ fn xyz_from_opponent(color: Vec3) -> Vec3 {
     Vec3::new(y + color.y / 500.0, y, y - color.z / 200.0) * WHITE
 }
 
-/// Converts XYZ to `L*a*b*` with a colorfulness that decreases with the lightness (Hunt effect).
+/// Converts XYZ to `L*a*b*` with less colorfulness at lower lightness (Hunt effect).
 fn hunt_lab(xyz: Vec3) -> Vec3 {
+    // CIE 1976: a cube root above δ³, and a straight line below.
     let delta = 6.0_f32 / 29.0;
     let Vec3 { x, y, z } = (xyz / WHITE).map(|value| match value {
         value if value > delta * delta * delta => libm::cbrtf(value),
@@ -276,7 +277,7 @@ fn hyab(a: Vec3, b: Vec3) -> f32 {
     (a.x - b.x).abs() + libm::hypotf(a.y - b.y, a.z - b.z)
 }
 
-/// Maps a color difference up to `largest` to the range from 0 to 1, and compresses its upper part.
+/// Maps a color difference up to `largest` to the range 0 to 1, and compresses its upper part.
 fn compressed(difference: f32, largest: f32) -> f32 {
     let [from, to] = COMPRESSED;
     let knee = from * largest;
@@ -320,7 +321,7 @@ mod tests {
 
     #[test]
     fn mean_errors_are_those_of_flip_evaluator() {
-        // flip-evaluator 1.7 (Python), evaluate(a, b, "LDR", inputsRGB=True), 67 pixels a degree.
+        // flip-evaluator 1.7 (Python), evaluate(a, b, "LDR", inputsRGB=True), 67 pixels per degree.
         for (name, a, b, wanted) in [
             ("shifted", drawing(0), drawing(3), 0.186_907),
             ("dark", drawing(0), picture(96, 64, |_, _| [0, 0, 0]), 0.532_208),

@@ -1,11 +1,12 @@
-//! Veiling glare and halo: the lens scatters a fraction of all light, in integers.
+//! Veiling glare and halo: the lens scatters a fraction of all light, computed in integers.
 //!
-//! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves: bell-shaped blurs of
-//! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave
-//! is made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
-//! scattered within 4 px stays in its pixel. Every count is conserved.
+//! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves, which are bell-shaped
+//! blurs with σ = 4, 8, 16 … px. Each octave has the light that the scatter puts into its ring of
+//! radii. A pyramid computes an octave as sums over cells as wide as its σ, which are blurred and
+//! spread back to pixels. Light scattered by less than 4 px stays in its pixel. No count is lost.
 //!
-//! Not modeled: ghosts, and light that crosses the border of the picture (it is mirrored).
+//! Ghost images of bright lights are not modeled. Light that would cross the border of the picture
+//! is mirrored.
 
 use rayon::prelude::*;
 
@@ -15,25 +16,25 @@ use super::options::PhotoOptions;
 use crate::expose::Film;
 use noctograph_core::camera::Camera;
 
-/// Edge of the finest cells, and σ of the finest octave.
+/// Side of the finest cells, and σ of the finest octave, in pixels.
 pub(super) const CELL_PX: usize = 4;
 
 /// Unit of fractions of light.
 pub(super) const WHOLE: u32 = 1 << 16;
 
-/// Scattered light of a film.
+/// The scattered light of a film.
 #[derive(Debug)]
 pub(super) struct Glare {
     /// Scattered fraction of each pixel's counts, in units of 1 / [`WHOLE`].
     fraction: u32,
-    /// Scattered light of each channel at the finest cells.
+    /// Scattered light of each channel, in the finest cells.
     halo: Vec<Plane>,
-    /// Cells that give light to each row of pixels.
+    /// Cells and parts from which each row of pixels gets its light.
     rows: Vec<Vec<(usize, usize)>>,
 }
 
 impl Glare {
-    /// Scatters the light of a film. `None` if the scatter is too weak for any pixel.
+    /// Scatters the light of a film. Returns `None` if the scatter is too weak for any pixel.
     pub(super) fn new(film: &Film, camera: &Camera, options: &PhotoOptions) -> Option<Self> {
         let size_px = [film.width_px, film.height_px].map(|side| side as usize);
         let octaves = octaves(size_px, options, camera.pixel_pitch_m());
@@ -47,8 +48,8 @@ impl Glare {
         Some(Self { fraction, halo, rows })
     }
 
-    /// Writes the counts of row `y` of a channel after the scatter to `out`. `pixels` are the
-    /// counts before it, and `cells` is a buffer.
+    /// Writes the counts of row `y` of a channel after scattering to `out`. `pixels` are the counts
+    /// before it, and `cells` is a buffer.
     pub(super) fn row(
         &self,
         channel: usize,
@@ -70,7 +71,8 @@ impl Glare {
             for (out, &count) in out.iter_mut().zip(pixels) {
                 *out = count - scattered(count, self.fraction);
             }
-            // Along the row in 32 bits if the cells are faint, which nearly all are.
+            // The light is spread along the row in 32 bits if the cells are faint, as nearly all
+            // are.
             let brightest = cells.iter().copied().fold(0, u64::max);
             if brightest < QUADRUPLE.narrow_limit() {
                 QUADRUPLE.along_narrow(cells, out);
@@ -106,7 +108,7 @@ pub(super) fn cells(film: &Film, fraction: u32) -> [Plane; 3] {
                     for (sum, pixels) in sums.iter_mut().zip(cells) {
                         *sum += pixels.iter().map(light).sum::<u64>();
                     }
-                    // The last cell may be narrower.
+                    // The last cell of a row may be narrower.
                     if let Some(sum) = sums.get_mut(cells.len()) {
                         *sum += rest.iter().map(light).sum::<u64>();
                     }
@@ -117,11 +119,11 @@ pub(super) fn cells(film: &Film, fraction: u32) -> [Plane; 3] {
     })
 }
 
-/// Returns the fractions of the light that the octaves scatter, from σ = 4 px to half the picture,
-/// in units of 1 / [`WHOLE`].
+/// Returns the fractions of light that the octaves scatter, from σ = 4 px to half the picture, in
+/// units of 1 / [`WHOLE`].
 fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) -> Vec<u32> {
     let PhotoOptions { glare_frac, glare_radius_m, glare_exponent, .. } = *options;
-    // Fraction of the scatter within r: the integral of the scatter over a disc.
+    // Fraction of the scatter within a radius r, which is its integral over a disc.
     let within = |r_px: f64| {
         let ratio = r_px * pitch_m / glare_radius_m;
         1.0 - libm::pow(1.0 + ratio * ratio, 1.0 - glare_exponent)
@@ -129,7 +131,8 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     let diagonal = within(((width * width + height * height) as f64).sqrt());
     let sigmas = std::iter::successors(Some(CELL_PX), |sigma| Some(2 * sigma));
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();
-    // Half the light of a Gaussian is within 1.18 σ. Its ring reaches from 0.83 σ to 1.67 σ.
+    // Half the light of a Gaussian is within 1.18 σ. The Gaussian's ring extends from 0.83 σ to
+    // 1.67 σ.
     let edge = |sigma: usize| within(sigma as f64 * (1.18 / std::f64::consts::SQRT_2));
     Vec::from_iter((0..sigmas.len()).map(|index: usize| {
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
@@ -140,12 +143,12 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     }))
 }
 
-/// Spreads one channel's scattered light over its octaves. Returns the light of the finest cells.
+/// Spreads a channel's scattered light over its octaves, and returns that of the finest cells.
 fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Down: each octave uses a part of the light that remains after the finer octaves.
+    // Goes to coarser octaves. Each octave takes its part of the light that finer octaves left.
     let mut remaining_fraction: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut remaining = cells;
     let mut parts = Vec::with_capacity(octaves.len());
@@ -153,7 +156,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
         let mut part = remaining.clone();
         let factor = (u64::from(octave) << 16) / remaining_fraction;
         for (part, remaining) in part.values.iter_mut().zip(&mut remaining.values) {
-            // Times factor / 2^16, in two halves that do not overflow.
+            // Multiplies by factor / 2^16 in two halves, neither of which can overflow.
             *part = (*part >> 16) * factor + (((*part & 0xffff) * factor) >> 16);
             *remaining -= *part;
         }
@@ -161,7 +164,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
         remaining = remaining.halved();
         parts.push(part);
     }
-    // Up: blurred, and spread to cells half as wide.
+    // Goes back to finer octaves: blurs the light and spreads it to cells of half the width.
     let mut halo = remaining.blurred();
     for mut part in parts.into_iter().rev() {
         halo.spread_into(&DOUBLE, &mut part);

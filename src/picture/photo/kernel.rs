@@ -1,10 +1,10 @@
-//! Spreading of light over neighbors in integers, with every count conserved.
+//! Spreads light over neighbors in integers, without losing a count.
 //!
-//! A value V is divided in fractions `c_j / 2^s` with sum 1. Part j gets `⌊V c_0…j / 2^s⌋ -
+//! A value V is divided into fractions `c_j / 2^s` whose sum is 1. Part j gets `⌊V c_0…j / 2^s⌋ -
 //! ⌊V c_0…j-1 / 2^s⌋`, so that the rounded parts add up to V. Light that would leave the picture is
 //! mirrored at its border, so that uniform light stays uniform.
 
-/// Light of cells, row by row.
+/// The light of cells, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Plane {
     pub(super) width: usize,
@@ -12,27 +12,27 @@ pub(super) struct Plane {
     pub(super) values: Vec<u64>,
 }
 
-/// Kernel that spreads the light of a cell over finer positions along an axis. Values are below
+/// Kernel that spreads the light of a cell over finer positions along an axis. Values stay below
 /// 2^58.
 #[derive(Debug)]
 pub(super) struct Kernel<const PARTS: usize> {
-    /// Positions per cell.
+    /// Number of positions per cell.
     pub(super) step: usize,
-    /// First part's position relative to the cell's.
+    /// Position of the first part relative to that of the cell.
     first: isize,
-    /// Sums of the fractions up to and with each part, in units of `2^-shift`.
+    /// Cumulative sums of the fractions, each including its part, in units of `2^-shift`.
     cumulative: [u64; PARTS],
     shift: u32,
 }
 
-/// Blur of cells, 1-2-1.
+/// Blurs cells by 1-2-1.
 pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
-/// Cells twice as wide to cells, 1-3-3-1.
+/// Spreads cells to cells of half the width by 1-3-3-1.
 pub(super) const DOUBLE: Kernel<4> =
     Kernel { step: 2, first: -1, cumulative: [1, 4, 7, 8], shift: 3 };
 
-/// Cells four pixels wide to pixels, 1-3-5-7-7-5-3-1.
+/// Spreads cells four pixels wide to pixels by 1-3-5-7-7-5-3-1.
 pub(super) const QUADRUPLE: Kernel<8> =
     Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 
@@ -44,7 +44,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
         cumulative(part) - if part == 0 { 0 } else { cumulative(part - 1) }
     }
 
-    /// Returns the position among `n` that receives a part of a cell. It is mirrored at the border.
+    /// Returns the position, out of `n`, that receives a part of a cell, mirrored at the border.
     pub(super) fn position(&self, cell: usize, part: usize, n: usize) -> usize {
         let (position, n) = ((self.step * cell + part).cast_signed() + self.first, n.cast_signed());
         let mirrored = if position < 0 { -1 - position } else { position };
@@ -52,7 +52,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
         mirrored.clamp(0, n - 1).cast_unsigned()
     }
 
-    /// Returns the cells and parts that each of `n` positions receives.
+    /// Returns the cells, each with the index of the part, that each of `n` positions receives.
     pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
         let mut sources = vec![Vec::new(); n];
         for cell in 0..cells {
@@ -70,7 +70,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
         std::array::from_fn(|part| sums[part] - if part == 0 { 0 } else { sums[part - 1] })
     }
 
-    /// Adds the light of a row of cells to a row of positions, with `add`.
+    /// Adds the light of a row of cells to a row of positions, by calling `add`.
     #[inline(always)]
     pub(super) fn along<T>(&self, cells: &[u64], out: &mut [T], add: impl Fn(&mut T, u64)) {
         let n = out.len();
@@ -89,13 +89,13 @@ impl<const PARTS: usize> Kernel<PARTS> {
 }
 
 impl Kernel<8> {
-    /// Returns the light below which a cell fits the arithmetic of [`Self::along_narrow`].
+    /// Returns the light below which a cell fits the 32-bit arithmetic of [`Self::along_narrow`].
     pub(super) fn narrow_limit(&self) -> u64 {
         1 << (32 - self.shift)
     }
 
-    /// Adds the light of a row of faint cells to pixels like [`Self::along`], four at a time in 32
-    /// bits. Sums saturate.
+    /// Adds the light of a row of faint cells to pixels like [`Self::along`], but four pixels at a
+    /// time in 32 bits. Sums saturate.
     #[inline(always)]
     pub(super) fn along_narrow(&self, cells: &[u64], out: &mut [u32]) {
         let n = out.len();
@@ -116,7 +116,7 @@ impl Kernel<8> {
             }
             previous = upper;
         }
-        // The border remains: parts that leave the picture are mirrored there.
+        // Only the border remains, where parts that leave the picture are mirrored.
         let n_inside = inside.len();
         let last = cells.len().saturating_sub(2).max(1)..cells.len();
         for cell in (0..cells.len().min(1)).chain(last) {
@@ -140,7 +140,7 @@ impl Plane {
         Self { width, height, values: vec![0; width * height] }
     }
 
-    /// Adds the light spread along both axes to `out`.
+    /// Spreads the light along both axes and adds it to `out`.
     #[inline(always)]
     pub(super) fn spread_into<const PARTS: usize>(&self, kernel: &Kernel<PARTS>, out: &mut Self) {
         let mut row = vec![0; self.width];
@@ -164,7 +164,7 @@ impl Plane {
         out
     }
 
-    /// Returns the sums of cells twice as wide and high.
+    /// Returns the sums over cells of twice the width and height.
     pub(super) fn halved(&self) -> Self {
         let mut out = Self::dark(self.width.div_ceil(2), self.height.div_ceil(2));
         for (y, row) in self.values.chunks_exact(self.width).enumerate() {

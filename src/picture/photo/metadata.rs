@@ -1,7 +1,7 @@
-//! Metadata of a picture: EXIF 2.32 and XMP.
+//! Metadata of a picture, in EXIF 2.32 and XMP.
 //!
-//! A timestamp would change the bytes of every run, and a maker would name a camera that does not
-//! exist: both are left out. The digital source type of the IPTC marks a picture that was computed
+//! A time would change the bytes with every run, and a maker would name a camera that does not
+//! exist, so both are left out. The digital source type of the IPTC marks the picture as computed
 //! from a model.
 
 use exif::experimental::Writer;
@@ -11,7 +11,7 @@ use super::camera_exif::film_width_m;
 use noctograph_core::camera::Camera;
 use noctograph_core::digest::sha256;
 
-/// Metadata of a picture.
+/// The metadata of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
     /// Exposure time.
@@ -22,17 +22,17 @@ pub struct Metadata {
     pub iso: f64,
     /// Focal length.
     pub focal_length_m: f64,
-    /// Width of the sensor on 35 mm film of the same diagonal, over its width.
+    /// Ratio of the width of 35 mm film with the same diagonal to the width of the sensor.
     pub crop_factor: f64,
-    /// Dots per inch of the print that the picture is for.
+    /// Dots per inch of the print for which the picture is meant.
     pub dots_per_inch: Option<f64>,
-    /// 128 bits that name the picture, in hexadecimal.
+    /// 128 bits that identify the picture, in hexadecimal.
     pub unique_id: String,
 }
 
-/// Length of an inch.
+/// Length of one inch.
 const INCH_M: f64 = 0.0254;
-/// Width of a frame of 35 mm film.
+/// Width of a 35 mm film frame.
 const FILM_WIDTH_M: f64 = 0.036;
 
 pub(super) const SOFTWARE: &str = concat!("noctograph ", env!("CARGO_PKG_VERSION"));
@@ -55,12 +55,12 @@ impl Metadata {
         }
     }
 
-    /// Returns the pixels per meter of the print. `None` if the picture is not for a print.
+    /// Returns the pixels per meter of the print, or `None` if the picture is not meant for print.
     pub(super) fn pixels_per_m(&self) -> Option<u32> {
         self.dots_per_inch.map(|dots| whole(dots / INCH_M))
     }
 
-    /// Encodes the metadata as an EXIF block: `TIFF` header and fields.
+    /// Encodes the metadata as an EXIF block, with a `TIFF` header and fields.
     #[must_use]
     pub fn exif(&self) -> Vec<u8> {
         let ascii = |text: &str| Value::Ascii(vec![text.as_bytes().to_vec()]);
@@ -72,12 +72,12 @@ impl Metadata {
             (Tag::ExposureTime, rational(self.exposure_s)),
             (Tag::FNumber, rational(self.f_number)),
             (Tag::PhotographicSensitivity, Value::Short(vec![short(self.iso)])),
-            // 3: the ISO speed of ISO 12232.
+            // 3 means the ISO speed of ISO 12232.
             (Tag::SensitivityType, Value::Short(vec![3])),
             (Tag::ISOSpeed, Value::Long(vec![iso])),
             (Tag::FocalLength, rational(self.focal_length_m * 1000.0)),
             (Tag::FocalLengthIn35mmFilm, Value::Short(vec![short(length_35_mm)])),
-            // 1: sRGB.
+            // 1 means sRGB.
             (Tag::ColorSpace, Value::Short(vec![1])),
             (Tag::ImageUniqueID, ascii(&self.unique_id)),
         ];
@@ -104,17 +104,17 @@ impl Metadata {
     }
 }
 
-/// Bytes that a checksum of [`unique_id`] covers.
+/// Number of bytes that each checksum of [`unique_id`] covers.
 const BLOCK: usize = 4096;
 
-/// Returns 128 bits of the SHA-256 of the CRC-32 of every block. The SHA-256 of the picture itself
-/// took a quarter of the time from a light trace to its photo.
+/// Returns 128 bits of the SHA-256 of all blocks' CRC-32. The SHA-256 of the whole picture took a
+/// quarter of the time from light trace to photo.
 fn unique_id(picture: &[u8]) -> String {
     let sums = picture.chunks(BLOCK).flat_map(|block| crc32fast::hash(block).to_le_bytes());
     sha256(&sums.collect::<Vec<_>>())[..32].to_owned()
 }
 
-/// Returns a rational number in millionths, or in thousandths or whole numbers if it is too large.
+/// Returns a rational number in millionths, or if it is too large in thousandths or whole numbers.
 fn rational(value: f64) -> Value {
     let mut denoms = [1_000_000_u32, 1000, 1].into_iter();
     let denom = denoms.find(|denom| value * f64::from(*denom) < f64::from(u32::MAX)).unwrap_or(1);
@@ -127,7 +127,7 @@ fn whole(value: f64) -> u32 {
     value.round() as u32
 }
 
-/// Returns a rounded number of 16 bits, which saturates.
+/// Returns a rounded number of 16 bits. Larger numbers saturate.
 fn short(value: f64) -> u16 {
     u16::try_from(whole(value)).unwrap_or(u16::MAX)
 }

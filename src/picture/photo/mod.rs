@@ -1,19 +1,19 @@
 //! Photo: a film becomes a picture.
 //!
-//! Product in: [`Film`]. Product out: [`Photo`], or the [`Readout`] of the sensor in linear light.
+//! Input: [`Film`]. Output: [`Photo`], or the [`Readout`] of the sensor in linear light.
 //!
-//! Light passes through a camera. The lens scatters some of it ([`PhotoOptions::glare_frac`]) and
-//! diffracts some into spikes. The light of the room is added. The sensor makes electrons with
-//! their noise, clips and reads them (EMVA 1288, ISO 12232). A background is added, which has the
-//! light of its room and the noise of its sensor. A tone curve makes levels. An effect that is off
-//! leaves the light unchanged.
+//! Light passes through a camera in several steps. The lens scatters part of it
+//! ([`PhotoOptions::glare_frac`]) and diffracts part into spikes. The light of the room is added.
+//! The sensor converts light to noisy electrons, clips and reads them (EMVA 1288, ISO 12232). A
+//! background is added, which already has the light of its room and the noise of its sensor. A tone
+//! curve converts light to levels. An effect that is turned off leaves the light unchanged.
 //!
-//! Counts stay integers through the lens. The later steps use f32 in `+ - × ÷ √` only, pixel by
-//! pixel, with noise that depends on seed, pixel, channel and source: the same bytes on every
-//! machine and with any number of threads.
+//! Counts stay integers through the lens. The later steps use only `+ - × ÷ √` in f32, pixel by
+//! pixel, with noise that depends on seed, pixel, channel and source. The bytes are therefore the
+//! same on every machine and with any number of threads.
 //!
-//! Not modeled: ghosts, glare of the background (a photo already contains it), the color filter
-//! mosaic, JPEG.
+//! Ghosts, glare of the background (a photo already contains it), the color filter mosaic, and JPEG
+//! are not modeled.
 
 use image::ImageEncoder;
 use rayon::prelude::*;
@@ -61,24 +61,24 @@ mod tone;
 /// Scene-linear light from the sensor, before the tone curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Readout {
-    /// Width.
+    /// Width in pixels.
     pub width_px: u32,
-    /// Height.
+    /// Height in pixels.
     pub height_px: u32,
-    /// Red, green, blue by pixel, row by row from the top left: linear sRGB, 1 at saturation. Noise
-    /// and the color matrix make some values slightly negative.
+    /// Red, green and blue of each pixel, row by row from the top left, in linear sRGB with 1 at
+    /// saturation. Noise and the color matrix make some values slightly negative.
     pub rgb: Vec<f32>,
-    /// Luminous exposure at 1.
+    /// Luminous exposure that a value of 1 stands for.
     pub white_lx_s: f64,
 }
 
-/// Develops a film that was exposed in a room. Returns the photo, with the same bytes for the same
-/// film, camera, options and seed.
+/// Develops a film that was exposed in a room. The photo has the same bytes for the same film,
+/// camera, options and seed.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if an option is out of range or camera and film differ in size, and the errors
-/// of [`read`] for the background.
+/// Returns [`Error::Input`] if an option is out of range or camera and film differ in size, and the
+/// errors of [`read`] for the background.
 pub fn develop(
     film: &Film,
     camera: &Camera,
@@ -95,11 +95,11 @@ pub fn develop(
     Photo::new(PhotoData { width_px, height_px, rgb8, scene_toml: None })
 }
 
-/// Returns the readout of the sensor: [`develop`] without the tone curve.
+/// Returns the readout of the sensor, which is [`develop`] without the tone curve.
 ///
 /// # Errors
 ///
-/// As [`develop`].
+/// Returns the same errors as [`develop`].
 pub fn read_out(
     film: &Film,
     camera: &Camera,
@@ -136,11 +136,11 @@ pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
     bytes
 }
 
-/// Least number of rows in a task.
+/// Minimum number of rows in a parallel task.
 const TASK_ROWS: usize = 16;
 
-/// Processes the picture row by row. `finish` converts the channels of a row to the product.
-/// Returns the luminous exposure at white, and the product.
+/// Processes the picture row by row. `finish` converts the channels of a row to the result. Returns
+/// the luminous exposure at white, and the result.
 fn process<T: Copy + Default + Send>(
     film: &Film,
     camera: &Camera,
@@ -153,9 +153,9 @@ fn process<T: Copy + Default + Send>(
     if [film.width_px, film.height_px] != [camera.width_px, camera.height_px] {
         let size = format!("{}x{}", film.width_px, film.height_px);
         let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
-        return Err(Error::input("film", size, wanted, "develop with the camera that exposed"));
+        return Err(Error::input("film", size, wanted, "use the camera that exposed the film"));
     }
-    // Parts of the camera, prepared once for the whole picture.
+    // Parts of the camera that are prepared once for the whole picture.
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
     let glare = Glare::new(film, camera, options);
@@ -171,7 +171,7 @@ fn process<T: Copy + Default + Send>(
     let mut out = vec![T::default(); 3 * width * height];
     let rows = out.par_chunks_exact_mut(3 * width).enumerate().with_min_len(TASK_ROWS);
     rows.for_each_init(scratch, |(light, counts, scattered, reading), (y, out)| {
-        // Counts up to the lens, light relative to white from there on.
+        // Values are counts up to the lens, and light relative to white after it.
         for (channel, light) in light.iter_mut().enumerate() {
             lens.row(channel, y, scattered, counts);
             noctograph_core::dispatch!(|| {
@@ -188,7 +188,7 @@ fn process<T: Copy + Default + Send>(
     Ok((sensor.white_lx_s, out))
 }
 
-/// A film behind its lens.
+/// A film as seen through its lens.
 struct Lens<'a> {
     film: &'a Film,
     glare: Option<Glare>,
@@ -196,7 +196,7 @@ struct Lens<'a> {
 }
 
 impl Lens<'_> {
-    /// Writes the counts of row `y` of a channel after scatter and diffraction to `out`.
+    /// Writes the counts of row `y` of a channel, after scatter and diffraction, to `out`.
     fn row(&self, channel: usize, y: usize, scratch: &mut Vec<u64>, out: &mut [u32]) {
         let width = out.len();
         let first = y * width;
@@ -205,7 +205,7 @@ impl Lens<'_> {
             Some(glare) => glare.row(channel, y, film, scratch, out),
             None => out.copy_from_slice(film),
         }
-        // Changes are sorted by pixel.
+        // The changes are sorted by pixel.
         let start = self.spikes.partition_point(|change| change.index < first);
         let changes = self.spikes[start..].iter();
         for change in changes.take_while(|change| change.index < first + width) {

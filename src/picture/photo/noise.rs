@@ -1,37 +1,37 @@
-//! Random numbers of the sensor: functions of seed, row, channel, source and column, so that the
-//! noise of a pixel depends on no other pixel, on no order and on no thread.
+//! Random numbers of the sensor. The numbers are functions of seed, row, channel, source and
+//! column, so that the noise of a pixel depends neither on other pixels nor on order or threads.
 
 use std::sync::LazyLock;
 
 use crate::narrow;
 use noctograph_core::random::split_mix;
 
-/// Cells of the table of normal numbers.
+/// Number of cells in the table of normal numbers.
 const CELLS: usize = 2048;
 
-/// Electrons below which the Poisson distribution is exact. Above, a normal distribution replaces
-/// it (as in `ISETCam`).
+/// Number of electrons below which the Poisson distribution is exact. At higher numbers a normal
+/// distribution replaces it (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
-/// Use of a random number.
+/// The use of a random number.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    /// All noise of a bright pixel, or the photons of a dark pixel.
+    /// All noise of a bright pixel, or only the photons of a dark pixel.
     Shot,
-    /// The other noise of a dark pixel: reading, PRNU.
+    /// All other noise of a dark pixel, from reading and PRNU.
     Read,
     /// Hot photosites of a row, and their electrons.
     Hot,
 }
 
-/// Random numbers of a row, by column.
+/// The random numbers of one row, by column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream {
     keys: [u32; 2],
 }
 
 impl Stream {
-    /// Returns the random numbers of a row of a channel for one use.
+    /// Returns the random numbers for one row of a channel and one use.
     pub(super) fn new(seed: u64, y: usize, channel: usize, source: Source) -> Self {
         let index = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
         let key = split_mix(split_mix(seed) ^ index);
@@ -40,7 +40,8 @@ impl Stream {
         Self { keys }
     }
 
-    /// Returns 32 random bits of a column (a multiply-xorshift hash, after Wellons' `lowbias32`).
+    /// Returns the 32 random bits of a column (a multiply-xorshift hash, after Wellons'
+    /// `lowbias32`).
     #[inline(always)]
     pub(super) fn bits(self, x: u32) -> u32 {
         let mut h = x.wrapping_mul(0x9e37_79b9) ^ self.keys[0];
@@ -49,7 +50,7 @@ impl Stream {
         h ^ (h >> 16)
     }
 
-    /// Writes the random bits of all columns of a row.
+    /// Writes the random bits of all columns in a row.
     #[inline(always)]
     pub(super) fn fill(self, out: &mut [u32]) {
         for (x, bits) in (0_u32..).zip(out) {
@@ -58,8 +59,8 @@ impl Stream {
     }
 }
 
-/// Normally distributed numbers, by a piecewise linear inverse of the distribution. Their variance
-/// is 1 to the last digits of f32, and they reach 3.8 σ.
+/// Normally distributed numbers, by a piecewise linear inverse of the distribution function. The
+/// numbers have a variance of 1 to the last digits of f32, and reach 3.8 σ.
 #[derive(Debug)]
 pub(super) struct Normal {
     /// Start of each cell, and its slope per unit of the lower bits.
@@ -69,19 +70,20 @@ pub(super) struct Normal {
 pub(super) static NORMAL: LazyLock<Normal> = LazyLock::new(Normal::new);
 
 impl Normal {
-    /// Computes the table: cells of equal probability.
+    /// Computes the table, whose cells have equal probabilities.
     fn new() -> Self {
         let p = 1.0 / CELLS as f64;
         let mut nodes = [0.0; CELLS + 1];
         for (index, node) in nodes.iter_mut().enumerate().take(CELLS).skip(1) {
             *node = quantile(index as f64 * p);
         }
-        // The last cell has the mean of the tail, φ(z) / p.
+        // The last cell gets the mean of the tail, φ(z) / p.
         let z = nodes[CELLS - 1];
         let tail = libm::exp(-0.5 * z * z) / (std::f64::consts::TAU.sqrt() * p);
         nodes[CELLS] = 2.0 * tail - z;
         nodes[0] = -nodes[CELLS];
-        // Scaled to variance 1: a cell from a to b adds (a² + ab + b²) / 3.
+        // Scales the distribution to a variance of 1. A cell from a to b contributes (a² + ab + b²)
+        // / 3.
         let squares = nodes.windows(2).map(|n| (n[0] * n[0] + n[0] * n[1] + n[1] * n[1]) / 3.0);
         let scale = 1.0 / (squares.sum::<f64>() * p).sqrt();
         let lower = f64::from(1_u32 << LOWER_BITS);
@@ -92,7 +94,7 @@ impl Normal {
         Self { cells }
     }
 
-    /// Returns a normally distributed number for each set of 32 uniform bits.
+    /// Returns one normally distributed number for each set of 32 uniform bits.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, bits: [u32; N]) -> [f32; N] {
         let cells = bits.map(|bits| self.cells[(bits >> LOWER_BITS) as usize]);
@@ -103,7 +105,7 @@ impl Normal {
     }
 }
 
-/// Bits that select the position within a cell.
+/// Number of bits that select the position within a cell.
 const LOWER_BITS: u32 = 32 - CELLS.ilog2();
 
 /// Returns the quantile of the normal distribution for 0 < p < 1, with a relative error of 1.2e-9
@@ -141,7 +143,7 @@ fn quantile(p: f64) -> f64 {
         1.0,
     ];
     const TAIL: f64 = 0.024_25;
-    // A ratio of polynomials: of p - 1/2 in the middle, of √(-2 ln p) in the tails.
+    // Ratios of polynomials, in p - 1/2 in the middle and in √(-2 ln p) in the tails.
     let series = |terms: &[f64], x: f64| terms.iter().fold(0.0, |sum, term| sum * x + term);
     if p > 0.5 {
         -quantile(1.0 - p)
@@ -155,29 +157,29 @@ fn quantile(p: f64) -> f64 {
 }
 
 /// Fast Poisson-distributed numbers with means below [`POISSON_BELOW`], from tables for the means
-/// `(k / 32)²`. For a mean between two of them one is chosen at random, so that the mean is exact,
-/// and the variance to 0.1 %.
+/// `(k / 32)²`. For a mean between two tables, one of them is chosen at random, so that the mean is
+/// exact and the variance is accurate to 0.1 %.
 #[derive(Debug)]
 pub(super) struct Poisson {
-    /// Tables of rising means up to [`POISSON_BELOW`].
+    /// Tables in order of increasing means, up to [`POISSON_BELOW`].
     levels: Box<[[u32; NUMBERS]; LEVELS]>,
 }
 
 const LEVELS: usize = 256;
 const LAST_LEVEL: u32 = 255;
 
-/// Larger numbers have a probability below 2^-32 at a mean of 25.
+/// At a mean of 25, larger numbers have a probability below 2^-32.
 const NUMBERS: usize = 64;
 const LAST_NUMBER: u32 = 63;
 
-/// Bits that select a column of a table, and those that select within it.
+/// Number of bits that select a table's column, and number of bits that select within it.
 const COLUMN_BITS: u32 = NUMBERS.ilog2();
 const WITHIN_BITS: u32 = 32 - COLUMN_BITS;
 
-/// Lowest bits of the uniform number, negligible within a column, that select the level.
+/// Number of lowest bits that select the level. These bits are negligible within a column.
 const LEVEL_BITS: u32 = 12;
 
-/// Mean of level k is k² over this.
+/// Divisor of k² in the mean of level k.
 const PER_SQUARE: f32 = 1024.0;
 
 pub(super) static POISSON: LazyLock<Poisson> = LazyLock::new(Poisson::new);
@@ -196,8 +198,8 @@ impl Poisson {
 
     /// Returns a Poisson-distributed number for each mean and its uniform bits.
     ///
-    /// It has no branches, which random bits would mispredict. Lookups are separated from the
-    /// computations before and after them, which run in wide registers.
+    /// The code has no branches, because random bits would make their prediction fail. Lookups are
+    /// separate from the computations before and after them, which use wide registers.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, means: [f32; N], bits: [u32; N]) -> [f32; N] {
         let level: [u32; N] = std::array::from_fn(|n| Self::level(means[n], bits[n]));
@@ -206,7 +208,7 @@ impl Poisson {
             self.levels[level[n] as usize % LEVELS][column[n] as usize % NUMBERS]
         });
         std::array::from_fn(|n| {
-            // All ones if the bits within select the column, else zero.
+            // The mask is all ones if the bits within select the column, and zero otherwise.
             let within = bits[n] & ((1 << WITHIN_BITS) - 1);
             let mask = (within.cast_signed() - (cells[n] >> COLUMN_BITS).cast_signed()) >> 31;
             let alias = cells[n] & LAST_NUMBER;
@@ -214,13 +216,13 @@ impl Poisson {
         })
     }
 
-    /// Returns the table for a mean: one of the two nearest, chosen by the lowest bits.
+    /// Returns the table's index for a mean. The lowest bits choose between the two nearest.
     #[inline(always)]
     fn level(mean: f32, bits: u32) -> u32 {
         let square = mean * PER_SQUARE;
-        // Added to 1.5 · 2^23, a number has its integer part in the last bits.
+        // After the addition of 1.5 · 2^23, the last bits are the integer part of the number.
         let k = (square.sqrt() - 0.5 + 12_582_912.0).to_bits() & LAST_LEVEL;
-        // From k² on, the next level is 2 k + 1 away.
+        // The next level above k² is 2 k + 1 away.
         let low = (bits & ((1 << LEVEL_BITS) - 1)).cast_signed() as f32 + 0.5;
         let beyond = (square - (k * k).cast_signed() as f32) * (1_i32 << LEVEL_BITS) as f32;
         k + u32::from(low * (2 * k + 1).cast_signed() as f32 <= beyond)
@@ -228,10 +230,10 @@ impl Poisson {
 }
 
 /// Returns the alias table of a Poisson distribution (Walker 1977, Vose 1991). The number is the
-/// column if the bits within are below the upper bits of the cell, else the alias in its lower
-/// bits.
+/// column if the bits within are less than the cell's upper bits, and otherwise the alias in its
+/// lower bits.
 fn table(mean: f64) -> [u32; NUMBERS] {
-    // Probabilities times the number of columns.
+    // Probabilities, multiplied by the number of columns.
     let mut probability = NUMBERS as f64 * libm::exp(-mean);
     let mut scaled: [f64; NUMBERS] = std::array::from_fn(|number| {
         let scaled = probability;
@@ -241,7 +243,7 @@ fn table(mean: f64) -> [u32; NUMBERS] {
     let (mut rare, mut frequent): (Vec<usize>, Vec<usize>) =
         (0..NUMBERS).partition(|&number| scaled[number] < 1.0);
     let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
-    // A number that is too rare to fill its column divides it with a frequent number, its alias.
+    // A number too rare to fill its column fills the rest with a frequent number, its alias.
     while let (Some(&alias), Some(column)) = (frequent.last(), rare.pop()) {
         #[expect(clippy::cast_possible_truncation, reason = "below 1")]
         let within = (scaled[column] * f64::from(1 << WITHIN_BITS)) as u32;
@@ -251,7 +253,7 @@ fn table(mean: f64) -> [u32; NUMBERS] {
             rare.extend(frequent.pop());
         }
     }
-    // The remaining numbers fill a column each, apart from rounding.
+    // Each remaining number fills one column, apart from rounding.
     for number in rare.into_iter().chain(frequent) {
         cells[number] |= u32::try_from(number).expect("a column");
     }

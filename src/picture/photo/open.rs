@@ -1,4 +1,4 @@
-//! Photos from PNG and JPEG files, turned upright by their EXIF.
+//! Reads photos from PNG and JPEG files, and turns them upright by their EXIF.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -13,29 +13,29 @@ use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::JpegFrame;
 
-/// Memory limit for decoding a JPEG file, equal to the largest PNG with four channels of 16 bits.
+/// Maximum memory for decoding a JPEG file, that of the largest PNG with four channels of 16 bits.
 const MAX_BYTES: u64 = 8 * MAX_PIXELS;
 
 /// Reads a photo from a PNG or JPEG file. The header is checked before anything is decoded.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be read, [`Error::Input`] if it is not a PNG or JPEG image, or
-/// too large.
+/// Returns [`Error::Io`] if the file cannot be read, and [`Error::Input`] if it is not a PNG or
+/// JPEG image or is too large.
 pub fn read(path: &Path) -> Result<Photo> {
     Ok(open(path, false)?.0)
 }
 
-/// Reads a photo like [`read`], and the scene and the notes if Noctograph wrote it.
+/// Reads a photo like [`read`], and also the scene and the notes if Noctograph wrote the file.
 ///
 /// # Errors
 ///
-/// As [`read`], and [`Error::Input`] if a text is broken or too large.
+/// Returns the same errors as [`read`], and [`Error::Input`] if a text is damaged or too large.
 pub fn read_with_notes(path: &Path) -> Result<(Photo, Notes)> {
     open(path, true)
 }
 
-/// Reads a photo, and the texts of a PNG file if `texts` is true.
+/// Reads a photo, and also the texts of a PNG file if `texts` is true.
 fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let bytes = LIMIT.read(path)?;
     let broken = |source: &dyn std::fmt::Display| {
@@ -61,14 +61,14 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     Ok((Photo::new(turned(photo, orientation))?, Notes::default()))
 }
 
-/// Refuses a JPEG file that is cut off, or needs more memory to decode than any other photo.
+/// Refuses a JPEG file that is truncated, or takes more memory to decode than any other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
-    // The decoder refuses a file without a frame.
+    // The decoder itself refuses a file without a frame.
     let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
     // The decoder keeps a copy of the file.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
     if needed <= MAX_BYTES {
-        let hint = "take the whole file from the camera's card";
+        let hint = "copy the whole file from the camera's card";
         let error =
             || Error::input(path.display(), "a JPEG that is cut off", "a whole photo", hint);
         return frame.has_end.then_some(()).ok_or_else(error);
@@ -85,7 +85,7 @@ fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// A JPEG of 2 × 1 pixels, black and white, with an EXIF block that asks for a quarter turn.
+    /// Returns a black and white JPEG of 2 × 1 pixels with an EXIF orientation.
     fn jpeg(orientation: u8) -> Vec<u8> {
         let mut bytes = Vec::new();
         let gray: Vec<u8> = (0..16 * 8).map(|i| if i % 16 < 8 { 0 } else { 255 }).collect();
@@ -128,7 +128,7 @@ mod tests {
     fn the_coefficients_of_a_progressive_photo_count() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.jpg");
-        // 8000 x 8000 pixels of four components, and the same in one scan.
+        // An image of 8000 x 8000 pixels with four components, progressive and in a single scan.
         fn frame(marker: u8) -> Vec<u8> {
             let mut bytes = vec![0xff, 0xd8, 0xff, marker, 0, 20, 8, 0x1f, 0x40, 0x1f, 0x40, 4];
             (0..4).for_each(|id| bytes.extend([id, 0x11, 0]));

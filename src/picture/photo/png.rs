@@ -1,4 +1,4 @@
-//! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP and a text chunk of the scene.
+//! Photos as PNG files of 8 or 16 bits per channel, with EXIF, XMP and the scene as a text chunk.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -13,33 +13,33 @@ use noctograph_core::files::Limit;
 
 const SCENE_KEYWORD: &str = "noctograph.scene";
 
-/// Keyword of the gaps in flight logs, as JSON.
+/// Keyword of the gaps in flight logs, which are stored as JSON.
 pub const LOG_GAPS_KEYWORD: &str = "noctograph.log_gaps";
 
-/// Keyword of the digests of flights.
+/// Keyword of the digests of the flights.
 pub const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
-/// Keyword of the digest of strokes.
+/// Keyword of the digest of the strokes.
 pub const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
 
-/// Largest text that is decompressed: the largest scene file.
+/// Maximum size of a decompressed text in bytes, that of the largest scene file.
 const MAX_TEXT_BYTES: usize = 1 << 20;
 
-/// Largest memory for everything except the picture.
+/// Maximum memory in bytes for everything except the picture.
 const MAX_METADATA_BYTES: usize = 16 << 20;
 
-/// Keyword of the text chunk of XMP (PNG, third edition).
+/// Keyword of the text chunk that contains XMP (PNG, third edition).
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
 
 const FITS: &str = "a checked picture fits into memory";
 
-/// Largest image file: a photo of [`MAX_PIXELS`] without compression.
+/// Maximum size of an image file: an uncompressed photo of [`MAX_PIXELS`].
 pub(super) const LIMIT: Limit =
     Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
 
 /// Encodes a photo as PNG: 8 bits per channel, sRGB, fast compression, no time.
 ///
-/// The scene and `notes`, pairs of keyword and text, become text chunks. With metadata, the file
-/// has EXIF and XMP, and the size of the print.
+/// The scene and `notes`, which are pairs of keyword and text, become text chunks. With metadata,
+/// the file also contains EXIF, XMP and the size of the print.
 pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, String)]) -> Vec<u8> {
     let size_px = [photo.width_px, photo.height_px];
     let scene = photo.scene_toml.as_deref();
@@ -47,15 +47,15 @@ pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, St
     encode(size_px, levels, metadata, notes, scene).expect(FITS)
 }
 
-/// Decodes a PNG file, and its notes if `texts` is true.
+/// Decodes a PNG file, and also its notes if `texts` is true.
 ///
-/// Color profile and texts are not unpacked with the picture, since a few kilobytes of either may
-/// expand to gigabytes.
+/// Color profile and texts are not decompressed with the picture, because a few kilobytes of either
+/// may expand to gigabytes.
 pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let broken = |source: &dyn std::fmt::Display| {
         Error::input(path.display(), source, "a PNG image", "choose another file")
     };
-    // The header is checked before memory for pixels is allocated.
+    // The header is checked before any memory for pixels is allocated.
     let limits = png::Limits { bytes: MAX_METADATA_BYTES };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
     decoder.set_ignore_iccp_chunk(true);
@@ -68,7 +68,7 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     let size = reader.output_buffer_size().ok_or_else(|| broken(&"a picture without end"))?;
     let mut samples = vec![0; size];
     let frame = reader.next_frame(&mut samples).map_err(|e| broken(&e))?;
-    // To 8 bits, upright, and then its texts.
+    // Converts the picture to 8 bits, turns it upright, and then reads the texts.
     to_rgb8(&mut samples, frame.color_type, frame.bit_depth);
     let photo = PhotoData { width_px, height_px, rgb8: samples, scene_toml: None };
     let info = reader.info();
@@ -85,7 +85,7 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     ))
 }
 
-/// Turns a photo upright by the orientation of its EXIF.
+/// Turns a photo upright by the orientation in its EXIF.
 pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
     if orientation == Orientation::NoTransforms {
         return photo;
@@ -98,19 +98,19 @@ pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
     PhotoData { width_px, height_px, rgb8: picture.into_rgb8().into_raw(), scene_toml }
 }
 
-/// Texts of a photo that Noctograph wrote.
+/// The texts of a photo that Noctograph wrote.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Notes {
-    /// SHA-256 of its flights, separated by spaces.
+    /// SHA-256 of each of the photo's flights, separated by spaces.
     pub flight_sha256: Option<String>,
-    /// SHA-256 of its strokes, if they are from a font or drawing of the user's.
+    /// SHA-256 of the photo's strokes, if they come from the user's font or drawing.
     pub strokes_sha256: Option<String>,
-    /// Gaps of flights' logs that it leaves dark.
+    /// Gaps in the flight logs that are dark in the photo.
     pub log_gaps_json: Option<String>,
 }
 
-/// Returns the text of a keyword, or `None` without it. Refuses a broken text, and one above the
-/// limit.
+/// Returns the text of a keyword, or `None` if there is none. Refuses a text that is damaged or
+/// larger than the limit.
 fn text(
     texts: &[png::text_metadata::ITXtChunk],
     keyword: &str,
@@ -122,13 +122,13 @@ fn text(
     let plain = unpacked.and_then(|()| text.get_text());
     plain.map(Some).map_err(|error| {
         let wanted = format!("a text of at most {} MiB", MAX_TEXT_BYTES >> 20);
-        let hint = "name a scene, which goes before the photo's own";
+        let hint = "name a scene, which replaces the photo's own";
         Error::input(keyword, error, wanted, hint).in_file(path.display(), None)
     })
 }
 
-/// Converts samples in place to RGB of 8 bits. They have 8 or 16 bits, with or without color and
-/// transparency.
+/// Converts samples in place to RGB with 8 bits per channel. The samples have 8 or 16 bits, with or
+/// without color and transparency.
 fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let is_wide = depth == png::BitDepth::Sixteen;
     if color == png::ColorType::Rgb && !is_wide {
@@ -139,13 +139,13 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let n = samples.len() / bytes;
     samples.resize(samples.len().max(3 * n), 0);
     for index in 0..n {
-        // Forward if pixels shrink, backward if they grow, so that no sample is overwritten before
-        // it is read.
+        // Pixels that shrink are converted forward, and pixels that grow backward, so that no
+        // sample is overwritten before it is read.
         let index = if bytes >= 3 { index } else { n - 1 - index };
         let pixel = &samples[index * bytes..][..bytes];
         let levels = [0, 1, 2].map(|channel| match if has_color { channel } else { 0 } {
             channel if !is_wide => pixel[channel],
-            // The nearest of 256 levels: 65535 is 255 of 257.
+            // The nearest of 256 levels, where 65535 = 255 · 257.
             channel => {
                 let level = u16::from_be_bytes([pixel[2 * channel], pixel[2 * channel + 1]]);
                 u8::try_from((u32::from(level) + 128) / 257).unwrap_or(u8::MAX)
@@ -156,7 +156,7 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     samples.truncate(3 * n);
 }
 
-/// Refuses an image that is too large, before it is decoded.
+/// Refuses an image that is too large before it is decoded.
 pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
     check_size(width_px, height_px).map_err(|error| match error {
         Error::Input { found, wanted, .. } => {
@@ -167,7 +167,7 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// Encodes the readout as PNG with 16 bits per channel, otherwise like
+    /// Encodes the readout as PNG with 16 bits per channel. Everything else is as in
     /// [`develop`](super::develop) and [`encode_png`].
     pub fn encode_png16(
         &self,
@@ -176,7 +176,7 @@ impl Readout {
         notes: &[(&str, String)],
         scene_toml: Option<&str>,
     ) -> Vec<u8> {
-        // The levels are dropped before the encoder allocates as much memory again.
+        // The readout's levels are dropped before the encoder allocates as much memory again.
         let bytes: Vec<u8> =
             self.rgb16(tone).iter().flat_map(|level| level.to_be_bytes()).collect();
         let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &bytes) };
@@ -186,8 +186,8 @@ impl Readout {
     }
 }
 
-/// Encodes a PNG with EXIF and texts in memory. The encoder is generic in its writer, so that only
-/// one is compiled, here.
+/// Encodes a PNG with EXIF and texts in memory. The encoder is generic over its writer, so only
+/// this one instance is compiled.
 fn encode(
     [width_px, height_px]: [u32; 2],
     (depth, bytes): (png::BitDepth, &[u8]),
@@ -205,7 +205,7 @@ fn encode(
     let mut encoder = png::Encoder::with_info(&mut file, info)?;
     encoder.set_compression(png::Compression::Fastest);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    // Texts come before the pixels, for readers that stop at these.
+    // The texts come before the pixels for readers that stop at the pixels.
     let xmp = metadata.map(|metadata| (XMP_KEYWORD, metadata.xmp()));
     let scene = scene_toml.map(|scene| (SCENE_KEYWORD, scene.to_owned()));
     for (keyword, text) in xmp.into_iter().chain(notes.iter().cloned()).chain(scene) {
@@ -252,7 +252,7 @@ mod tests {
         let sixteen = readout.encode_png16(linear, (&camera, print), &[], Some("seed = 7"));
         for file in [eight, sixteen] {
             let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
-            // 150 dots in 25.4 mm.
+            // The print has 150 dots per 25.4 mm.
             let dims = reader.info().pixel_dims.unwrap();
             assert_eq!((dims.xppu, dims.yppu, dims.unit), (5906, 5906, png::Unit::Meter));
             let exif = reader.info().exif_metadata.clone().unwrap();
@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// A text chunk of 60 kB that stands for 60 MB, in a photo that is otherwise whole.
+    /// A text chunk of 60 kB that expands to 60 MB, in a photo that is otherwise valid.
     #[test]
     fn a_text_that_unpacks_without_end_is_refused_only_where_it_is_read() {
         let folder = tempfile::tempdir().unwrap();
@@ -295,8 +295,8 @@ mod tests {
         assert_eq!(crate::photo::read(&path).unwrap().rgb8, [1, 2, 3]);
     }
 
-    /// Every kind of PNG against the decoder of `image`, which is a second implementation above
-    /// the same inflation.
+    /// Every kind of PNG is compared with the decoder of `image`, which is a second implementation
+    /// on top of the same decompression.
     #[test]
     fn every_color_type_and_depth_becomes_rgb_of_8_bits() {
         use png::{BitDepth, ColorType};

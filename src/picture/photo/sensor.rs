@@ -1,19 +1,20 @@
-//! Sensor: from the light on its pixels to its readout, after EMVA 1288.
+//! The sensor converts the light on its pixels to a readout, as in EMVA 1288.
 //!
-//! 1. Light leaks between the color channels and becomes electrons: Poisson numbers with a mean of
-//!    the light times the response of the channel. Dark current and hot photosites add some.
+//! 1. Light leaks between the color channels and then becomes electrons. The numbers of electrons
+//!    are Poisson-distributed with a mean of the light times the channel's response. Dark current
+//!    and hot photosites add more electrons.
 //! 2. The well or the converter clips each channel, and reading adds noise.
 //! 3. The camera subtracts the mean dark current, clips all channels at the same light, and inverts
-//!    the leak by its matrix: unclipped light has its own color again, clipped light a color nearer
-//!    to its neighbor's and to white. Then it balances white and clips again: gains before the
-//!    matrix would tint every gray.
+//!    the leak by its matrix. Unclipped light thereby regains its color, and clipped light gets a
+//!    color closer to its neighbor's and to white. Then the camera balances white and clips again.
+//!    Gains before the matrix would tint every gray.
 //!
-//! Green photosites receive a fourth of a blue LED's light ([`SENSITIVITY`]): hence the cyan center
-//! of an overexposed blue lamp.
+//! Green photosites receive a fourth of a blue LED's light ([`SENSITIVITY`]), which makes the
+//! center of an overexposed blue lamp cyan.
 //!
-//! White is [`Camera::saturation_lx_s`].
-//! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
-//! modeled: rounding of the converter, the color filter mosaic, banding, cosmic rays.
+//! White is [`Camera::saturation_lx_s`]. A single picture does not show which part of its noise is
+//! a fixed pattern, so PRNU is part of the variance. Not modeled: rounding of the converter, the
+//! color filter mosaic, banding, cosmic rays.
 
 use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream};
 use super::options::{Noise, PhotoOptions, SensorNoise};
@@ -21,44 +22,44 @@ use crate::narrow;
 use noctograph_core::camera::Camera;
 use noctograph_core::random::poisson;
 
-/// Sensor of a camera.
+/// The sensor of a camera.
 #[derive(Debug)]
 pub(super) struct Sensor {
     pub(super) white_lx_s: f64,
-    /// Matrix of the crosstalk between the channels, and its inverse.
+    /// Matrix of the crosstalk between the channels, and the inverse of that matrix.
     crosstalk: Option<[[[f32; 3]; 3]; 2]>,
     white_balance: [f32; 3],
     noise: Option<Noisy>,
 }
 
-/// A noisy sensor, in electrons.
+/// The noise of a sensor, in electrons.
 #[derive(Debug)]
 struct Noisy {
     seed: u64,
     normal: &'static Normal,
     poisson: &'static Poisson,
-    /// Electrons of each channel at white.
+    /// Number of electrons in each channel at white.
     at_white: [f32; 3],
-    /// Largest number of electrons.
+    /// Number of electrons at which a channel clips.
     clip: f32,
-    /// Mean electrons of the dark current.
+    /// Mean number of electrons from dark current.
     dark: f32,
     read_variance: f32,
     prnu_squared: f32,
-    /// Mean number of hot pixels in a row, and mean electrons of one.
+    /// Mean number of hot pixels per row, and mean number of electrons in each.
     hot_in_row: f64,
     hot: f64,
 }
 
-/// Mean dark current of a hot pixel, which is distributed exponentially.
+/// Mean dark current of a hot pixel, which is exponentially distributed.
 pub(super) const HOT_PIXEL_E_S: f64 = 100.0;
-/// Seed of the hot pixels, which are the same in all pictures of the camera.
+/// Seed of the hot pixels, which are the same in all pictures of a camera.
 const HOT_PIXEL_SEED: u64 = 0;
 
-/// Pixels whose electrons are computed at once.
+/// Number of pixels whose electrons are computed together.
 const LANES: usize = 16;
 
-/// Buffers for a row: random bits of each use, and hot pixels.
+/// Buffers for a row: random bits for each use, and hot pixels.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     bits: Vec<u32>,
@@ -81,12 +82,12 @@ impl Sensor {
         }
     }
 
-    /// Reads row `y`: replaces light relative to white by the camera's readout, which is 1 at
-    /// saturation, and may be slightly negative by noise or the matrix. No product is fused with a
-    /// sum, so that registers of any width give the same bits.
+    /// Reads row `y`: replaces the light relative to white by the camera's readout, which is 1 at
+    /// saturation. Noise and the matrix may make it slightly negative. No multiplication is fused
+    /// with an addition, so that registers of any width give the same bits.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
-        // Crosstalk of the color filters, noise and clipping, the matrix that undoes the crosstalk,
-        // white balance.
+        // Applies the crosstalk of the color filters, then noise and clipping, then the matrix that
+        // undoes the crosstalk, and finally the white balance.
         noctograph_core::dispatch!(|| {
             if let Some([crosstalk, _]) = &self.crosstalk {
                 multiply(crosstalk, rows);
@@ -106,14 +107,14 @@ impl Sensor {
 }
 
 /// Sensitivity of red, green and blue photosites (rows) to red, green and blue LEDs of 622, 525 and
-/// 466 nm, relative to the photosites of the LED's color, with white balanced.
+/// 466 nm, relative to the photosites of the LED's own color, with white balanced.
 ///
-/// Medians of 32 cameras. Spectral sensitivities were measured by Jiang and others 2013 and by
-/// contributors of github.com/butcherg/ssf-data.
+/// Medians over 32 cameras, whose spectral sensitivities were measured by Jiang and others 2013 and
+/// by contributors of github.com/butcherg/ssf-data.
 const SENSITIVITY: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
 
-/// Returns the matrix of the crosstalk, and its inverse: fractions of red, green and blue light
-/// that the red, green and blue photosites receive. White gives the same in all.
+/// Returns the matrix of the crosstalk, and its inverse. The matrix has the fractions of red, green
+/// and blue light that each kind of photosite receives. White light is equal in all channels.
 fn crosstalk() -> [[[f32; 3]; 3]; 2] {
     let fractions = SENSITIVITY.map(|row| row.map(|light| light / row.iter().sum::<f64>()));
     let crosstalk = nalgebra::Matrix3::from_fn(|i, j| fractions[i][j]);
@@ -122,7 +123,7 @@ fn crosstalk() -> [[[f32; 3]; 3]; 2] {
         .map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }
 
-/// Multiplies the red, green and blue of each pixel of a row by a matrix.
+/// Multiplies the red, green and blue values of each pixel in a row by a matrix.
 #[inline(always)]
 fn multiply(matrix: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
     let [red, green, blue] = rows;
@@ -134,12 +135,12 @@ fn multiply(matrix: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
 }
 
 impl Noisy {
-    /// Computes the constants of a sensor in electrons.
+    /// Computes the constants of a sensor, in electrons.
     fn new(camera: &Camera, noise: &SensorNoise, seed: u64) -> Self {
         let gain = (camera.iso / camera.base_iso).max(1.0);
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
         let largest = noise.response.into_iter().fold(0.0, f64::max);
-        // At a gain the converter clips before the well does.
+        // With gain, the converter clips before the well is full.
         let clip = noise.full_well_e / gain;
         let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
         Self {
@@ -156,7 +157,7 @@ impl Noisy {
         }
     }
 
-    /// Replaces the light of row `y` by its noisy readout, 1 at saturation.
+    /// Replaces the light of row `y` by its noisy readout, which is 1 at saturation.
     #[inline(always)]
     fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
         let Scratch { bits, read_bits, hot } = scratch;
@@ -165,7 +166,7 @@ impl Noisy {
         read_bits.resize(width, 0);
         self.hot_pixels(y, width, hot);
         for (channel, row) in rows.iter_mut().enumerate() {
-            // Mean electrons of each pixel: photons, dark current, hot photosites.
+            // Mean electrons of each pixel from photons, dark current and hot photosites.
             let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
             let mut n_dark = 0;
             for light in row.iter_mut() {
@@ -175,7 +176,7 @@ impl Noisy {
             for &(x, electrons) in &*hot {
                 row[x] += electrons * self.at_white[channel] / self.at_white[1].max(1.0);
             }
-            // A row without dark pixels needs no Poisson numbers.
+            // A row without dark pixels needs no Poisson-distributed numbers.
             Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
             if n_dark > 0 {
                 Stream::new(self.seed, y, channel, Source::Read).fill(read_bits);
@@ -185,7 +186,7 @@ impl Noisy {
                     *mean = self.bright(*mean, bits);
                 }
             }
-            // The well clips. The camera subtracts the mean dark current.
+            // The well clips, and then the camera subtracts the mean dark current.
             let per_electron = 1.0 / at_white;
             for electrons in row.iter_mut() {
                 *electrons = ((electrons.min(clip) - dark) * per_electron).min(1.0);
@@ -193,10 +194,10 @@ impl Noisy {
         }
     }
 
-    /// Replaces the mean electrons of a row, some of it dark, by random numbers.
+    /// Replaces the mean electrons of a row with some dark pixels by random numbers.
     #[inline(always)]
     fn add_noise(&self, row: &mut [f32], bits: &[u32], read_bits: &[u32]) {
-        // Whole groups of pixels, then the remaining pixels.
+        // Processes whole groups of pixels first, and then the remaining pixels.
         let (groups, rest) = row.as_chunks_mut();
         let (bits, rest_bits) = bits.as_chunks();
         let (read_bits, rest_read_bits) = read_bits.as_chunks();
@@ -209,8 +210,9 @@ impl Noisy {
         }
     }
 
-    /// Replaces mean electrons by random numbers: Poisson-distributed photons, and normally
-    /// distributed other noise. Pixels above [`POISSON_BELOW`] are computed as bright pixels.
+    /// Replaces mean electrons by random numbers: Poisson-distributed photons plus normally
+    /// distributed noise of all other sources. Pixels of at least [`POISSON_BELOW`] are computed as
+    /// bright pixels.
     #[inline(always)]
     fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], read_bits: [u32; N]) {
         let photons = self.poisson.numbers(*means, bits);
@@ -227,20 +229,21 @@ impl Noisy {
         }
     }
 
-    /// Returns random electrons of a bright pixel, whose sources add up to one normal number.
+    /// Returns the electrons of a bright pixel, for which all noise is one normal number.
     #[inline(always)]
     fn bright(&self, mean: f32, bits: u32) -> f32 {
         let variance = mean + self.read_variance + self.prnu_squared * mean * mean;
         mean + variance.sqrt() * self.normal.numbers([bits])[0]
     }
 
-    /// Writes the hot pixels of a row to `out`: column and electrons of each.
+    /// Writes the column and the electrons of each hot pixel in a row to `out`.
     fn hot_pixels(&self, y: usize, width: usize, out: &mut Vec<(usize, f32)>) {
         out.clear();
         let stream = Stream::new(HOT_PIXEL_SEED, y, 0, Source::Hot);
-        // From 0 to 1, without either: (bits + 1/2) / 2^32.
+        // (bits + 1/2) / 2^32 is between 0 and 1, and never equal to either.
         let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
-        // A Poisson number of pixels, each at a uniform column with exponential electrons.
+        // The number of hot pixels is Poisson-distributed, their columns are uniform, and their
+        // electrons exponentially distributed.
         let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {
             let scaled = u64::from(stream.bits(1 + 2 * index)) * width as u64;

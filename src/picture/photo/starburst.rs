@@ -1,13 +1,13 @@
-//! Starburst: spikes that the iris diffracts from points where a lamp dwells.
+//! Starburst: the spikes that the iris diffracts from points where a lamp dwells.
 //!
-//! A straight blade diffracts light into a spike at right angles to it. The fraction `2 λ N / (π²
-//! r)` of a point's light lands farther than r from it, like for a round iris. Straight blades
-//! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. The
-//! spikes of a moving lamp are too faint to see, so only lamps at rest have them. Their light is
-//! subtracted from the point.
+//! A straight blade diffracts light into a spike perpendicular to it. As for a round iris, the
+//! fraction `2 λ N / (π² r)` of a point's light lands farther than r from it. Straight blades
+//! concentrate that light in spikes, so each of n spikes has `2 λ N / (π² n r²)` per unit length.
+//! The spikes of a moving lamp are too faint to be visible, so only lamps at rest get them. The
+//! light of the spikes is subtracted from the point.
 //!
-//! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure
-//! of spikes by color.
+//! The light of a spike in a pixel is rounded down to an integer. The fine structure of spikes by
+//! color is not modeled.
 
 use glam::DVec2;
 
@@ -17,44 +17,44 @@ use crate::expose::Film;
 use crate::whole;
 use noctograph_core::camera::Camera;
 
-/// Wavelength of red, green and blue LEDs.
+/// Wavelengths of red, green and blue LEDs.
 const WAVELENGTH_M: [f64; 3] = [620e-9, 525e-9, 465e-9];
 
-/// Least light of a point with visible spikes, in saturated pixels.
+/// Minimum light of a point with visible spikes, in units of a saturated pixel.
 const BRIGHT_PX: f64 = 1000.0;
 
-/// Most points with spikes, the brightest first.
+/// Maximum number of points with spikes. The brightest points are chosen.
 const MAX_POINTS: usize = 64;
 
-/// Distance of cells around a point's cell that contain its light: 3 × 3 cells of 4 px.
+/// Number of cells on each side of a point's cell that contain its light: 3 × 3 cells of 4 px.
 const REACH_CELLS: usize = 1;
 
-/// Distance from the point at which spikes begin, outside of those cells, and at which they end.
+/// Distances from the point at which spikes start, outside of those cells, and end.
 const INNER_PX: f64 = 6.0;
 const OUTER_PX: f64 = 240.0;
 
-/// Width of a spike: σ of a Gaussian across it.
+/// Width of a spike: σ of the Gaussian across it.
 const WIDTH_PX: f64 = 0.9;
-/// √(2π): area of a Gaussian of height and σ 1.
+/// √(2π), the area of a Gaussian with a height of 1 and a σ of 1.
 const ROOT_TAU: f64 = 2.506_628_3;
 
-/// Rotation of the iris, so that no spike runs along rows or columns like an artifact.
+/// Rotation of the iris, so that no spike runs along rows or columns and looks like an artifact.
 const TURN_RAD: f64 = 0.2;
 
-/// Largest fraction of the light of a point in its spikes.
+/// Maximum fraction of a point's light in its spikes.
 const MAX_FRACTION: f64 = 0.3;
 
-/// Change of the counts of a pixel.
+/// A change in the counts of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Change {
-    /// `y * width_px + x`.
+    /// Index `y * width_px + x` of the pixel.
     pub(super) index: usize,
-    /// Counts by channel. All changes of a film add up to 0.
+    /// Change of each channel's counts. All changes of a film add up to 0.
     pub(super) counts: [i64; 3],
 }
 
-/// Returns the changes that spikes make to a film, in order of the pixels. An iris without blades
-/// makes none.
+/// Returns the changes that spikes make to a film, sorted by pixel. Without blades there are no
+/// changes.
 pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change> {
     if blades == 0 {
         return Vec::new();
@@ -74,7 +74,7 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
             let (sin, cos) = libm::sincos(angle);
             draw(film, point.center_px, DVec2::new(cos, sin), light, &mut changes);
         }
-        // Light is conserved: the point loses the counts of its spikes.
+        // The point loses the counts of its spikes, so that light is conserved.
         subtract_spikes(film, &point, first, &mut changes);
     }
     changes.sort_by_key(|change| change.index);
@@ -83,10 +83,10 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
 
 /// A point of the picture at which a lamp dwells.
 struct Point {
-    /// First cell of the block of cells around it.
+    /// First cell of the block of cells around the point.
     corner: [usize; 2],
     center_px: DVec2,
-    /// Light in counts, without that of a trail through it.
+    /// Light in counts, without the light of a trail through the point.
     light: [f64; 3],
 }
 
@@ -100,7 +100,7 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     let mut points: Vec<(u64, Point)> = Vec::new();
     for y in margin..height.saturating_sub(margin) {
         for x in margin..width.saturating_sub(margin) {
-            // The brightest cell has at least a ninth of the light of its block.
+            // The brightest cell has at least a ninth of the light in its block.
             let light = cell(x, y);
             if light as f64 * 9.0 < bright {
                 continue;
@@ -109,12 +109,12 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
                 (y - reach..=y + reach)
                     .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
             };
-            // The last of equal cells is the point.
+            // If several cells are equal, the last one is the point.
             if !around(margin).all(|[i, j]| (cell(i, j), [j, i]) <= (light, [y, x])) {
                 continue;
             }
             let dwelling: [f64; 3] = std::array::from_fn(|c: usize| {
-                // A trail leaves three cells of light in the block and two in the ring around.
+                // A trail leaves three cells of light in the block and two in the ring around it.
                 let [block, both] = [REACH_CELLS, margin].map(|reach| -> u64 {
                     around(reach).map(|[x, y]| cells[c].values[y * width + x]).sum()
                 });
@@ -132,7 +132,7 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     points.into_iter().map(|(_, point)| point).collect()
 }
 
-/// Returns the pixels of a block of cells, as columns and rows.
+/// Returns the columns and rows of the pixels in a block of cells.
 fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)> {
     let size = CELL_PX * (2 * REACH_CELLS + 1);
     let ends = [film.width_px as usize, film.height_px as usize];
@@ -155,11 +155,11 @@ fn center_px(film: &Film, corner: [usize; 2]) -> DVec2 {
     sum / weight
 }
 
-/// Appends the changes of a spike from a point along a unit vector. `light` is the spike's light
-/// beyond 1 px from the point.
+/// Appends the changes that a spike makes from a point along a unit vector. `light` is the spike's
+/// light beyond 1 px from the point.
 fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<Change>) {
     let size = [film.width_px, film.height_px].map(|side| side as usize);
-    // Steps along the axis that the spike is nearer to, and across it.
+    // Goes along the axis that is closer to the spike's direction, and across that axis.
     let (main, side) = if along.x.abs() > along.y.abs() { (0, 1) } else { (1, 0) };
     for main_px in 0..size[main] {
         let u_main = main_px as f64 + 0.5 - from[main];
@@ -168,11 +168,11 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
             continue;
         }
         let middle = from[side] + r * along[side];
-        // 4 σ to either side.
+        // Covers 4 σ on either side.
         let first = (middle - 4.0 * WIDTH_PX).max(0.0);
         for side_px in (0..size[side]).skip(whole(first)).take(8) {
             let u_side = side_px as f64 + 0.5 - from[side];
-            // In the frame of the spike: u along it, v across. Its light falls with 1/u².
+            // u is along the spike and v across it. The light of a spike decreases with 1/u².
             let u = u_main * along[main] + u_side * along[side];
             let v = u_main * along[side] - u_side * along[main];
             if !(INNER_PX..=OUTER_PX).contains(&u) {
@@ -189,8 +189,8 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
     }
 }
 
-/// Subtracts the light of the changes from `first` on from the pixels of the point, in proportion
-/// to their light.
+/// Subtracts the light of the changes starting at `first` from the pixels of the point, in
+/// proportion to their own light.
 fn subtract_spikes(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let spikes: [i128; 3] = std::array::from_fn(|c| {
@@ -200,7 +200,7 @@ fn subtract_spikes(film: &Film, point: &Point, first: usize, changes: &mut Vec<C
         let index = y * width + x;
         (index, [0, 1, 2].map(|c| i128::from(film.counts[c * pixels + index])))
     }));
-    // Differences of rounded cumulative sums, so that the parts add up to the spikes.
+    // The parts are differences of rounded cumulative sums, so that they add up to the spikes.
     let total = [0, 1, 2].map(|c| block.iter().map(|(_, light)| light[c]).sum::<i128>());
     let mut cumulative = [0_i128; 3];
     for (index, light) in block {

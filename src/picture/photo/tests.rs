@@ -1,4 +1,4 @@
-//! Tests of the chain from film to photo.
+//! Tests of the processing from film to photo.
 
 use super::noise::{POISSON, Source, Stream};
 use super::*;
@@ -7,7 +7,7 @@ use noctograph_core::camera::CameraOptions;
 use noctograph_core::error::Result;
 use noctograph_core::srgb;
 
-/// Developed and read out in a room without walls.
+/// Returns the developed readout of a film in a room without walls.
 fn develop(film: &Film, camera: &Camera, options: &PhotoOptions, seed: u64) -> Result<Photo> {
     super::develop(film, camera, &ExposeOptions::default(), options, seed)
 }
@@ -23,7 +23,7 @@ fn camera(size_px: [u32; 2], change: impl FnOnce(&mut CameraOptions)) -> Camera 
     options.camera([0.0, 0.5, 1.0, 1.0], 10.0).unwrap()
 }
 
-/// One count is 2^-20 lx s.
+/// Returns a film whose unit of counts is 2^-20 lx s.
 fn film([width_px, height_px]: [u32; 2], count: impl Fn(usize, usize, usize) -> u32) -> Film {
     let (width, height) = (width_px as usize, height_px as usize);
     let rows =
@@ -41,7 +41,7 @@ fn random(x: usize, y: usize) -> u32 {
     Stream::new(5, y, 0, Source::Shot).bits(u32::try_from(x).unwrap())
 }
 
-/// A film of a thin trail and some dots in the dark.
+/// Returns a film with a thin trail and some dots on a dark background.
 fn drawing(size_px: [u32; 2]) -> Film {
     film(size_px, |channel, x, y| match (x + 2 * y) % 97 {
         0 => count(8.0) >> channel,
@@ -58,7 +58,7 @@ fn electrons_only() -> PhotoOptions {
     noisy(|_| {})
 }
 
-/// Electrons with read noise and all that `change` adds.
+/// Returns electrons with read noise and everything that `change` adds.
 fn noisy(change: impl FnOnce(&mut SensorNoise)) -> PhotoOptions {
     let mut noise = SensorNoise {
         response: [1.0; 3],
@@ -75,7 +75,7 @@ fn noisy(change: impl FnOnce(&mut SensorNoise)) -> PhotoOptions {
 fn with_all_effects_off_the_sensor_clips_and_the_curve_is_srgb() {
     let camera = camera([64, 33], |_| {});
     let film = film([64, 33], |channel, x, y| random(x, y) >> ((3 * channel + x + y) % 32));
-    // The least count that reaches each level, in integers.
+    // Smallest integer count that reaches each level.
     let thresholds: Vec<u32> = (0..255)
         .map(|level| {
             let light = srgb::linear_from_encoded((f64::from(level) + 0.5) / 255.0);
@@ -189,7 +189,7 @@ fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
     });
     for (blades, wanted) in [(7, 14), (6, 6)] {
         let changes = spikes(&dwell, blades);
-        // Light of a ring around the point, by direction: its peaks are spikes.
+        // The light of a ring around the point, by direction, has its peaks at the spikes.
         let mut around = [0; 120];
         for change in &changes {
             let x = (change.index % 400) as f64 - 200.0;
@@ -219,7 +219,7 @@ fn an_overexposed_color_turns_white_and_others_stay() {
     assert!(readout.rgb[3..].iter().all(|value| *value > 0.9), "{:?}", &readout.rgb[3..]);
 }
 
-/// Mean and variance of what the sensor reads of even light, in electrons.
+/// Returns the mean and the variance, in electrons, of what the sensor reads of even light.
 fn statistics(options: &PhotoOptions, electrons: f64) -> (f64, f64) {
     let film = film([1000, 700], |_, _, _| count(electrons / 50_000.0));
     let rgb = read_out(&film, &camera([1000, 700], |_| {}), options, 3).unwrap().rgb;
@@ -304,7 +304,7 @@ fn a_full_well_clips() {
         assert!(rgb.iter().all(|value| *value <= 1.0));
         rgb.iter().filter(|value| **value == 1.0).count() as f64 / rgb.len() as f64
     }
-    // σ = √50000 = 223.6 electrons: one σ above, 84.1 % clip.
+    // σ is √50000 = 223.6 electrons, so that 84.1 % clip at one σ above the full well.
     assert!((fraction(50_223.6) - 0.8413).abs() < 0.003, "{}", fraction(50_223.6));
     assert!((fraction(50_000.0) - 0.5).abs() < 0.003, "{}", fraction(50_000.0));
     assert_eq!(fraction(55_000.0), 1.0);
@@ -318,7 +318,8 @@ fn hot_pixels_are_white_and_have_their_density_and_mean() {
     });
     let film = film([1000, 1000], |_, _, _| 0);
     let rgb = read_out(&film, &camera([1000, 1000], |_| {}), &options, 4).unwrap().rgb;
-    // Exponential with a mean of 100 e-/s · 10 s: exp(-0.1) of 1,000 are above 100 e-.
+    // The distribution is exponential with a mean of 100 e-/s · 10 s, so that exp(-0.1) of 1,000
+    // are above 100 e-.
     fn electrons(value: f32) -> f64 {
         f64::from(value) * 50_000.0
     }
@@ -333,7 +334,7 @@ fn hot_pixels_are_white_and_have_their_density_and_mean() {
     assert!((sum / number - 1100.0).abs() < 4.0 * 1000.0 / number.sqrt(), "{}", sum / number);
 }
 
-/// Four photosites of a sensor against one pixel of a print: the same mean and variance, whether
+/// Four photosites of a sensor and one pixel of a print have the same mean and variance, whether
 /// photons, reading, dark current, uneven gain or hot photosites dominate.
 #[test]
 fn a_print_has_the_noise_of_the_photosites_that_its_dots_stand_for() {
@@ -376,7 +377,7 @@ fn room_light_follows_luminance_time_and_aperture() {
     let light = |change: fn(&mut CameraOptions)| {
         read_out(&dark, &camera([3, 3], change), &options, 0).unwrap().rgb[3 * 4]
     };
-    // π τ L t / (4 N²) at the middle: 0.7854 · 0.9 · 0.05 · 10 / 64 / 0.78.
+    // The light at the center is π τ L t / (4 N²), or 0.7854 · 0.9 · 0.05 · 10 / 64 / 0.78.
     let at_8 = light(|_| {});
     assert!((at_8 - 0.007_080).abs() < 1e-5, "{at_8}");
     let stops = options.ambient_stops(&camera([3, 3], |_| {})).unwrap();
@@ -476,7 +477,7 @@ fn hot_pixels_belong_to_the_camera() {
     }
     let [one, other] = [hot(1), hot(2)];
     assert!(one.len() > 30, "{one:?}");
-    // Near the threshold the noise of the electrons decides.
+    // Near the threshold, the noise of the electrons decides which pixels are hot.
     let shared = one.iter().filter(|index| other.contains(index)).count();
     assert!(20 * shared > 19 * one.len().max(other.len()), "the same in every flight: {shared}");
 }
@@ -493,7 +494,7 @@ fn a_background_joins_in_linear_light() {
     let options = PhotoOptions { background, ..PhotoOptions::plain() };
     let (dark, camera) = (film([2, 1], |_, _, _| 0), camera([2, 1], |_| {}));
     for tone in [Tone::Camera, Tone::Linear] {
-        // The room's light is in the picture.
+        // The picture already contains the light of the room.
         let options = PhotoOptions { tone, ambient_cd_m2: 1.0, ..options.clone() };
         assert_eq!(tests::rgb8(&dark, &camera, &options), rgb8, "its own levels");
     }

@@ -1,4 +1,4 @@
-//! Tone curves: from the light on the sensor to the levels of the picture.
+//! Tone curves from the light on the sensor to the levels of the picture.
 
 use std::sync::OnceLock;
 
@@ -6,26 +6,26 @@ use noctograph_core::settings::settings;
 use noctograph_core::srgb;
 
 settings! {
-    /// Tone curve, from the light on the sensor to the levels of the picture. Light 1 saturates the
+    /// Tone curve from light on the sensor to levels of the picture. A light of 1 saturates the
     /// sensor.
     pub enum Tone {
-        /// As a camera renders its JPEG: an S-curve of the logarithm of light, per channel.
+        /// An S-curve of the logarithm of light in each channel, as cameras use for JPEGs.
         ///
-        /// Middle gray, 10/78 of saturation (ISO 12232), becomes level 118. Contrast there is 0.2
-        /// per stop, 1.4 times sRGB's. Saturation becomes white over a soft shoulder, and 11 stops
-        /// below it is black.
+        /// Middle gray, 10/78 of saturation (ISO 12232), becomes level 118. The contrast there is
+        /// 0.2 per stop, 1.4 times that of sRGB. Saturation becomes white over a soft shoulder, and
+        /// 11 stops below it is black.
         "camera" => Camera,
-        /// Khronos PBR Neutral, which keeps hues, with the sRGB curve: for verification.
+        /// Khronos PBR Neutral with the sRGB curve, which keeps hues, for verification.
         "neutral" => Neutral,
-        /// Only the sRGB curve (IEC 61966-2-1): for measurement.
+        /// The sRGB curve (IEC 61966-2-1) and nothing else, for measurement.
         "linear" => Linear,
     }
 }
 
-/// Middle gray relative to saturation: ISO 12232 has 10/S lx s for one and 78/S for the other.
+/// Middle gray relative to saturation. ISO 12232 defines them as 10/S and 78/S lx s, respectively.
 const GRAY: f64 = 10.0 / 78.0;
 
-/// Encoded value of middle gray: level 118.
+/// Encoded value of middle gray, which is level 118.
 const GRAY_LEVEL: f64 = 118.0 / 255.0;
 
 /// Change of the encoded value per stop at middle gray.
@@ -34,15 +34,15 @@ const CONTRAST: f64 = 0.2;
 /// Distance of black from middle gray, in stops.
 const BLACK_STOPS: f64 = 8.0;
 
-/// Sharpness of the bends to white and to black. 1 is softest.
+/// Sharpness of the bends to white and to black, where 1 is the softest.
 const SHOULDER: f64 = 2.0;
 const TOE: f64 = 1.5;
 
-/// Least light of the camera's curve, which is black, so that its logarithm exists.
+/// Minimum light of the camera's curve, at which it is black. The limit keeps the logarithm finite.
 const MIN_LIGHT: f64 = 1e-9;
 
 impl Tone {
-    /// Applies the part of the curve that acts on the three channels of a pixel together.
+    /// Applies the part of the curve that combines the three channels of a pixel.
     pub(super) fn mixed(self, rgb: [f32; 3]) -> [f32; 3] {
         match self {
             Self::Neutral => neutral(rgb),
@@ -50,7 +50,7 @@ impl Tone {
         }
     }
 
-    /// Applies [`mixed`](Self::mixed) to the pixels of a row.
+    /// Applies [`mixed`](Self::mixed) to all pixels of a row.
     pub(super) fn mix(self, [red, green, blue]: &mut [Vec<f32>; 3]) {
         if self == Self::Neutral {
             for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
@@ -59,7 +59,7 @@ impl Tone {
         }
     }
 
-    /// Returns the encoded value, 0 to 1, of the light of a channel, 0 to 1.
+    /// Returns the encoded value, 0 to 1, of a channel's light, 0 to 1.
     #[must_use]
     pub fn encode(self, light: f64) -> f64 {
         match self {
@@ -68,12 +68,12 @@ impl Tone {
         }
     }
 
-    /// Returns the light of an encoded value, both 0 to 1: the inverse of [`encode`](Self::encode),
-    /// and 0 at 0.
+    /// Returns the light of an encoded value, both 0 to 1. This is the inverse of
+    /// [`encode`](Self::encode), and 0 at 0.
     pub(super) fn decode(self, encoded: f64) -> f64 {
         match self {
             Self::Camera if encoded > 0.0 => {
-                // Bisection down to the last bit.
+                // Bisects down to the last bit.
                 let (mut low, mut high) = (0.0, 1.0);
                 for _ in 0..f64::MANTISSA_DIGITS {
                     let middle = 0.5 * (low + high);
@@ -87,10 +87,10 @@ impl Tone {
     }
 }
 
-/// Returns the encoded value of light under the tone [`Tone::Camera`].
+/// Returns the encoded value of light by the curve of [`Tone::Camera`].
 fn camera(light: f64) -> f64 {
-    // g + s u / (1 + |s u / l|^b)^(1/b), with u in stops from middle gray. l is such that the curve
-    // reaches white at saturation, and black BLACK_STOPS below middle gray.
+    // g + s u / (1 + |s u / l|^b)^(1/b), with u in stops from middle gray. The limit l makes the
+    // curve reach white at saturation, and black at BLACK_STOPS below middle gray.
     let stops = libm::log2(light.max(MIN_LIGHT) / GRAY);
     let (end_stops, end_level, bend) = if stops > 0.0 {
         (-libm::log2(GRAY), 1.0 - GRAY_LEVEL, SHOULDER)
@@ -122,19 +122,19 @@ fn neutral(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(|value| value * (new_peak / peak) * keep + new_peak * (1.0 - keep))
 }
 
-/// Light at which the tables begin, 2^-14: black in every tone.
+/// Light at which the tables start, 2^-14, which is black in every tone.
 const DARK: f32 = 1.0 / 16384.0;
 
-/// Tables of a curve for 8 bits.
+/// Tables of a tone curve for 8 bits.
 #[derive(Debug)]
 pub(super) struct Levels8 {
-    /// Least light of levels 1 to 255, then infinity.
+    /// Minimum light of each of the levels 1 to 255, followed by infinity.
     least: [f32; 256],
     /// Level at the start of each 1024th of an octave.
     start: Vec<u8>,
 }
 
-/// Number of low bits of a float that an entry of [`Levels8`] spans.
+/// Number of low bits of a float that one entry of [`Levels8`] spans.
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
@@ -146,7 +146,7 @@ impl Levels8 {
 
     /// Computes the tables of a tone.
     fn new(tone: Tone) -> Self {
-        // The least light that rounds to each level, by bisection over the bits of a float.
+        // Finds the minimum light that rounds to each level, by bisection over the bits of a float.
         let mut least = [f32::INFINITY; 256];
         let mut low = DARK.to_bits();
         for (level, least) in least.iter_mut().enumerate().take(255) {
@@ -162,7 +162,7 @@ impl Levels8 {
             }
             *least = f32::from_bits(low);
         }
-        // A bin spans at most one step of the level, so that one comparison decides.
+        // A bin spans at most one step between levels, so that a single comparison decides.
         let bins = ((1.0_f32.to_bits() - DARK.to_bits()) >> BIN_BITS) + 1;
         let mut level = 0;
         let start = (0..bins).map(|bin| {
@@ -175,8 +175,8 @@ impl Levels8 {
         Self { start: start.collect(), least }
     }
 
-    /// Writes the nearest levels of a row of pixels. Clips the light in `channels` to the range of
-    /// the levels.
+    /// Writes the nearest levels of a row of pixels, after clamping the light in `channels` to the
+    /// range of the levels.
     pub(super) fn write_row(&self, channels: &mut [Vec<f32>; 3], out: &mut [u8]) {
         noctograph_core::dispatch!(|| {
             channels.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));
@@ -188,7 +188,7 @@ impl Levels8 {
         }
     }
 
-    /// Returns the nearest level of light from [`DARK`] to 1.
+    /// Returns the level nearest to light from [`DARK`] to 1.
     #[inline(always)]
     fn level(&self, light: f32) -> u8 {
         let start = self.start[((light.to_bits() - DARK.to_bits()) >> BIN_BITS) as usize];
@@ -196,13 +196,13 @@ impl Levels8 {
     }
 }
 
-/// Table of a curve for 16 bits: linear between 256 points an octave.
+/// Table of a tone curve for 16 bits, linear between 256 points per octave.
 #[derive(Debug)]
 pub(super) struct Levels16 {
     nodes: Vec<f64>,
 }
 
-/// Low bits of a float between two nodes of [`Levels16`].
+/// Number of low bits of a float between two nodes of [`Levels16`].
 const NODE_BITS: u32 = 15;
 
 impl Levels16 {
@@ -213,11 +213,11 @@ impl Levels16 {
         Self { nodes: lights.map(|light| tone.encode(f64::from(light).min(1.0))).collect() }
     }
 
-    /// Returns the nearest level of light, or its neighbor.
+    /// Returns the level nearest to some light, or a neighbor of that level.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
     pub(super) fn level(&self, light: f32) -> u16 {
         let encoded = if light < DARK {
-            // Linear from the first node to 0, like sRGB.
+            // The curve is linear from the first node to 0, as sRGB is.
             self.nodes[0] * f64::from(light.max(0.0) / DARK)
         } else {
             let bits = light.min(1.0).to_bits() - DARK.to_bits();
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn neutral_is_the_published_formula() {
-        // By hand from the specification (Khronos PBR Neutral Tone Mapper, 2024).
+        // Computed by hand from the specification (Khronos PBR Neutral Tone Mapper, 2024).
         let cases = [
             ([0.5, 0.5, 0.5], [0.46, 0.46, 0.46]),
             ([0.04, 0.2, 0.3], [0.01, 0.17, 0.27]),

@@ -1,4 +1,4 @@
-//! The reader against photos drawn here: clean ones, faulty ones, and other things than the word.
+//! Tests of the reader on photos drawn here: clean words, words with faults, and other shapes.
 
 use super::*;
 use noctograph_core::camera::Camera;
@@ -12,7 +12,7 @@ mod reading;
 mod studio;
 mod why;
 
-/// A word in the repaired letters, which have digits.
+/// Returns a word in the repaired team letters, which include digits.
 fn fixed(text: &str) -> Strokes {
     write(text, &LetterOptions { font: "ae483-fixed".into(), ..Default::default() }).unwrap()
 }
@@ -35,7 +35,7 @@ fn simplex(text: &str) -> Strokes {
     write(text, &LetterOptions { font: "simplex".into(), ..Default::default() }).unwrap()
 }
 
-/// True if every letter is right and no other word is likelier.
+/// True if every letter is read as expected and no other word is likelier.
 fn is_read(verdict: &Verdict) -> bool {
     verdict.letters.iter().all(|letter| letter.best == Some(letter.expected))
         && verdict.rival.as_ref().is_none_or(|rival| rival.p < 0.5)
@@ -67,8 +67,8 @@ fn accents_count_as_their_letters_and_punctuation_is_not_judged() {
     assert!(verdict.letters[2].p > Some(0.5), "{verdict:?}");
 }
 
-/// Which the net was not trained on: they count as what it takes a faultless drawing of them for, a
-/// ligature as its two letters.
+/// Letters that the net was not trained on count as whatever the net reads in a faultless drawing
+/// of them. A ligature counts as its two letters.
 #[test]
 fn latin_letters_of_other_languages_are_read() {
     for name in ["Łucja", "Søren", "Þór", "Kjær", "Cœur", "Ægir"] {
@@ -77,7 +77,7 @@ fn latin_letters_of_other_languages_are_read() {
         assert!(is_read(&verdict) && verdict.read == name, "{name}: {verdict:?}");
         assert_eq!(verdict.letters.len(), name.chars().count(), "{name}");
     }
-    // What the drawing does not show is read as before.
+    // A ligature whose drawing does not look like two letters is read as one letter.
     let strokes = simplex("Kjær");
     let verdict = Shot::new(&simplex("Kjar")).verdict(&strokes);
     assert!(!verdict.legible && !is_read(&verdict), "{verdict:?}");
@@ -158,7 +158,7 @@ fn scribbles_are_not_legible() {
     }
 }
 
-/// Letters between an N and an E, scored as each letter of the same group.
+/// Each letter is drawn between an N and an E, and scored as each letter of the same group.
 #[test]
 fn one_wrong_letter_is_not_legible() {
     for group in ["OCGQD", "EFPRB", "ITLJ", "MNHW", "UVY", "KXA", "SZ"] {
@@ -212,7 +212,7 @@ fn a_missing_letter_is_a_gap() {
     let a = &near.glyphs[2].moves;
     moves.retain(|step| !a.contains(step));
     let verdict = Shot::new(&near).showing(moves).verdict(&near);
-    // Nothing is seen there, so the spelling leaves it open.
+    // That position is dark, so the spelling leaves its letter open.
     assert_eq!((&verdict.read[..], verdict.letters[2].best), ("NE?R", None), "{verdict:?}");
     assert!(!verdict.legible && verdict.readability < 0.7, "{verdict:?}");
     assert_eq!(verdict.rival.unwrap().word, "NER");
@@ -347,7 +347,7 @@ fn unusable_input_is_refused_by_name() {
     assert!(refuse(&noor, &shot.camera, &never).contains("score.legible_probability"));
 }
 
-/// Keys of the tables of `docs/reference/verdict.md`, table by table.
+/// Returns the keys in each table of `docs/reference/verdict.md`.
 fn documented() -> Vec<Vec<&'static str>> {
     let tables = include_str!("../../../docs/reference/verdict.md").split("\n\n");
     let key = |row: &'static str| row.strip_prefix("| `")?.split('`').next();
@@ -398,7 +398,8 @@ fn the_same_photo_has_the_same_verdict_on_any_number_of_threads() {
     let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
     let explain = || {
         let (verdict, marks) = reader.explain(&photo, &view, &Known::default()).unwrap();
-        // Rust prints the shortest digits that name a float: equal texts are equal bits.
+        // Rust prints floats with the fewest digits that identify them: equal texts mean equal
+        // bits.
         format!("{verdict:?} {marks:?}")
     };
     let alone = explain();

@@ -1,4 +1,4 @@
-//! Blind recognition, and placement of a word by its ink.
+//! Tests of blind recognition, and of locating a word by its ink.
 
 use super::studio::{Shot, camera, word};
 use super::*;
@@ -140,7 +140,8 @@ fn two_lines_small_letters_and_accents_are_read_blindly() {
     }
 }
 
-/// Stars of several kinds. A triangle and a ring are letters to a net that knows no other shape.
+/// Stars of several kinds. A triangle or a ring is a letter to the net, which knows no other
+/// shapes.
 #[test]
 fn shapes_are_no_writing() {
     let noor = simplex("NOOR");

@@ -1,5 +1,5 @@
-//! Photos for the tests: what is lit in the plane of the word is seen by a camera, glows, and is
-//! encoded with noise. The flight's faults are put in as they look, not as they come about.
+//! Photos for the tests. A camera sees what is lit in the plane of the word, and the picture glows,
+//! gets noise and is encoded. The faults of flights are drawn as they look, not simulated.
 
 use nalgebra::Vector3;
 use tiny_skia::Transform;
@@ -14,26 +14,26 @@ use noctograph_core::srgb::encoded_from_linear;
 use noctograph_core::strokes::{Move, Strokes};
 use noctograph_letters::{LetterOptions, write};
 
-/// A photo in the making.
+/// The parameters of a photo.
 #[derive(Clone)]
 pub(super) struct Shot {
-    /// What is lit, in the plane of the word.
+    /// The lit lines, in the plane of the word.
     pub(super) moves: Vec<Move>,
     pub(super) camera: Camera,
-    /// Linear light of the trail and of the sky, 1 is white.
+    /// Linear light of the trail and of the sky, where 1 is white.
     pub(super) light: f32,
     pub(super) sky: f32,
-    /// Linear light of a glow that falls off by a third of the photo's height from its lower edge.
+    /// Linear light of a glow at the lower edge, which fades over a third of the photo's height.
     pub(super) floor_glow: f32,
-    /// Linear light of a lit wall, in the middle of its soft spot, right of the word.
+    /// Linear light at the center of a soft spot on a lit wall to the right of the word.
     pub(super) wall: f32,
-    /// Light of red, green and blue.
+    /// Relative light of red, green and blue.
     pub(super) tint: [f32; 3],
     /// Standard deviation of the noise in sRGB codes.
     pub(super) noise: f64,
 }
 
-/// Numbers from 0 to 1, always the same.
+/// Reproducible random numbers from 0 to 1.
 pub(super) struct Dice(pub(super) u64);
 
 impl Dice {
@@ -42,18 +42,19 @@ impl Dice {
         (self.0 >> 40) as f64 / f64::from(1 << 24)
     }
 
-    /// About a Gaussian: mean 0, standard deviation 1.
+    /// Returns an approximately normal number with mean 0 and standard deviation 1.
     fn gauss(&mut self) -> f64 {
         ((0..3).map(|_| self.roll()).sum::<f64>() - 1.5) * 2.0
     }
 }
 
-/// A word in the team's letters and boxes.
+/// Returns a word in the team's letters and boxes.
 pub(super) fn word(text: &str) -> Strokes {
     write(text, &LetterOptions::default()).unwrap()
 }
 
-/// A camera before the middle of the word, turned about it by an angle, with half a meter of room.
+/// Returns a camera in front of the middle of the word, turned about it by an angle, that sees half
+/// a meter more than the word.
 pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera {
     let [left, bottom, right, top] = strokes.bounds_m();
     let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
@@ -81,7 +82,7 @@ pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera
     }
 }
 
-/// Reads a photo.
+/// Returns the verdict on a photo.
 pub(super) fn score(
     photo: &Photo,
     strokes: &Strokes,
@@ -96,7 +97,7 @@ fn sq(value: f32) -> f32 {
 }
 
 impl Shot {
-    /// A word as intended.
+    /// Returns a shot of a word as intended.
     pub(super) fn new(strokes: &Strokes) -> Self {
         Self {
             moves: strokes.glyphs.iter().flat_map(|glyph| glyph.moves.clone()).collect(),
@@ -110,7 +111,7 @@ impl Shot {
         }
     }
 
-    /// The same camera before other lit lines.
+    /// Returns the shot with the same camera and other lit lines.
     pub(super) fn showing(&self, moves: Vec<Move>) -> Self {
         Self { moves, ..self.clone() }
     }
@@ -126,8 +127,8 @@ impl Shot {
         self.mapped(|[x, y]| [x + right_m, y + up_m])
     }
 
-    /// As a drone draws that trails its setpoint along the path: corners are rounded, ends are not
-    /// reached, jumps are flown.
+    /// Draws the word like a drone that trails its setpoint along the path: corners are rounded,
+    /// ends are not reached, and jumps are lit.
     pub(super) fn trailing(mut self, lag_m: f64) -> Self {
         let piece_m = 0.005;
         let mut pen_m = self.moves[0].from_m;
@@ -148,7 +149,7 @@ impl Shot {
         self
     }
 
-    /// The end of every lit run is missing.
+    /// Removes the end of every lit run.
     pub(super) fn ending_early(mut self, missing_m: f64) -> Self {
         let mut left_m = missing_m;
         for step in self.moves.iter_mut().rev() {
@@ -166,7 +167,7 @@ impl Shot {
         self
     }
 
-    /// Wanders by a standard deviation, forgotten over 0.14 m of path.
+    /// Adds a wandering error of standard deviation `sigma_m`, correlated over 0.14 m of path.
     pub(super) fn wandering(self, sigma_m: f64) -> Self {
         let mut flown = self.trailing(0.01);
         let keep = libm::exp(-0.005 / 0.14_f64);
@@ -189,7 +190,7 @@ impl Shot {
         reader.explain(&self.photo(), &(&self.camera).into(), known).unwrap().0
     }
 
-    /// Exposes and encodes: a trail of 2 cm that glows by 6 mm.
+    /// Exposes and encodes the photo. The photo's trails are 2 cm wide and glow by another 6 mm.
     pub(super) fn photo(&self) -> Photo {
         let camera = &self.camera;
         let seen = |[x, y]: [f64; 2]| {

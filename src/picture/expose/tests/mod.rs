@@ -1,4 +1,4 @@
-//! Tests of the whole module on the CPU. `twins` compares the backends.
+//! Tests of the whole exposure on the CPU. `twins` compares the backends.
 
 use crate::light::LightTraceData;
 use nalgebra::{Matrix3, Vector3};
@@ -11,7 +11,7 @@ use noctograph_core::geometry::camera_from_world;
 #[cfg(feature = "gpu")]
 mod twins;
 
-/// A camera at the origin that looks along y: 36 mm wide sensor, 35 mm lens at f/8.
+/// Returns a camera at the origin that looks along y: 36 mm wide sensor, 35 mm lens at f/8.
 pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
     Camera {
         position_m: Vector3::zeros(),
@@ -34,7 +34,7 @@ pub(super) fn camera(width_px: u32, height_px: u32) -> Camera {
     }
 }
 
-/// A white Lambertian lamp of 1.8 cd that shines towards the camera, at these places.
+/// Returns a white Lambertian lamp of 1.8 cd that shines toward the camera from these positions.
 pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
     let emitter = Emitter {
         name: "headlight".into(),
@@ -55,13 +55,13 @@ pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
     Lamp { drone: None, emitter, samples: places.into_iter().map(sample).collect() }
 }
 
-/// A camera 2 m above the floor that looks down at it.
+/// Returns a camera 2 m above the floor that looks straight down.
 pub(super) fn looking_down() -> Camera {
     let camera_from_world = camera_from_world(Vector3::new(0.0, 1.0, -1.0));
     Camera { position_m: Vector3::z() * 2.0, camera_from_world, ..camera(320, 200) }
 }
 
-/// A lamp of 1.8 cd that shines straight down at a place for 3 s.
+/// Returns a lamp of 1.8 cd that shines straight down from a position for 3 s.
 pub(super) fn hanging(place: [f64; 3]) -> LightTrace {
     let mut lamp = lamp([(0.0, place), (3.0, place)]);
     (lamp.emitter.isotropic_fraction, lamp.emitter.visible_cos) = (0.0, 0.0);
@@ -69,7 +69,7 @@ pub(super) fn hanging(place: [f64; 3]) -> LightTrace {
     LightTrace::made(LightTraceData { lamps: vec![lamp] })
 }
 
-/// A lissajous figure of 2 m with a pause, at 250 Hz, 3 m away.
+/// Returns a Lissajous figure of 2 m with a pause, sampled at 250 Hz, 3 m from the camera.
 pub(super) fn figure(n: u32) -> Lamp {
     lamp((0..n).map(|i| {
         let t = f64::from(i) / 250.0;
@@ -79,7 +79,7 @@ pub(super) fn figure(n: u32) -> Lamp {
     }))
 }
 
-/// A lamp behind a diffuser, which is upright and shines to all sides.
+/// Puts a lamp behind an upright diffuser that shines to all sides.
 pub(super) fn diffuser(mut lamp: Lamp) -> Lamp {
     let emitter = &mut lamp.emitter;
     (emitter.isotropic_fraction, emitter.diameter_m, emitter.depth_m) = (1.0, 0.06, Some(0.02));
@@ -87,7 +87,7 @@ pub(super) fn diffuser(mut lamp: Lamp) -> Lamp {
     lamp
 }
 
-/// The latent image of lamps.
+/// Returns the latent image of lamps.
 fn latent(lamps: Vec<Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
     let options = ExposeOptions {
         merge_tolerance_px: tolerance_px,
@@ -97,9 +97,9 @@ fn latent(lamps: Vec<Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
     project(&LightTrace::made(LightTraceData { lamps }), camera, &options).expect("light")
 }
 
-/// Scenes by name that all backends expose to the same bits.
+/// Returns named scenes that all backends must expose to the same bits.
 pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
-    // Splitmix64, a throw of 0 to 1: random hops, hovers and streaks across every border.
+    // Splitmix64 gives numbers from 0 to 1 for random hops, hovers and streaks across every border.
     let mut state = 7_u64;
     let mut throw = || {
         state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -133,7 +133,7 @@ pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
     ]
 }
 
-/// The CPU's film, merged at `merge_tolerance_px`.
+/// Returns the film that the CPU exposes after merging at `merge_tolerance_px`.
 fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<i32>) -> Film {
     let options = ExposeOptions { merge_tolerance_px, ..Default::default() };
     let latent =
@@ -143,7 +143,7 @@ fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<
     latent.expect("a coarse scale").on_cpu().film
 }
 
-/// Second implementation: every interval in f64, with erf, at every pixel within 8 σ.
+/// Computes the film a second way: each interval in f64, with erf, at every pixel within 8 σ.
 fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     let [width, height] = [camera.width_px as usize, camera.height_px as usize];
     let mut plane = vec![0.0; width * height];
@@ -180,7 +180,7 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     plane
 }
 
-/// Largest difference of the red plane from brute force, relative to the peak.
+/// Returns the largest difference of the red plane from the reference, relative to the peak.
 fn error_of_peak(film: &Film, reference: &[f64]) -> f64 {
     let peak = reference.iter().copied().fold(0.0, f64::max);
     let errors = reference.iter().enumerate().map(|(i, r)| (film.exposure_lx_s(0, i) - r).abs());
@@ -193,7 +193,7 @@ fn a_lamp_at_rest_leaves_its_intensity_through_the_pupil_over_the_distance_squar
     let pupil_m2 = std::f64::consts::PI * (0.035 / 16.0) * (0.035 / 16.0);
     for place in [[0.0, 3.0, 0.0], [0.8, 2.5, 0.3], [-0.3713, 4.0, -0.2217]] {
         let exposed = film(&[lamp([(1.0, place), (3.5, place)])], &camera, 0.005, None);
-        // Lambertian lamp facing the camera plane: cos θ = cos α = y / d.
+        // The lamp is Lambertian and faces the camera plane, so cos θ = cos α = y / d.
         let d = Vector3::from(place).norm();
         let cos = place[1] / d;
         let lumen_s = 1.8 * cos * cos * pupil_m2 * 0.9 / (d * d) * 2.5;
@@ -207,19 +207,19 @@ fn a_lamp_at_rest_leaves_its_intensity_through_the_pupil_over_the_distance_squar
 
 #[test]
 fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
-    // Soft enough that no part of the spot's width hides under its lower limit.
+    // The blur is wide enough that no part of the spot's width is below its lower limit.
     let camera = Camera { blur_m: 70e-6, ..camera(640, 400) };
     let (v, d) = (0.2, 3.0);
     let path = (0..=2000).map(|i| (f64::from(i) / 500.0, [f64::from(i) / 500.0 * v - 0.4, d, 0.0]));
     let exposed = film(&[lamp(path)], &camera, 0.0, None);
 
-    // H w = I τ π f / (4 N² d v): integral of the exposure across the trail, on the axis.
+    // H w = I τ π f / (4 N² d v) is the integral of the exposure across the trail, on the axis.
     let wanted = 1.8 * 0.9 * std::f64::consts::PI * 0.035 / (4.0 * 64.0 * d * v);
     let column: Vec<f64> = (0..400).map(|y| exposed.exposure_lx_s(0, y * 640 + 320)).collect();
     let across = column.iter().sum::<f64>() * camera.pixel_pitch_m();
     assert!((across / wanted - 1.0).abs() < 2e-5, "{across} lx s m, wanted {wanted}");
 
-    // Profile: a Gaussian of blur, diffraction, disc and pixel. The axis is between two pixels.
+    // The profile is a Gaussian of blur, diffraction, disc and pixel. The axis is between pixels.
     let pitch = camera.pixel_pitch_m();
     let square = |x: f64| x * x;
     let disc = square(0.003 * 0.035 / d / pitch) / 16.0;
@@ -233,7 +233,7 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     }
 }
 
-/// The sum of Gaussian lamps on a grid of 1 mm all over the silhouette of a diffuser.
+/// Compares with the sum of Gaussian lamps on a 1 mm grid all over a diffuser's silhouette.
 #[test]
 fn a_diffuser_leaves_a_stroke_as_wide_as_it_looks_from_the_camera() {
     let camera = Camera { blur_m: 60e-6, ..camera(640, 400) };
@@ -274,9 +274,9 @@ fn films_are_within_2e_5_of_the_peak_unmerged_and_1e_3_merged() {
     let mut fade = streak([-1.0, 3.0, 0.1], [0.9, 3.0, -0.2]);
     fade.samples[1].level = 0.0;
     let small = Camera { blur_m: 110e-6, ..camera(320, 200) };
-    // After the pause of the figure: beside a hover, no trail errs by much of the peak.
+    // The shutter opens after the pause, because no trail beside a hover errs by much of the peak.
     let large = |blur_m| Camera { blur_m, shutter_open_s: 1.41, ..camera(960, 540) };
-    // A spot of half a pixel is 1.4 % brighter or fainter between the pixels than its samples.
+    // A spot of half a pixel is 1.4 % brighter or fainter between the pixels than at their centers.
     let cases = [
         ("sharp figure", figure(1500), large(5e-6), [1.5e-2; 2]),
         ("soft figure", figure(1500), large(60e-6), [2e-5, 1e-3]),
@@ -301,7 +301,7 @@ fn the_exposure_of_a_trail_is_independent_of_the_shutter_time_and_follows_the_la
     fn trail(v: f64, d: f64) -> Lamp {
         lamp((0..=400).map(|i| (f64::from(i) / 100.0, [(f64::from(i) / 100.0 - 2.0) * v, d, 0.0])))
     }
-    // Light across the trail's middle, in lx s m on the sensor.
+    // Returns the light across the middle of the trail, in lx s m on the sensor.
     fn across(v: f64, d: f64, camera: &Camera) -> f64 {
         let exposed = film(&[trail(v, d)], camera, 0.0, None);
         let column = (0..400).map(|y| exposed.exposure_lx_s(0, y * 640 + 320));
@@ -349,7 +349,7 @@ proptest! {
     }
 }
 
-/// Sum of two films, which must have one scale.
+/// Returns the sum of two films, which must have the same scale.
 fn sum(a: &Film, b: &Film) -> Vec<u32> {
     assert_eq!(a.scale_log2, b.scale_log2, "films of one scale");
     a.counts.iter().zip(&b.counts).map(|(a, b)| a + b).collect()
@@ -362,12 +362,12 @@ fn light_adds_up_over_split_shutters() {
         let camera = Camera { shutter_open_s: open, shutter_close_s: close, ..camera(480, 270) };
         film(std::slice::from_ref(&lamp), &camera, tolerance, Some(-15))
     };
-    // At a sample, unmerged: in integers.
+    // If the shutter splits at a sample and nothing is merged, integers add up exactly.
     let whole = exposed(0.0, 9.0, 0.0);
     assert!(whole.light_lx_s_px2(0) > 0.0, "there is light to split");
     assert_eq!(sum(&exposed(0.0, 1.5, 0.0), &exposed(1.5, 9.0, 0.0)), whole.counts, "unmerged");
 
-    // Between two samples, merged: to the accuracy of merging.
+    // If the shutter splits between samples, merged films add up to the accuracy of merging.
     let whole = exposed(0.0, 9.0, 0.005);
     let peak = whole.counts.iter().copied().max().expect("pixels");
     let parts = sum(&exposed(0.0, 1.5017, 0.005), &exposed(1.5017, 9.0, 0.005));
@@ -407,7 +407,7 @@ fn a_step_of_the_level_is_exact() {
 
 #[test]
 fn no_pixel_overflows_and_few_bits_are_unused() {
-    // A hover of 12,000 samples on one spot, unmerged, beside a trail.
+    // A hover of 12,000 samples on one spot, unmerged, with a trail beside it.
     let camera = camera(320, 200);
     let hover = lamp((0..12_000).map(|i| (f64::from(i) / 250.0, [0.2, 3.0, 0.0])));
     let lamps = [hover, figure(500)];
@@ -442,12 +442,12 @@ fn lamps_out_of_sight_leave_no_light_and_no_panic() {
         let exposed = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
         assert!(exposed.counts.iter().all(|&count| count == 0), "light from {a:?} to {b:?}");
     }
-    // From far outside across the picture, and at the edge of the nearest depth.
+    // Lines from far outside across the picture, and along the edge of the minimum depth.
     for [a, b] in [[[-9e3, 3.0, -9e3], [9e3, 3.0, 9e3]], [[-2.0, 0.1, 0.0], [2.0, 0.1, 0.0]]] {
         let exposed = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
         assert!(exposed.counts.iter().any(|&count| count != 0), "no light from {a:?} to {b:?}");
     }
-    // Beams that point away, and a shutter that is closed.
+    // Beams that point away from the camera, and a closed shutter.
     let mut away = figure(10);
     for sample in &mut away.samples {
         sample.axis = Vector3::new(0.0, 1.0, 0.0);

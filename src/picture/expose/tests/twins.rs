@@ -1,4 +1,5 @@
-//! The two backends leave the same bits, and constants and structs of the shader are those here.
+//! Tests that both backends leave the same bits, and that the shader has the same constants and
+//! structs as the code.
 
 use crate::light::LightTraceData;
 use wgpu::naga;
@@ -9,7 +10,7 @@ use super::super::gpu_tiles::{Part, TILE_PX};
 use super::super::record::DITHER;
 use super::*;
 
-/// The device. Without one the test fails if `NOCTOGRAPH_REQUIRE_GPU` is set.
+/// Returns the device. Without a device, the test fails if `NOCTOGRAPH_REQUIRE_GPU` is set.
 fn device() -> Option<Gpu> {
     match Gpu::open() {
         Ok(gpu) => Some(gpu),
@@ -55,7 +56,7 @@ fn more_records_than_one_dispatch_holds_are_all_exposed() {
     let (_, mut hover) = scenes().remove(3);
     let whole = hover.tints[0].records[0];
     let dim = Record { light_lx_s: 1e-4 * whole.light_lx_s, ..whole };
-    // A whole box, its last row and its last column.
+    // Records that cover a whole box, only its last row, and only its last column.
     let row = Record { y: 1 - dim.height.cast_signed(), ..dim };
     let column = Record { x: 1 - dim.width.cast_signed(), ..dim };
     for record in [dim, row, column] {
@@ -128,7 +129,7 @@ fn the_chosen_backend_is_used_and_leaves_the_same_film() {
     }
 }
 
-/// The shader, parsed and validated without a device.
+/// Returns the shader, parsed and validated without a device.
 fn module() -> (naga::Module, naga::proc::Layouter) {
     let module = naga::front::wgsl::parse_str(SHADER).expect("WGSL");
     let flags = naga::valid::ValidationFlags::all();
