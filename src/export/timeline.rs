@@ -1,8 +1,9 @@
 //! Timing of a flight with a trajectory on board, from take-off to landing.
 //!
-//! Take-off, the path to the first letter, a hover until the drone's turn, the letters, and a hover
-//! and a landing for a drone that hears nothing more. The script lands before that. Segments from
-//! rest to rest are polynomials of degree 7, as those of the firmware's high-level commander.
+//! The flight consists of take-off, the path to the first letter, a hover until the drone's turn,
+//! the letters, and a hover and a landing for a drone that loses its radio link. The script lands
+//! before that. Segments from rest to rest are polynomials of degree 7, like those of the
+//! firmware's high-level commander.
 
 use nalgebra::Vector3;
 
@@ -13,13 +14,15 @@ use noctograph_plan::Plan;
 
 /// Duration of the take-off, and of the path to the first letter, s, as in `cflib.py`.
 const TAKE_OFF_S: f64 = 3.5;
-/// Hover before the script lands, s.
+/// Duration of the hover before the script lands, s.
 const HOVER_S: f64 = 0.5;
-/// Hover after the time at which the script lands, s. Then the trajectory lands without it.
+/// Duration of the hover after the time at which the script lands, s, after which the trajectory
+/// lands without it.
 const WITHOUT_LINK_S: f64 = 3.0;
-/// Depth below the floor at which a landing without a script ends, m. It keeps the drone there.
+/// Depth below the floor at which a landing without a script ends, m. It keeps the drone on the
+/// floor.
 const BELOW_FLOOR_M: f64 = 0.1;
-/// Shortest landing, s.
+/// Minimum duration of a landing, s.
 const MIN_LAND_S: f64 = 2.0;
 
 /// Returns the time of the take-off command if the first trajectory starts at `first_start_s`, both
@@ -28,7 +31,7 @@ pub(super) fn zero_s(first_start_s: f64) -> f64 {
     first_start_s - 2.0 * TAKE_OFF_S
 }
 
-/// Returns the time at which the first of several trajectories starts, by the plans' clock, s.
+/// Returns the time, by the plans' clock, at which the first of several trajectories starts, s.
 pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
     let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
     Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
@@ -37,14 +40,15 @@ pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
 /// A motion from rest to rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
-    /// The axes that move.
+    /// Indices of the axes that move.
     pub(super) axes: &'static [usize],
     pub(super) duration_s: f64,
     pub(super) ends_m: [Vector3<f64>; 2],
 }
 
 const UP: &[usize] = &[2];
-/// Both axes, even if the ends are the same, since a drone beside the plan's start flies there.
+/// Both horizontal axes move even if the ends are the same, because a drone that is not exactly at
+/// the plan's start flies there.
 const LEVEL: &[usize] = &[0, 1];
 const HOVER: &[usize] = &[];
 
@@ -55,7 +59,7 @@ pub(super) struct Timeline {
     /// Times and positions of rest before the trajectory: on the floor, above it, at the first
     /// letter, and at the trajectory's start.
     pub(super) before: [(f64, Vector3<f64>); 4],
-    /// Times and positions of rest after it: at the end of a hover, and on the floor.
+    /// Times and positions of rest after the trajectory: at the end of a hover, and on the floor.
     pub(super) after: [(f64, Vector3<f64>); 2],
 }
 
@@ -68,7 +72,8 @@ impl Timeline {
         first_start_s: f64,
         [first_m, last_m]: [Vector3<f64>; 2],
     ) -> Self {
-        // Straight up, level to the first letter, and a hover until the drone's turn.
+        // The drone flies straight up and horizontally to the first letter, where it hovers until
+        // its turn.
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
         let zero_s = zero_s(first_start_s);
@@ -96,7 +101,7 @@ impl Timeline {
     }
 
     /// Returns the segments after the trajectory for a drone without a radio link: a hover and a
-    /// landing. With a link the script lands `over_s` after the trajectory's end, before them.
+    /// landing. With a link, the script lands before them, `over_s` after the trajectory's end.
     pub(super) fn segments_without_link(&self, over_s: f64) -> [Segment; 2] {
         let last_m = self.after[0].1;
         let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
@@ -108,7 +113,7 @@ impl Timeline {
         ]
     }
 
-    /// Returns the position at `time_s`, m. `trajectory_m` gives the trajectory's position by the
+    /// Returns the position at `time_s`, m. `trajectory_m` returns the trajectory's position at a
     /// time since its start.
     pub(super) fn position_m(
         &self,
@@ -119,7 +124,7 @@ impl Timeline {
         if (start_s..self.after[0].0).contains(&time_s) {
             return trajectory_m(time_s - start_s);
         }
-        // Before or after it the drone flies from rest to rest, or is at rest.
+        // Before and after the trajectory the drone flies from rest to rest, or is at rest.
         let rests: &[_] = if time_s < start_s { &self.before } else { &self.after };
         let segment = rests
             .windows(2)
