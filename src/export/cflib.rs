@@ -267,8 +267,7 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
-/// Returns the number of a controller in the firmware (`controller.h`), or `None` if the firmware
-/// lacks it.
+/// Returns the number of a controller in the firmware (`controller.h`), or `None` if it lacks it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind.law() {
         Law::Cascade => Some(1),
@@ -282,8 +281,7 @@ fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let letters_s = stretch.start_s() + stretch.duration_s();
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
     let last_airborne = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
-    // The run-out may extend beyond the plan's landing. The flight waits for the lights in any
-    // case.
+    // The run-out may extend beyond the plan's landing. The lights are waited for anyway.
     letters_s.min(last_airborne.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
 }
 

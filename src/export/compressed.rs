@@ -117,8 +117,7 @@ impl Compressed {
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            // Two bits encode each axis: 0, 1 or 3 further control points have the codes 0, 1 and
-            // 2, respectively.
+            // Two bits encode each axis: 0, 1 or 3 further control points are the codes 0, 1 and 2.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
@@ -133,8 +132,7 @@ impl Compressed {
     /// motors. The script lands `over_s` after the end of the trajectory. Refuses a flight that
     /// exceeds the memory.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
-        // The flight consists of take-off and path, the letters without their start and end, hover
-        // and landing.
+        // The bytes are take-off and path, the letters without start and end, hover and landing.
         let mut bytes = millimeters(&timeline.before[0].1).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
@@ -171,15 +169,13 @@ impl Compressed {
         [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
     }
 
-    /// Returns the pieces as Bézier curves, each with its duration in s and four control points in
-    /// m.
+    /// Returns the pieces as Bézier curves, each with its duration (s) and four control points (m).
     pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
         self.pieces.iter().map(|piece| (piece.polynomials().duration_s, piece.curve_m())).collect()
     }
 }
 
-/// Returns the four control points of an axis as a cubic, mm. Those of a constant or a line are
-/// evenly spaced.
+/// Returns the four control points of an axis as a cubic, mm. In a line they are evenly spaced.
 fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
     match points_mm {
@@ -247,8 +243,7 @@ fn piece(
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
         });
-        // Otherwise it is a cubic Hermite piece, whose inner control points are v T/3 from its
-        // rounded ends.
+        // Otherwise it is a cubic Hermite piece, with inner control points v T/3 from its ends.
         let third_s = duration_s / 3.0;
         let [from_start_m, to_end_m] = [start, end].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [
@@ -449,8 +444,7 @@ mod tests {
             acceleration_m_s2: Vector3::zeros(),
             letter: Some(0),
         };
-        // The drone is at rest, and then moves 0.1 m to the right at 0.2 m/s. At the end, z jumps
-        // by 3 mm.
+        // From rest, the drone moves 0.1 m to the right at 0.2 m/s. At the end, z jumps by 3 mm.
         let setpoints = vec![
             setpoint(1.0, 0.0, 0.2, 0.5),
             setpoint(1.5, 0.1, 0.0, 0.5),

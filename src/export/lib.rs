@@ -139,8 +139,7 @@ impl Format {
 }
 
 impl Job<'_> {
-    /// Returns the number of a drone in file names, counted from 1, or an empty text for a single
-    /// drone.
+    /// Returns the number of a drone in file names, counted from 1, or nothing for a single drone.
     fn number_suffix(&self, drone: usize) -> String {
         if self.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() }
     }
@@ -181,8 +180,7 @@ fn with_caution(job: &Job<'_>, script: String) -> String {
     format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n{rest}", visible(reason))
 }
 
-/// Returns a text in which control characters are replaced with blanks, and invisible characters
-/// are escaped.
+/// Returns a text with control characters replaced by blanks, and invisible ones escaped.
 fn visible(text: &str) -> String {
     let mut output = String::new();
     for c in text.chars() {
@@ -239,8 +237,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     }
 }
 
-/// Returns the heights above the floor at which the trajectory of a plan's letters begins and ends,
-/// m.
+/// Returns the heights above the floor at which a plan's trajectory of letters begins and ends, m.
 ///
 /// # Errors
 ///

@@ -53,8 +53,7 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Finds the parameter of a channel, which belongs to a deck or a custom lamp. Refuses other
-    /// channels.
+    /// Finds the parameter of a channel, of a deck or a custom lamp. Refuses others.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -73,8 +72,7 @@ impl<'a> Target<'a> {
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
         #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
         let (value, level) = match (self.colors.len(), self.most) {
-            // A pin is on at any level above 0. The color of a deck is in the last of the four
-            // bytes.
+            // A pin is on at any level above 0. A deck's color is in the last of four bytes.
             (0, 1) => (u32::from(level > 0.0), level.ceil()),
             (0, most) => ((f64::from(most) * level.clamp(0.0, 1.0)).round() as u32, level),
             (n, _) => (packed(&wrgb[4 - n..], level), level),
@@ -121,8 +119,7 @@ fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Returns a command for each change of a plan's lights, in order of time. The lights are initially
-/// dark.
+/// Returns a command for each change of a plan's lights, in order of time. They are initially dark.
 ///
 /// # Errors
 ///
@@ -200,8 +197,7 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
 /// Lights that the timing memory of a ring plays (`ring.effect` 17), from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Duration of each entry in units of 40 ms, and its color as rounded by the memory. The last
-    /// entry is dark.
+    /// Duration of each entry in units of 40 ms, and its rounded color. The last is dark.
     pub(super) entries: Vec<(u8, [u8; 3])>,
     /// Time in the plan, s, and level of each change that is played.
     pub(super) changes: Vec<(f64, f64)>,
@@ -384,8 +380,7 @@ mod tests {
                 [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
             {
                 let shown = screen_rgb(&deck_command(channel, 1.0, wrgb), &options);
-                // The gamut of the dies is larger than that of the screen, and their drives have
-                // few steps.
+                // The dies' gamut exceeds the screen's, and their drives have few steps.
                 for (actual, wanted) in shown.iter().zip(srgb) {
                     let error = f64::from(*actual) - f64::from(wanted);
                     assert!(error.abs() <= 4.0, "{channel}: {shown:?} instead of {srgb:?}");

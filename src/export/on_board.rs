@@ -1,5 +1,4 @@
-//! Returns the flight of a trajectory on board as a plan, so that the simulator flies what was
-//! exported.
+//! Returns the flight of a trajectory on board as a plan, for the simulator to fly.
 //!
 //! Scripts upload one trajectory from floor to floor ([`Timeline`]), and land at its end.
 
@@ -101,8 +100,7 @@ pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f
     plans.iter().try_for_each(fits)
 }
 
-/// Returns the pieces of a plan's trajectory. Refuses a plan that does not fit the form or
-/// `length`.
+/// Returns the pieces of a plan's trajectory. Refuses one that does not fit.
 pub(super) fn pieces(
     release: Release,
     plan: &Plan,
@@ -135,8 +133,8 @@ fn flown_alone(
     let lit = plan.lit();
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     for time_s in sample_times_s(plan, &timeline) {
-        // Lights and letter are those of the plan's last setpoint. Before the first setpoint,
-        // lights are dark.
+        // Lights and letter are those of the plan's last setpoint. Before the first one, they are
+        // dark.
         let plan_time_s = time_s + timeline.zero_s + SAME_TIME_S;
         let row = plan.setpoints.partition_point(|s| s.time_s <= plan_time_s).checked_sub(1);
         out.lit.push(row.map_or(0.0, |row| lit[row]));

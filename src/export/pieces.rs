@@ -272,8 +272,7 @@ pub(super) fn pieces<P>(
                 true => (choice.start, 1),
                 false => (stuck_start, retries + 1),
             };
-            // The search returns to the last piece that can be shorter. The pieces after it are
-            // made again.
+            // The search returns to the last piece that can be shorter, and remakes later ones.
             if retries <= RETRIES
                 && let Some((index, shorter_end)) = fit.backtrack(&mut choices, &pieces)
             {
@@ -282,8 +281,7 @@ pub(super) fn pieces<P>(
                 end = Some(shorter_end);
             }
         }
-        // After the last retry, the piece with the least effort is used, even if it exceeds the
-        // limits.
+        // After the last retry, the least effort is used, even if beyond the limits.
         let next = end.map(|end| (end, Rounding::Nearest));
         let next = next.or_else(|| fit.gentlest(choice.start, &pieces));
         let (end, rounding) = next.expect("the next setpoint");
@@ -295,8 +293,7 @@ pub(super) fn pieces<P>(
     pieces
 }
 
-/// The first setpoint of a piece, and the setpoints at which it may end that have not been tried
-/// yet.
+/// The first setpoint of a piece, and the setpoints not yet tried as its end.
 struct Choice {
     start: usize,
     untried_ends: Range<usize>,
@@ -315,8 +312,7 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    /// Returns true if a piece between two setpoints is short enough and close enough to the
-    /// design.
+    /// Returns true if a piece between two setpoints is short and close enough to the design.
     fn is_near(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> bool {
         let motion = (self.motion)(from, to, previous, rounding);
         let start_s = self.stretch.time_s(from);
@@ -327,8 +323,7 @@ impl<P> Fit<'_, P> {
             })
     }
 
-    /// Returns the setpoint at the end of the longest piece from `from` that is close enough to the
-    /// design.
+    /// Returns the end of the longest piece from `from` that is close enough to the design.
     fn farthest(&self, from: usize, previous: &[P]) -> usize {
         let last = self.stretch.last();
         gallop(from + 1, last, |to| self.is_near(from, to, previous, Rounding::Nearest))

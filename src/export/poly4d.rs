@@ -22,8 +22,7 @@ use noctograph_plan::Plan;
 const PIECE_BYTES: usize = 33 * 4;
 /// Maximum number of pieces in the trajectory memory.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
-/// Minimum duration of a segment that becomes a piece, s. The first drone does not hover before its
-/// letters.
+/// Minimum duration of a segment that becomes a piece, s. The first drone has no hover.
 const LEAST_SEGMENT_S: f64 = 1e-3;
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -141,8 +140,7 @@ fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// Returns the piece between setpoints `from` and `to`: their quintic, plus two coefficients by
-/// least squares.
+/// Returns the piece between two setpoints: their quintic, plus two least-squares coefficients.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     // The piece begins as the quintic Hermite interpolation between both ends.
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
@@ -154,13 +152,11 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
         quintic(ends, duration_s)
     });
     let mut piece = Polynomials { duration_s, axes: quintics };
-    // The residuals are fitted by the normal equations of least squares, whose matrix is the same
-    // for all axes.
+    // The residuals are fitted by normal equations, whose matrix is the same for all axes.
     let (mut normal_matrix, mut right_sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
     for time_s in stretch.check_times_s(from, to) {
         let t = time_s - stretch.time_s(from);
-        // The two basis functions and their first two derivatives vanish at both ends. They are
-        // scaled to about 1.
+        // Two basis functions, scaled to about 1, vanish at both ends with two derivatives.
         let (s, rest) = (t / duration_s, 1.0 - t / duration_s);
         let bump = 64.0 * s * s * s * rest * rest * rest;
         let row = Vector2::new(bump, bump * (2.0 * s - 1.0));
@@ -202,8 +198,8 @@ fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
 
 /// Adds `64 s³(1−s)³ (c₀ + c₁(2s − 1))` with s = t/T to a polynomial in t.
 fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
-    // The identities are s³(1−s)³ = s³ − 3s⁴ + 3s⁵ − s⁶, and 2s⁴(1−s)³ − s³(1−s)³ = −s³ + 5s⁴ −
-    // 9s⁵ + 7s⁶ − 2s⁷.
+    // The terms are s³(1−s)³ = s³ − 3s⁴ + 3s⁵ − s⁶, and 2s⁴(1−s)³ − s³(1−s)³ = −s³ + 5s⁴ − 9s⁵ +
+    // 7s⁶ − 2s⁷.
     let even = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0, 0.0];
     let odd = [0.0, 0.0, 0.0, -1.0, 5.0, -9.0, 7.0, -2.0];
     // `scale` is the duration to the power of each coefficient.
@@ -321,8 +317,7 @@ mod tests {
         }
     }
 
-    /// Returns the bytes that the firmware was given, its responses, and the trajectory of these
-    /// bytes.
+    /// Returns the bytes given to the firmware, its responses, and their trajectory.
     fn recorded_pieces() -> (Vec<u8>, Vec<Row>, Poly4d) {
         let (bytes, rows) = read(include_str!("recorded/poly4d.txt"));
         let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));

@@ -1,8 +1,7 @@
 //! Safety: limits of the checks before and during a flight. `check`, the exported scripts and
 //! `docs/fly.md` use the same numbers.
 //!
-//! Firmware references are to `crazyflie-firmware`, release 2026.08, unless another release is
-//! named.
+//! Firmware references are to `crazyflie-firmware`, release 2026.08, unless named.
 
 use serde::Serialize;
 
@@ -18,8 +17,7 @@ pub const FRAME_M: f64 = 0.15;
 /// Maximum distance of the drone from the plan's start before take-off, m. Farther away, its path
 /// to the first letter is not the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
-/// Minimum distance of people from a flight of any speed, m: an arm's length and a step back (an
-/// assumption).
+/// Minimum distance of people from any flight, m: an arm's length and a step back (assumed).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
 /// Maximum difference of the heading from the plan's before take-off, rad: 10°. It moves the light
 /// of headlights sideways by its sine. A drone that points along another axis is 90° off.
@@ -43,8 +41,7 @@ pub const WRONG_S: f64 = 0.5;
 /// Minimum voltage at rest if the scene's drone has no battery, V. A Crazyflie's cell is then
 /// charged to about 28 %, and the flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
-/// Variance of a coordinate at which the position is lost in the air, relative to the settled
-/// variance.
+/// Variance of a coordinate at which the position is lost in the air, relative to the settled one.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
 /// all platforms).
@@ -53,8 +50,7 @@ pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). A shorter sag, as at
 /// take-off, does not count.
 pub const LOW_BATTERY_S: f64 = 5.0;
-/// Oldest cflib version with everything that the script uses: arming requests, and commands of
-/// protocol 8.
+/// Oldest cflib with everything that the script uses: arming requests, and protocol 8.
 pub const OLDEST_CFLIB: &str = "0.1.27";
 
 /// Kind of drone, as named by its firmware, which determines the firmware's limits.
@@ -283,8 +279,7 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
 
-    /// Returns a flight of a short word from a charge, and true if the battery lasts by the table's
-    /// rule.
+    /// Returns a flight of a short word from a charge, and true if the battery lasts.
     fn flown(charge_frac: f64) -> (Battery, bool) {
         let mut options = SimOptions::default();
         options.battery.capacity_ah = 0.25;
@@ -326,8 +321,7 @@ mod tests {
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
         let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
         let battery = Battery::new(&options, &flight, low_v).unwrap();
-        // The battery may be low for the last 5 s, from 55 s on: at 3.7 V without load, where the
-        // curve is steep.
+        // It may be low for the last 5 s, from 55 s on: 3.7 V without load, on the steep curve.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let least_frac = 0.1 * (low_v + drop_v - 3.0) / (3.78 - 3.0) + spent_frac(55.0);
         let least_v = options.open_circuit_v(least_frac) - idle_v;

@@ -19,8 +19,7 @@ use noctograph_plan::{MIN_HORIZONTAL_M, Plan};
 
 /// Rate of the steps of a light program.
 const LIGHT_HZ: f64 = 50.0;
-/// Minimum duration of a trajectory's segment, s. The first drone of a fleet does not wait for its
-/// turn.
+/// Minimum duration of a trajectory's segment, s. The first drone does not wait for its turn.
 const MIN_SEGMENT_S: f64 = 1e-6;
 /// Distance between the drones and the show's altitude limit, m.
 const HEADROOM_M: f64 = 0.5;
@@ -76,8 +75,7 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
     let [first_m, last_m] = trajectory.ends_m();
     let timeline = Timeline::new(plan, &stretch, first_start_s, [first_m, last_m]);
     let home_m = timeline.before[0].1;
-    // The trajectory consists of Bézier curves: to the first letter, the letters, a hover and the
-    // landing.
+    // The trajectory's Bézier curves are the path to the letters, letters, a hover and the landing.
     let mut points = vec![json!([0.0, home_m.as_slice(), []])];
     let segments = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > MIN_SEGMENT_S);
     points.extend(segments.map(|ends| segment(ends[0].1, ends[1].0, ends[1].1)));
@@ -144,8 +142,7 @@ fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// Returns the photographer's camera. Without a rotation, Skybrush's camera looks along -z with +y
-/// up.
+/// Returns the photographer's camera. Unrotated, Skybrush's looks along -z with +y up.
 fn camera(camera: &Camera) -> Value {
     // This program's camera looks along +z with y down.
     let world_from_camera = camera.camera_from_world.transpose()

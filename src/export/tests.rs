@@ -1,5 +1,4 @@
-//! Tests of trajectories with random plans, and with recorded responses of other programs to
-//! exported files.
+//! Tests of trajectories with random plans, and with recorded responses of other programs.
 //!
 //! A recorded file contains comment lines (`#`) with the program and its version, a line `bytes` in
 //! hexadecimal, and rows of the time in s with position, velocity and acceleration in m and s.
@@ -79,8 +78,7 @@ pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     }
 }
 
-/// Returns the maximum distance of a trajectory from the design at the times at which pieces are
-/// checked, m.
+/// Returns the maximum distance of a trajectory from the design at the times of comparison, m.
 pub(super) fn checked_m(stretch: &Stretch, pieces: &[Polynomials]) -> f64 {
     let off_m = |t: f64| (motion(pieces, t)[0] - stretch.position_m(t)).norm();
     stretch.check_times_s(0, stretch.last()).map(off_m).fold(0.0, f64::max)
@@ -157,8 +155,7 @@ fn with_job<T>(plans: &[Plan], flown: &[Plan], act: impl FnOnce(Job<'_>) -> T) -
     })
 }
 
-/// Returns the plan of a word. Each drone writes 1.5 m to the right of the previous one and 3 s
-/// later.
+/// Returns the plan of a word. Each drone writes 1.5 m to the right of the last, 3 s later.
 fn planned(word: &str, drone: u32) -> Plan {
     let strokes = write(word, &LetterOptions::default()).unwrap();
     let mut plan = plan(&strokes, &PlanOptions::even()).unwrap();
@@ -171,8 +168,7 @@ fn planned(word: &str, drone: u32) -> Plan {
     plan
 }
 
-/// Returns a plan of setpoints, each with its time, position and velocity, and the level of the
-/// headlights.
+/// Returns a plan of setpoints with time, position, velocity and level of the headlights.
 fn lit(rows: &[(f64, [f64; 3], [f64; 3], f64)]) -> Plan {
     let setpoint =
         |&(time_s, place_m, velocity_m_s, _): &(f64, [f64; 3], [f64; 3], f64)| Setpoint {
@@ -296,8 +292,7 @@ fn crazyswarm2_gets_a_trajectory_of_each_drone_its_configuration_and_one_script(
         let durations_s: Vec<f64> = durations_s.map(|text| text.parse().unwrap()).collect();
         let lasts_s: f64 = durations_s.iter().sum();
         let lands_s = number("end_s") - number("start_s") + 3.0;
-        // The drone descends to 0.1 m below the floor at 0.3 m/s, and then has no goal for a
-        // second.
+        // The drone descends to 0.1 m below the floor at 0.3 m/s, then has no goal for 1 s.
         let down_s = (stretch.setpoints[stretch.last()].position_m.z + 0.1) / 0.3 + 1.0;
         assert!((lasts_s - lands_s - down_s).abs() < 0.02, "{lasts_s} {lands_s} {down_s}");
     }

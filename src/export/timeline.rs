@@ -19,8 +19,7 @@ const HOVER_S: f64 = 0.5;
 /// Duration of the hover after the time at which the script lands, s, after which the trajectory
 /// lands without it.
 const WITHOUT_LINK_S: f64 = 3.0;
-/// Depth below the floor at which a landing without a script ends, m. It keeps the drone on the
-/// floor.
+/// Depth below the floor at which a landing without a script ends, m. It keeps the drone there.
 const BELOW_FLOOR_M: f64 = 0.1;
 /// Minimum duration of a landing, s.
 const MIN_LAND_S: f64 = 2.0;
@@ -72,8 +71,7 @@ impl Timeline {
         first_start_s: f64,
         [first_m, last_m]: [Vector3<f64>; 2],
     ) -> Self {
-        // The drone flies straight up and horizontally to the first letter, where it hovers until
-        // its turn.
+        // The drone flies straight up and level to the first letter, and hovers until its turn.
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
         let zero_s = zero_s(first_start_s);

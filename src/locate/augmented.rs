@@ -30,8 +30,7 @@ use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
-/// Offsets of Gauss–Newton's starting points along the least certain direction, in standard
-/// deviations.
+/// Offsets of Gauss–Newton's starts along the least certain direction, in standard deviations.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
 const HAND_OVER_S: f64 = 5.0;
 /// Random walk of the error in the known motion, m/√s, for velocities that are estimated on board.
@@ -60,8 +59,7 @@ impl Augmented {
             starts_m.iter().map(|start| start - origin_m).collect();
         let positions_m = flattened(&positions_m);
         let variance = sigma_m * sigma_m;
-        // These are the moments of a normal distribution, with the second-order terms of squares
-        // and products.
+        // These are the moments of a normal distribution, with second-order terms of the products.
         let (mut state, jacobian) = (augmented(&positions_m), augmented_jacobian(&positions_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
@@ -76,8 +74,7 @@ impl Augmented {
     /// Moves the drones by `moved_m`, which has the variance `variance_m2` on each axis.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let (n, moved_m) = (self.n, flattened(moved_m));
-        // x ← F(δ) x + m(δ): squares and products change with the positions, by the Jacobian of m
-        // at the displacement.
+        // x ← F(δ) x + m(δ): squares and products change by the Jacobian of m at the displacement.
         let motion = augmented_jacobian(&moved_m);
         let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();
@@ -125,8 +122,7 @@ impl Augmented {
         let m = 3 * self.n;
         // The residuals in standard deviations are W (x − m(p)).
         let whiten = whitening(covariance);
-        // The fits start along the least certain direction of the positions, and at their mirror
-        // image.
+        // Fits start along the least certain direction of the positions, and at the mirror image.
         let position_covariance = covariance.view((0, 0), (m, m)).into_owned();
         let weakest = position_covariance.clone().symmetric_eigen();
         let k = weakest.eigenvalues.imax();
@@ -155,7 +151,7 @@ impl Augmented {
         Positions::with(anchors_m, Normal::new(positions_m, covariance_m2), gate_sigmas)
     }
 
-    /// Returns the positions mirrored at the anchors' middle, where `along` is the least certain
+    /// Returns the positions mirrored at the anchors' middle, `along` being the least certain
     /// direction.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
         let n_anchors = self.anchors_m.len().max(1) as f64;
@@ -174,8 +170,7 @@ impl Augmented {
     }
 }
 
-/// Returns a matrix `W` for which `WᵀW` is the inverse of a covariance, from the eigenvectors of
-/// its correlations.
+/// Returns a `W` for which `WᵀW` inverts a covariance, from eigenvectors of the correlations.
 fn whitening(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
     let scaled =
@@ -235,7 +230,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Locates drones with the linear filter of the augmented state, and then with an extended Kalman
+/// Locates drones with the linear filter of the augmented state then with an extended Kalman
 /// filter.
 ///
 /// # Errors
@@ -299,8 +294,7 @@ mod tests {
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
-        // Two drones fly figures in space, from starts with an error of 3 m, which the filter does
-        // not trust.
+        // Two drones fly figures in space, from starts 3 m off, which the filter does not trust.
         let mut random = Random(5);
         let anchors_m = GEOMETRIES[0].1.map(Vector3::from);
         fn place(drone: usize, time_s: f64) -> Vector3<f64> {

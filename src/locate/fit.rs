@@ -19,8 +19,7 @@ pub(super) struct Observation {
     pub(super) distance_m: f64,
 }
 
-/// Returns the Jacobian of the ranges with respect to the positions, and the measured minus the
-/// expected ranges.
+/// Returns the Jacobian of ranges with respect to positions, and measured minus expected ranges.
 pub(super) fn residuals(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],

@@ -163,8 +163,7 @@ mod tests {
     /// Returns the designed positions of two drones that write NOOR.
     pub(super) fn path() -> impl Fn(usize, f64) -> Vector3<f64> {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        // With the default hover, only 58 of 60 starts converge with anchors in a line, instead
-        // of 59.
+        // With the default hover and anchors in a line, 58 of 60 starts converge instead of 59.
         let style = Style::Even(EvenStyle { hover_s: 0.5, ..EvenStyle::default() });
         let plans = fleet(&strokes, &PlanOptions { drones: 2, style, ..PlanOptions::even() });
         let plans = plans.unwrap();
@@ -190,8 +189,7 @@ mod tests {
         }
     }
 
-    /// Returns anchors, motion along the word, and ranges of the five links in turn, at 200 per
-    /// second.
+    /// Returns anchors, motion along the word, and ranges of the five links in turn, at 200 Hz.
     pub(super) fn flight(sigma_m: f64) -> ([Vector3<f64>; 3], [Track; 2], Vec<RangeSample>) {
         let (anchors_m, place, mut random) =
             (GEOMETRIES[0].1.map(Vector3::from), path(), Random(3));

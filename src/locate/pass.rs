@@ -28,8 +28,8 @@ pub(super) struct Model<'a> {
     stands_until_s: Vec<f64>,
 }
 
-/// Sum of the normalized innovations squared of accepted ranges, and the numbers of accepted and
-/// rejected ranges.
+/// Sum of the normalized innovations squared of accepted ranges, and numbers of accepted and
+/// rejected ones.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     pub(super) sum: f64,
@@ -38,8 +38,7 @@ pub(super) struct Innovations {
 }
 
 impl Innovations {
-    /// Adds a range's normalized innovation squared, or counts the range as refused if that is
-    /// `None`.
+    /// Adds a range's normalized innovation squared, or counts the range as refused if `None`.
     pub(super) fn record(&mut self, link: Link, nis: Option<f64>) {
         match nis {
             Some(nis) => (self.sum, self.accepted) = (self.sum + nis, self.accepted + 1),
@@ -82,8 +81,7 @@ pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
 }
 
 impl<'a> Model<'a> {
-    /// Creates the model of a log. Each drone is on the ground until its first range in `heard_s`,
-    /// if that is late.
+    /// Creates the model of a log. A drone is on the ground until a late first range in `heard_s`.
     pub(super) fn new(
         anchors_m: &'a [Vector3<f64>],
         heard_s: &[[f64; 2]],

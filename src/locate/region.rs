@@ -1,5 +1,4 @@
-//! Determines the region of convergence of the authors' observer, and the observability of a
-//! flight.
+//! Determines the authors' observer's region of convergence, and a flight's observability.
 //!
 //! It answers two questions before a flight: which fraction of an initial error remains with the
 //! observer, and how well do the ranges determine the initial positions if the motion is known
@@ -13,8 +12,7 @@ use super::shared_anchor::SharedAnchorObserver;
 use noctograph_core::random::split_mix;
 use noctograph_core::statistics::median;
 
-/// Links of two drones: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and between the
-/// drones.
+/// The five links: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and drone 0 to 1.
 pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Anchor { drone: 0, anchor: 0 },
     Link::Anchor { drone: 0, anchor: 2 },
@@ -27,8 +25,7 @@ pub(super) const FIVE_LINKS: [Link; 5] = [
 const RATE_HZ: f64 = 100.0;
 /// Ratio of the final to the initial error from which an observer counts as diverged.
 const DIVERGED: f64 = 3.0;
-/// Eigenvalue of the information matrix, relative to the largest, below which a direction is
-/// unobservable.
+/// Eigenvalue of the information, relative to the largest, of an unobservable direction.
 const UNOBSERVABLE: f64 = 1e-9;
 /// Seed of the random initial errors.
 const SEED: u64 = 0x5eed;
@@ -54,8 +51,7 @@ pub struct Observability {
     /// Standard deviations along the principal directions, in ascending order, infinite if
     /// unobservable.
     pub sigmas_m: [f64; 6],
-    /// The least certain direction: coordinates of the first drone, followed by those of the
-    /// second.
+    /// The least certain direction: coordinates of the first drone, then of the second.
     pub worst: [f64; 6],
 }
 
@@ -186,8 +182,7 @@ fn information_of_round(
     if outputs == Outputs::Ranges {
         return jacobian.transpose() * jacobian / (sigma_m * sigma_m);
     }
-    // The three outputs are sums of squared ranges. The rows are their derivatives with respect to
-    // the five ranges.
+    // The three outputs are sums of squared ranges. Rows are derivatives by the five ranges.
     let ranges = observer.ranges(positions_m);
     let [d11, d22] = ranges.own_m.map(|d| 2.0 * d);
     let [d13, d23] = ranges.shared_m.map(|d| 2.0 * d);

@@ -89,8 +89,7 @@ impl SharedAnchorObserver {
         estimates_m: &[Vector3<f64>; 2],
         outputs: &[f64; 3],
     ) -> [Vector3<f64>; 2] {
-        // The corrections are gradient descent on the three squared residuals, as in the formula
-        // above.
+        // The corrections are gradient descent on the squared residuals, as in the formula above.
         let [p1, p2] = estimates_m;
         let shared_residual = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
         [0, 1].map(|i| {
@@ -201,8 +200,7 @@ mod tests {
         }
     }
 
-    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and the additional
-    /// terms.
+    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and other terms.
     fn lyapunov_rate(
         observer: &SharedAnchorObserver,
         positions_m: &[Vector3<f64>; 2],

@@ -101,8 +101,7 @@ pub fn locate(
     Ok(located.with_residuals(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
 }
 
-/// Refuses more ranges than [`locate`] accepts. Callers check this while they are still collecting
-/// ranges.
+/// Refuses more ranges than [`locate`] accepts. Callers check while they collect ranges.
 ///
 /// # Errors
 ///

@@ -1,5 +1,4 @@
-//! Checks the plausibility of flights from a caller's arrays, which have no titles, in the same way
-//! as tables.
+//! Checks the plausibility of flights from a caller's arrays, which have no titles, like tables.
 
 use super::recording::{Block, Channel, Column, Recording};
 use super::{ImportOptions, frames, mapper, plain_csv, speed};
@@ -119,8 +118,7 @@ mod tests {
     use noctograph_core::flight::FlightData;
     use noctograph_core::geometry::Attitude;
 
-    /// Returns the warnings about a flight with take-off, an L on the wall and landing, tilted by
-    /// 0.1 rad.
+    /// Returns warnings about a flight with take-off, an L on the wall and landing, tilted 0.1 rad.
     fn said(to: impl Fn(FlightSample) -> FlightSample) -> String {
         let samples = (0..=400).map(|row| {
             let t = 0.02 * f64::from(row);

@@ -1,5 +1,4 @@
-//! Reads CSV files from cfclient, one for each log block, with `Timestamp` in ms followed by the
-//! variables.
+//! Reads CSV files from cfclient, one for each log block, with `Timestamp` in ms and variables.
 //!
 //! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
 //! `logdata/<connected>/<block>-<started>.csv`.

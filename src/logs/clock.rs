@@ -164,16 +164,14 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
 }
 
 /// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that
-/// its times show, or else that of its firmware, or else that of `assumed`. Warns about corrections
-/// and guesses.
+/// its times show, or else that of its firmware, or else that of `assumed`. Warns of guesses.
 fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     if !log.is_on_card {
         return 1.0;
     }
     let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
     let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
-    // A measured rate is preferred to that of a firmware named in the log, which is preferred to an
-    // assumed one.
+    // A measured rate is preferred to that of a named firmware, and that to an assumed one.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))

@@ -107,8 +107,7 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// Returns the positions in those rows of a block that have all three coordinates, if there are
-/// more than two.
+/// Returns the positions of a block's rows that have all three coordinates, if more than two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -121,8 +120,7 @@ fn z_up_guess(seen: &str) -> (Axes, Option<String>) {
     (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
 }
 
-/// Returns the axes that the flight determines and the reason, or `Auto` and a warning, if there is
-/// one.
+/// Returns the axes that the flight determines and the reason, or `Auto` and perhaps a warning.
 fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
     let Some(rows) = recording.blocks.iter().find_map(positions_m) else { return none };
@@ -152,7 +150,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     if !(is_below || is_flat || rises_along_y) {
         return Ok(z_up_guess(unseen));
     }
-    // With z up the drone would be below the floor, on it, or level, so that the other two axes are
+    // With z up the drone would be below the floor, on it, or level, so that other axes are
     // checked.
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
@@ -176,14 +174,12 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     Ok((axes, Some(why)))
 }
 
-/// Returns true if the flight starts or ends with a straight climb along an axis from its lowest
-/// position.
+/// Returns true if the flight starts or ends with a straight climb from its lowest position.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// Returns true if the rows, in the order of `from_end`, start at the lowest position of all and
-/// climb straight.
+/// Returns true if the rows, in the order of `from_end`, start at the lowest and climb straight.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],
@@ -215,7 +211,7 @@ mod tests {
     use super::*;
 
     /// Returns a flight with take-off, an L on the wall and landing, converted by `to` to another
-    /// world frame.
+    /// frame.
     fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {
         let place = |t: f64| [(t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0)];
         let rows: Vec<[f64; 3]> = (0..=80).map(|i| to(place(0.1 * f64::from(i)))).collect();

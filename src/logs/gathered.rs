@@ -21,8 +21,8 @@ pub struct GatheredLog {
     /// Path of a file, or of a folder that is one log.
     pub path: PathBuf,
     /// Name of the drone: the serial number, or else the address, that an exported script writes to
-    /// its log. Without these, it is the log's folder, or the file name up to the first `-`, `_`,
-    /// `.` or space.
+    /// its log. Otherwise the log's folder, or the file name up to the first `-`, `_`, `.` or
+    /// space.
     pub drone: String,
     /// Path relative to the folder of the evening.
     pub name: String,
@@ -51,8 +51,8 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Io`] if a folder cannot be read, and [`Error::Input`] if there is no log or
-/// there are too many.
+/// Returns [`Error::Io`] if a folder cannot be read, and [`Error::Input`] if there is no log, or
+/// too many.
 pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let (mut logs, mut others) = (Vec::new(), Vec::new());
     let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());

@@ -4,11 +4,10 @@
 //! - 2022: `{"var": {"time": [ms], "data": []}}`
 //! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
 //!
-//! An object with `time` and `data` is a variable. Other objects are folders, whose name (except
-//! `drone`) prefixes the names in them. Lists next to a list of times are columns. A list of
-//! objects with a time is a block of rows, as written by cflib scripts and by pandas' `to_json`.
-//! Columns and rows may use the usual names of plain CSV. A warning names members that are not
-//! read.
+//! An object with `time` and `data` is a variable. Others are folders, whose name (except `drone`)
+//! prefixes those in them. Lists next to a list of times are columns. A list of objects with a time
+//! is a block of rows, as written by cflib scripts and by pandas' `to_json`. Columns and rows may
+//! use the usual names of plain CSV. A warning names members that are not read.
 //!
 //! The text is checked once, then split from the outside to the inside into slices ([`RawValue`]).
 //! Only the numbers of columns are kept in memory.
@@ -34,8 +33,7 @@ const VALUE_STEPS: usize = 60;
 const NAME_STEPS: usize = 200;
 const TITLE_STEPS: usize = 10_000;
 
-/// Memory in bytes: for a name in addition to its text, and for an item of a list that grows by
-/// doubling.
+/// Memory in bytes: for a name besides its text, and for an item of a list that grows by doubling.
 const NAME_BYTES: usize = 160;
 const ITEM_BYTES: usize = 24;
 
@@ -77,8 +75,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
         Error::input(place, &source, "JSON", HINT).in_file(file, source.line() as u64)
     })?;
 
-    // The unit of a clock is determined after all blocks are read, because it follows from the
-    // fastest one.
+    // The unit of a clock follows from its fastest block, so that all blocks are read first.
     let text = std::str::from_utf8(&text).expect("JSON was read from it");
     let mut reader = Reader { text, budget, log, skipped: Vec::new(), in_seconds: false };
     reader.top(top)?;
@@ -147,7 +144,7 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
 }
 
 /// Returns the unit of time, in seconds, that fits a step. Log periods are 10 ms to 2.55 s, so that
-/// larger numbers are milliseconds and numbers below 0.5 are seconds. In between, the dialect
+/// larger numbers are milliseconds and numbers below 0.5 are seconds. Otherwise the dialect
 /// decides.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
@@ -209,8 +206,7 @@ pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     deepest
 }
 
-/// Truncates a text that ends too early after its last complete member, and closes the open
-/// brackets.
+/// Truncates a text that ends too early after its last complete member, and closes brackets.
 fn close(text: &mut Vec<u8>) {
     let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
     let (mut in_string, mut escaped) = (false, false);
@@ -248,8 +244,7 @@ struct List<'a> {
     indices: Vec<f64>,
 }
 
-/// Numbers in rows, by the names of their columns, with missing ones as NaN, and the first
-/// different texts.
+/// Numbers in rows, by the names of their columns, missing ones as NaN, and different texts.
 #[derive(Default)]
 struct Rows {
     columns: BTreeMap<String, Vec<f64>>,
@@ -353,8 +348,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Turns the lists of a folder into columns if one of them contains times. Other members
-    /// remain.
+    /// Turns a folder's lists into columns if one contains times. Other members remain.
     fn columns(&mut self, folder: &str, members: &mut Members<'a>) -> Result<()> {
         let (mut titles, mut stamps) = (Vec::new(), Vec::new());
         for (title, value) in &*members {
@@ -465,8 +459,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds columns of equal length as a block. Without a folder, they may use the usual names of
-    /// plain CSV.
+    /// Adds columns of equal length as a block. Without a folder, names may be those of plain CSV.
     fn table(
         &mut self,
         folder: &str,
@@ -607,8 +600,7 @@ impl<'a> Reader<'a> {
             b'"' => {
                 let text: String =
                     serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))?;
-                // A time of day without a date contains a colon, and a plain number in quotes does
-                // not.
+                // A time of day without a date contains a colon, unlike a number in quotes.
                 match seconds_from_date(&text).filter(|_| text.contains(':')) {
                     _ if text.is_empty() => Cell::Number(f64::NAN),
                     Some(stamp_s) => Cell::Number(stamp_s),
@@ -655,8 +647,7 @@ fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     }
 }
 
-/// Returns an upper bound for the number of parts of an object or a list, from the commas directly
-/// inside its brackets.
+/// Returns an upper bound for the parts of an object or list: commas directly in its brackets.
 fn n_parts(text: &str) -> usize {
     let (mut depth, mut n, mut bytes) = (0, 1, text.bytes());
     while let Some(byte) = bytes.next() {
@@ -693,8 +684,7 @@ fn is_time(title: &str) -> bool {
     titles::meaning(title).0 == "t"
 }
 
-/// Returns the title of the column of times, if there is one. Whole seconds are preferred to their
-/// fraction.
+/// Returns the title of the column of times, if there is one. Whole seconds come before fractions.
 fn time_of<'t>(titles: impl Iterator<Item = &'t String>) -> Option<&'t String> {
     titles
         .filter(|title| is_time(title))

@@ -19,11 +19,9 @@
 //!   are known, interpolated linearly. Longer gaps have no samples and are listed in `gaps`. Other
 //!   measured quantities are held over gaps in their log, with a warning. Setpoints, motor commands
 //!   and unknown columns are always held.
-//! - **Unknown columns** are kept in the flight's `extra`, in the units of the log, and are named
-//!   in a warning.
+//! - **Unknown columns** are kept in the flight's `extra`, in the log's units, with a warning.
 //! - None of these logs contains letters or lights, except for columns `light.<channel>` of CSV.
-//! - A flight file of this program is read unchanged, unless [`PositionSource::Estimate`] is
-//!   chosen.
+//! - A flight file of this program is read unchanged, except with [`PositionSource::Estimate`].
 //! - **Guesses** (unit of times and angles, axes, frame of a motion capture system) are warnings
 //!   with their reason, can be overridden by [`ImportOptions`], and are errors if two of them fit.
 //!
@@ -97,8 +95,7 @@ settings! {
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude if that source provides one.
         position: PositionSource = PositionSource::Best;
-        /// Firmware release of the drone if the log names none. The default is the scene's
-        /// `vehicle.firmware`.
+        /// Firmware release if the log names none, by default the scene's `vehicle.firmware`.
         firmware: Option<Release> = None;
         /// Seconds of the drone's clock per true second. The default is 1. For a µSD log it is the
         /// rate that the timestamps show, or else that of the release: 84/85 up to 2026.08.
@@ -120,8 +117,7 @@ settings! {
 
     /// Unit of timestamps.
     pub enum TimeUnit {
-        /// From the title, or else from the steps, because a drone is logged every 0.1 ms to 2.55
-        /// s.
+        /// From the title, or else from the steps, since a drone is logged every 0.1 ms to 2.55 s.
         "auto" => Auto,
         /// Seconds.
         "s" => Seconds,
@@ -151,8 +147,7 @@ settings! {
 
     /// Axes of a world frame.
     pub enum Axes {
-        /// Axes of the format, or else z up, or the only axis along which the drone can have taken
-        /// off.
+        /// Axes of the format, or else z up, or the only axis of a possible take-off.
         "auto" => Auto,
         /// z up.
         "z-up" => ZUp,
@@ -292,8 +287,7 @@ fn use_estimate(flight: &mut Flight) {
     });
 }
 
-/// Inputs of a reader in addition to the bytes: the log's name in messages, options, and the work
-/// budget.
+/// Inputs of a reader besides the bytes: the log's name in messages, options, work budget.
 #[derive(Clone, Copy)]
 struct Job<'a> {
     file: &'a str,

@@ -1,5 +1,4 @@
-//! Converts a recording to a flight with one time axis. Gaps without a pose are listed, and other
-//! columns are kept.
+//! Converts a recording to a flight with one time axis. Gaps are listed, and other columns kept.
 
 use std::collections::{BTreeMap, BTreeSet};
 

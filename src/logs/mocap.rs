@@ -1,5 +1,4 @@
-//! Aligns the clock and the frame of a motion capture system with the drone's, by the path in both
-//! logs.
+//! Aligns clock and frame of a motion capture system with the drone's, by the path in both logs.
 //!
 //! The clocks of the computer and the drone have different zeros. The drone logs the positions that
 //! the motion capture system sent (`ae483log.p_x_mocap` …) or its own estimates. The time shift
@@ -39,14 +38,12 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
     if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return log;
     }
-    // Positions that the motion capture system sent describe the same path, and estimates nearly
-    // the same.
+    // Positions sent by motion capture describe the same path, and estimates nearly so.
     let path = moving_channels(&log, "ae483log.p_{x y z}_mocap")
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));
     let shift = moving_channels(&log, "mocap.{x y z}").zip(path).and_then(|(mocap, path)| {
-        // The assumptions are tried from the strictest to the weakest: the same frame, a rotated
-        // one, one with y up.
+        // The strictest assumption comes first: the same frame, a rotated one, one with y up.
         let mut search = Search { mocap, path, may_rotate: false };
         for may_rotate in [false, true] {
             search.may_rotate = may_rotate;
@@ -230,8 +227,7 @@ impl Search {
             self.fit(&stamps, fine_s, self.may_rotate).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
         let reach_s = 0.02 * lasts_s + COARSE_S;
-        // The difference between the shifts of the two halves determines the difference of the
-        // clock rates.
+        // The difference of both halves' shifts determines that of the clock rates.
         let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
             let stamps = self::stamps(from_s, to_s);
             let shift_s = self.best_shift(&stamps, fine_s, reach_s, reach_s / 100.0)?;

@@ -33,8 +33,7 @@ const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 const RANGE: &str = "ranging.distance";
 
-/// Maximum time over which rows with the same timestamp are spread, because times may be whole
-/// seconds.
+/// Maximum time over which rows of one timestamp are spread: times may be whole seconds.
 const ROW_S: f64 = 1.0;
 
 /// Reads a plain table, or one from motion capture with its own units and axes.
@@ -198,8 +197,7 @@ fn is_px4(header: &[String]) -> bool {
         && ["ref_timestamp", "z_valid", "dist_bottom"].iter().any(|name| titles.contains(name))
 }
 
-/// Returns the times of rows, computed from their numbers or, if `by_frame`, from the column of
-/// frame numbers.
+/// Returns the times of rows from their numbers or, if `by_frame`, from the frame numbers.
 fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     let n = named.first().map_or(0, |column| column.values.len());
     match named.iter().find(|column| by_frame && column.name == "index") {
@@ -261,8 +259,7 @@ impl Columns {
         } else if !is_known && !is_expected(&title) {
             unknown = Some(format!("{title} (column {number})"));
         }
-        // If two columns contain the same quantity, the first is used, provided that they belong to
-        // one body.
+        // If two columns contain the same quantity, the first is used if they belong to one body.
         if is_known && let Some((first, first_body)) = self.from.get(&name) {
             if *first_body != body {
                 let place = format!("columns {first} and {title}");
@@ -282,8 +279,7 @@ impl Columns {
     }
 }
 
-/// Returns true for the title of a simulator's column or of a firmware variable, which needs no
-/// warning.
+/// Returns true for a title from the simulator or the firmware, which needs no warning.
 fn is_expected(title: &str) -> bool {
     // Titles of the simulator's columns, and of row numbers.
     const OURS: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
@@ -328,8 +324,7 @@ fn times(
     (values, Some(Diagnostic::warning("unit-guessed", format!("column {title}: {guess}"))))
 }
 
-/// Adds a day, half a day or an hour after each fall of a clock by about that amount. Returns the
-/// number of falls.
+/// Adds a day, half a day or an hour after each such fall of a clock. Returns their number.
 fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
     /// Latest time of day, 25 hours. Larger numbers are dates, which do not restart.
@@ -359,8 +354,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
-/// Returns true if angles of unknown unit are in degrees, and the reason, or `None` for plausible
-/// radians.
+/// Returns true if angles of unknown unit are in degrees, and why, or `None` for plausible radians.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     /// Root mean square (20°) and maximum (40°) of pitch and roll in a usual flight, in radians.
     const USUAL_RMS: f64 = 0.35;

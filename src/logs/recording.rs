@@ -20,8 +20,7 @@ const TOO_LARGE: f64 = 1e18;
 /// Maximum number of names that a message lists.
 const MAX_LISTED: usize = 12;
 
-/// The contents of a log file: blocks of columns, each with its own time axis, with values in the
-/// units of the log.
+/// The contents of a log file: blocks of columns, each with its own time axis, in the log's units.
 #[derive(Debug, Default)]
 pub(super) struct Recording {
     pub(super) file: String,
@@ -125,8 +124,7 @@ impl Recording {
         (!values.is_empty()).then(|| Channel::new(time_s, values))
     }
 
-    /// Returns the variables of a pattern such as `mocap.{x y z}`, or `None` if one of them is
-    /// missing.
+    /// Returns the variables of a pattern such as `mocap.{x y z}`, or `None` if one is missing.
     pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
         names(pattern).map(|name| self.channel(&name)).collect()
     }
@@ -160,8 +158,7 @@ impl Recording {
     /// Removes empty blocks and makes all column names different: a second `x` becomes `block:x`,
     /// and a third one `block:x:2`.
     pub(super) fn with_different_names(mut self) -> Self {
-        // The block of an event that never occurred would hide logged variables with the same
-        // names.
+        // The block of an event that never occurred would hide variables with its names.
         self.blocks.retain(|block| !block.time_s.is_empty());
         let mut taken = BTreeSet::new();
         for block in &mut self.blocks {
@@ -235,7 +232,7 @@ impl Channel {
         self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
     }
 
-    /// Interpolates linearly at a time. Returns `None` outside the channel, and in gaps longer than
+    /// Interpolates linearly at a time. Returns `None` outside, and in gaps longer than
     /// `max_gap_s`.
     pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
         let last = self.last_before(time_s)?;

@@ -178,8 +178,7 @@ impl Lines {
     }
 }
 
-/// Returns true if the bytes are a log's head, or may become one with the bytes that are still to
-/// come.
+/// Returns true if the bytes are a log's head, or may become one with further bytes.
 fn may_become_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD[..bytes.len().min(HEAD.len())])
         && bytes.len() < MAX_HEAD_BYTES
@@ -225,8 +224,7 @@ impl GrowingLog {
         Self { file, path: path.to_owned(), lines, budget }
     }
 
-    /// Reads what the script has added. The last line may be incomplete. Returns true if anything
-    /// was added.
+    /// Reads what the script has added. The last line may be incomplete. Returns true if it did.
     ///
     /// # Errors
     ///
@@ -236,8 +234,7 @@ impl GrowingLog {
         let mut bytes = Vec::new();
         let read = self.file.read_to_end(&mut bytes);
         read.map_err(|source| Error::read(&self.path, source))?;
-        // The limit is that of a complete file, so that a log that can be followed can also be
-        // imported.
+        // The limit is that of a complete file, so that what can be followed can be imported.
         self.budget.bytes(bytes.len())?;
         self.lines.push(&bytes, &self.budget)?;
         // A file that cannot become a log is refused at once, instead of waiting for more.

@@ -1,5 +1,4 @@
-//! Sources of quantities: converts logged variables to SI units, standard frames and standard
-//! signs.
+//! Sources of quantities: converts logged variables to SI units and standard frames.
 //!
 //! The tables below define all known variables and convert degrees, millimeters and the firmware's
 //! inverted pitch. They are sorted by preference: the first source that is logged, plausible and
@@ -39,8 +38,7 @@ const ALIVE_FRACTION: f64 = 0.1;
 /// Minimum range of the positions of a moving drone, which exceeds the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
-/// Codes of the warnings about a log with a heading but no attitude, and about a source that
-/// diverged.
+/// Codes of warnings: a heading but no attitude, and a source that diverged.
 const YAW_ONLY: &str = "yaw-only";
 const DIVERGED: &str = "source-diverged";
 
@@ -239,9 +237,8 @@ impl<'a> Search<'a> {
         Some(self.first(sources)?.1)
     }
 
-    /// Returns the first source that is plausible and live, in SI units. An observer that did not
-    /// run logs a constant. If no source changes, returns the first that is not zero, or else the
-    /// first.
+    /// Returns the first plausible and live source in SI units. An observer that did not run logs a
+    /// constant. If no source changes, returns the first that is not zero, or else the first.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
@@ -293,9 +290,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns true if a quantity counts as logged. It must change while the drone moves, and so
-    /// must each motor. A nonzero setpoint may be constant, and so may a heading if pitch and roll
-    /// are zero.
+    /// Returns true if a quantity counts as logged. It and each motor must change while the drone
+    /// moves. A nonzero setpoint may be constant, and so may a heading if pitch and roll are zero.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
         let active = channels.iter().map(active_s);
         let active_s = match quantity {
@@ -343,8 +339,7 @@ impl<'a> Search<'a> {
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
         let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
         let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
-        // If angles are frozen while quaternions change, the angles come from an observer that did
-        // not run.
+        // If angles are frozen while quaternions change, their observer did not run.
         let quaternions = match angles.as_deref().is_some_and(is_alive) {
             true => None,
             false => self.angles_from_quaternions(),
@@ -596,8 +591,7 @@ mod tests {
 
     #[test]
     fn thirty_two_bits_hold_an_attitude() {
-        // This is the compressed form of (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…), whose largest
-        // component is w.
+        // This compresses (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…), whose largest component is w.
         let pack = |part: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "at most 511")]
             let size = (part.abs() / std::f64::consts::FRAC_1_SQRT_2 * 511.0 + 0.5) as u32;

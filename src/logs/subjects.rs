@@ -21,8 +21,7 @@ const SUBJECTS: &str = "drone uav quad quadrotor quadcopter copter multirotor cr
     optitrack mocap qualisys vive lighthouse uwb lps dwm kalman ekf ekf2 filtered fused slam vio \
     state current position pos global self ego actual";
 
-/// Titles of positions by compass directions, with or without a unit (in meters by default), and
-/// their axes.
+/// Titles of positions by compass directions, with or without a unit, and their axes.
 const COMPASS: [(&str, Axes); 8] = [
     ("pn pe pd", Axes::ZDown),
     ("pos_n pos_e pos_d", Axes::ZDown),
@@ -104,8 +103,7 @@ fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     })
 }
 
-/// Returns the unit of a title that is a name, or a name and a unit of length. Returns `None` for
-/// other titles.
+/// Returns the unit of a title that is a name with or without a unit of length, else `None`.
 fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     let title = simplified(title);
     let rest = title.strip_prefix(name)?;

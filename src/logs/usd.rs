@@ -194,8 +194,7 @@ impl Cursor<'_> {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
-                // Variables of the log table have a group. Other variables get the event's name as
-                // their group.
+                // Variables of the log table have a group. Others get the event's name.
                 let full_name = match variable.contains('.') {
                     true => variable.to_owned(),
                     false => format!("{name}.{variable}"),

@@ -1,7 +1,7 @@
 //! Conditions: how much the real drone differs from its scene in each flight.
 //!
 //! A controller is designed for the scene. The drone that flies departs from the scene, differently
-//! for each seed and drone. The departures are constant during a flight, and only gusts and sensor
+//! for each seed and drone. Departures are constant during a flight, in which only gusts and sensor
 //! noise vary within it. The same seed draws the same departures under every controller (common
 //! random numbers). Each factor has a separate random stream, so that adding a factor changes no
 //! other.
@@ -22,8 +22,8 @@ use noctograph_sim::SimOptions;
 use noctograph_sim::sensors::LighthouseOptions;
 use noctograph_sim::vehicle::{GustOptions, Gusts, VehicleOptions};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`). It is used together with gusts if
-/// the scene has no drag.
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`). It is used with gusts if the scene
+/// has no drag.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
 /// Mean time between the starts of two radio outages.
@@ -40,22 +40,20 @@ settings! {
     /// The widths below were chosen on the reference flight, to which mass and trim were fitted.
     /// The 90 % band of 40 replays under `room` contains that flight 87 to 97 % of the time on each
     /// axis (`tests/it/team_data.rs`), and with noise and gusts only, 64 to 87 %. The band contains
-    /// nine tenths of other flights under PID, and less of them in y without an integral term
+    /// nine tenths of other flights under PID, and less in y without an integral term
     /// (`docs/model.md`).
     pub struct Conditions {
         /// Mass: standard deviation as a fraction of the scene's mass. The default is 0.5 g of 35
         /// g, for tape or a different battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
         /// Center of mass along body x and y: standard deviation, m. A battery of 7 g slides half a
-        /// millimeter in its holder. Unequal motors have the same effect: a standard deviation of 3
-        /// % acts like 0.5 mm.
+        /// millimeter in its holder. Unequal motors act the same way: 3 % corresponds to 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
         /// Moments of inertia: standard deviation as a fraction of the scene's values. Published
         /// values for one drone differ by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
         /// Additional time constant of the rotors, uniform from 0 to this, s. The default is the
-        /// lower half of the published range (0.02 to 0.14 s), because gains that were flown
-        /// tolerate it.
+        /// lower half of the published range (0.02 to 0.14 s), which flown gains tolerate.
         motor_lag_s: f64 = 0.05, in 0.0..=5.0;
         /// Standard deviation, m, of a position error that varies smoothly over the room, in
         /// addition to the scene's. It is distortion if `sensors.positioning` is `position`, and
@@ -81,8 +79,7 @@ settings! {
         /// Additional delay of the light commands, uniform from 0 to this, s. The default is one
         /// repeated radio packet.
         led_delay_s: f64 = 0.05, in 0.0..=5.0;
-        /// Fraction of its charge that the battery has lost, uniform from 0 to this, if the scene
-        /// has a battery.
+        /// Charge that the battery has lost, as a fractionuniform from 0 to this.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
         /// Mean duration of a radio outage, s, with one outage in 10 s (`[radio]`). 0: no outages.
         /// At the value of `evening` the longest of the six outages in a minute lasts 0.73 s, as in
@@ -221,12 +218,10 @@ impl Conditions {
         Actual { sim, light }
     }
 
-    /// Draws mass, center of mass, moments of inertia, rotor lag, moment of the air, and one weak
-    /// propeller.
+    /// Draws mass, center of mass, inertia, rotor lag, moment of the air, and one weak propeller.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
-        // At least a tenth of the mass and of each moment of inertia remains, so that both stay
-        // positive.
+        // At least a tenth of the mass and of each moment of inertia remainsand stays positive.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();
@@ -262,7 +257,7 @@ impl Conditions {
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
     }
 
-    /// Raises the scene's gusts to at least those of the conditions, and adds drag if the drone has
+    /// Raises the scene's gusts to at least those of the conditions, and adds drag if there is
     /// none.
     fn draw_gusts(&self, sim: &mut SimOptions) {
         if self.gust_m_s <= 0.0 {
@@ -277,8 +272,7 @@ impl Conditions {
         gusts.sigma_m_s = gusts.sigma_m_s.map(|sigma_m_s| sigma_m_s.max(self.gust_m_s));
         sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         if sim.vehicle.body_drag_n_s_m == [0.0; 3] {
-            // The drag is proportional to the gusts, so that its effect vanishes continuously with
-            // them.
+            // The drag is proportional to the gusts, so that both vanish together.
             let fraction = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
             sim.vehicle.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * fraction);
         }
@@ -292,8 +286,7 @@ struct FlightDraw {
 }
 
 impl FlightDraw {
-    /// Returns the random stream of a factor, which depends on the seed, the drone and the factor's
-    /// name.
+    /// Returns the random stream of a factor, which depends on seed, drone and name.
     fn factor(&self, factor: &str) -> Stream {
         let drone = if self.drone == 0 { String::new() } else { format!("{}:", self.drone) };
         Stream(stream(self.seed, format!("study:{drone}{factor}").bytes()))

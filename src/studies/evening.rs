@@ -39,17 +39,16 @@ const LEAST_RATE_HZ: f64 = 500.0;
 const LEAST_AIR_S: f64 = 10.0;
 /// Maximum fraction of a flight that may be missing from its log.
 const MAX_MISSING_FRAC: f64 = 0.1;
-/// Minimum strength of the gusts in a log. Even the noise of the quietest sensor looks like
-/// stronger gusts.
+/// Minimum strength of the gusts in a log. The noise of any real sensor looks stronger.
 const LEAST_GUST_M_S: f64 = 1e-6;
 /// Minimum number of flights from which a spread is computed.
 const LEAST_FLIGHTS: usize = 3;
-/// Standard deviation of an evening's mean ratio of thrust to weight, because of an error that is
-/// common to all flights. In nine simulated flights of known thrust the error was below three
-/// standard deviations.
+/// Standard deviation of an evening's mean ratio of thrust to weight, for an error common to all
+/// flights. In nine simulated flights of known thrust the error was below three standard
+/// deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
-/// Maximum total size of an evening's logs: enough for thirty flights of ten minutes with fifty
-/// variables at 100 Hz.
+/// Maximum total size of an evening's logs: thirty flights of ten minutes, fifty variables at 100
+/// Hz.
 const LOGS_LIMIT: Limit = Limit {
     bytes: 512 << 20,
     what: "the logs of an evening",
@@ -62,8 +61,7 @@ const AT_ONCE: usize = 3;
 /// The logs in a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evening {
-    /// Rows of the logs, one for each flight, sorted by the drone's name and then by the log's,
-    /// with 2 before 10.
+    /// Rows, one for each flight, sorted by drone and then by log, with 2 before 10.
     pub logs: Vec<EveningLog>,
 }
 
@@ -100,8 +98,7 @@ pub enum Flaw {
     Again(String),
     /// The log cannot be read, for this reason.
     Unreadable(String),
-    /// Nothing can be identified, for this reason: there are no motor commands, or the drone stays
-    /// on the floor.
+    /// Nothing can be identified, for this reason, such as a drone that stays on the floor.
     Silent(String),
     /// The drone is in the air for too short a time, in seconds.
     Short(f64),
@@ -231,8 +228,7 @@ impl Evening {
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
-            // Standard error of the mean. A flight that is too short for a sigma is assumed to have
-            // the average variance.
+            // Standard error of the mean. A flight without a sigma gets the average variance.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
@@ -245,15 +241,14 @@ impl Evening {
         })
     }
 
-    /// Returns the widths of conditions that follow from the spread of the valid flights, in the
-    /// order of a conditions file. Widths that the flights do not determine are omitted, and keep
-    /// the values of a room.
+    /// Returns the widths of conditions from the spread of the valid flights, in the order of a
+    /// conditions file. Widths that the flights do not determine are omitted, and stay those of a
+    /// room.
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
         let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
-        // Uneven air changes the mean command of a short flight, so that its variance is
-        // subtracted.
+        // Uneven air changes the mean command of a short flightand its variance is subtracted.
         let trims_m = [0, 1].map(|axis: usize| {
             let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
             spread(&figures.iter().map(|f| f.trim_m[axis]).zip(sigmas_m).collect::<Vec<_>>())
@@ -323,8 +318,7 @@ impl EveningLog {
             Ok(flight) => flight,
             Err(error) => return Self::flawed(log, Flaw::Unreadable(error.to_string())),
         };
-        // Figures need only motor commands and body rates, so that warnings about other missing
-        // columns are dropped.
+        // Warnings about other missing columns than motor commands and body rates are dropped.
         let mut warnings = flight.warnings.clone();
         warnings.retain(|warning| warning.code != UNLOGGED);
         let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
@@ -361,7 +355,7 @@ fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
 }
 
 /// Returns the figures of a flight from `air`, its samples in the air, or the flaw that prevents
-/// this.
+/// it.
 fn figures(
     flight: &Flight,
     air: &[FlightSample],
@@ -381,8 +375,7 @@ fn figures(
         longest_gap_s: gaps_s(flight, air).into_iter().fold(0.0, f64::max),
         thrust_frac: identified.k_f_n / vehicle.k_f_n,
         trim_m: identified.center_of_mass_m,
-        // A torque about y acts like a shift of the center of mass along x, and a torque about x
-        // like a shift along y.
+        // A torque about y acts like a shift of the center of mass along x, and vice versa.
         trim_sigma_m: identified
             .air
             .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),

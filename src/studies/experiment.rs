@@ -1,5 +1,4 @@
-//! Experimental design: which contender flies which word with which seed. [`evaluate`] flies the
-//! design.
+//! Experimental design: which contender flies which word with which seed. [`evaluate`] flies it.
 
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -101,7 +100,7 @@ impl Study {
     /// Returns the seed of a word's flight number `index`. If the study's seed is public, the
     /// result is below 2^31, as in every release. If it is secret, the result is a keyed hash of 63
     /// bits, as many as a scene file can hold. Nobody can then find seeds by trial, or derive one
-    /// seed from another.
+    /// from another.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
         // The word is part of the hashed bytes, so that different words fly in different gusts.
         let bytes = index.to_le_bytes().into_iter().chain(word.bytes());
@@ -113,8 +112,8 @@ impl Study {
         fnv_1a(self.seed.to_le_bytes().into_iter().chain(bytes)) >> 33
     }
 
-    /// Returns true unless the seed is small enough to be typed or guessed, or is derived from such
-    /// a seed.
+    /// Returns true unless the seed is small enough to be typed or guessedor derived from such a
+    /// seed.
     fn is_secret(&self) -> bool {
         let origins = [self.seed, FINALS ^ self.seed, TESTS ^ self.seed];
         origins.iter().all(|seed| *seed >= PUBLIC_SEEDS)
@@ -133,9 +132,8 @@ impl Study {
 /// Flies trials on rayon's threads. Returns their records in the order of `trials`, which depend
 /// only on the study. `prepared` is the result of [`Study::prepare`].
 ///
-/// Trials that are in the store are not flown again, and new ones are stored at once. `done` is
-/// called with the number of finished trials, from any thread. `stop` ends the study between two
-/// flights.
+/// Trials in the store are not flown again, and new ones are stored at once. `done` is called with
+/// the number of finished trials, from any thread. `stop` ends the study between two flights.
 ///
 /// # Errors
 ///

@@ -27,8 +27,7 @@ pub enum Turn {
     Choice(Vec<String>),
 }
 
-/// The usual knobs of linear-quadratic regulators whose gain is designed, followed by those of
-/// other controllers.
+/// The usual knobs of designed linear-quadratic regulators, followed by those of other controllers.
 const LQR: &str = "
     controller.kind=lqr|lqr-feedforward|lqr-integral
     controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
@@ -98,8 +97,7 @@ impl Knob {
                 (Turn::To(range), Some(_)) => toml::Value::Float(log_between(*range, fraction)),
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
-                    // Each word has an equal part of the range. A fraction of 1 selects the last
-                    // word.
+                    // Words have equal parts of the range. A fraction of 1 selects the last one.
                     let index = (fraction * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }
@@ -137,8 +135,8 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the keys of knobs that have no effect in a scene under any combination of its choices,
-/// each with the reason.
+/// Returns the keys of knobs without effect in a scene under all combinations of its choices, with
+/// reasons.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
     // The scene under every combination of the choices.
     let mut scenes = vec![scene.clone()];
@@ -257,8 +255,7 @@ mod tests {
 
     #[test]
     fn a_usual_knob_has_an_effect_in_its_scene() {
-        // The default drone's filter is an EKF, and that of the team's drone is an observer of
-        // constant gain.
+        // The default drone's filter is an EKF, and that of the team's drone has constant gain.
         let [default, team] = [Preset::default(), Preset::Ae4832022].map(|preset| {
             let knobs = Knob::usual(&Scene::preset(preset));
             knobs.into_iter().flat_map(|knob| knob.keys).collect::<Vec<String>>()

@@ -27,11 +27,9 @@ pub struct Outcome {
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
     /// [`Verdict::read_probability`].
     pub probability: f64,
-    /// Log-odds of the probability, −10 to 10, which still change when the probability is near 0
-    /// or 1.
+    /// Log-odds of the probability, −10 to 10which also change near 0 and 1.
     pub log_odds: f64,
-    /// Mean probability of the intended letters, 0 to 1. It changes even while the word is
-    /// illegible.
+    /// Mean probability of the intended letters, 0 to 1. It changes even for an illegible word.
     pub similarity: f64,
     /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]
@@ -87,8 +85,7 @@ figures! {
     saturated_frac,
     /// Duration of the whole flight.
     duration_s,
-    /// Energy of the whole flight: the current for thrust and electronics, times the open-circuit
-    /// voltage.
+    /// Energy of the whole flight: current for thrust and electronics times open-circuit voltage.
     energy_j,
 }
 
@@ -141,8 +138,7 @@ impl Outcome {
         }
     }
 
-    /// Returns the outcome of a flight with a lost drone, which has no photo. `how` is the cause of
-    /// the loss.
+    /// Returns the outcome of a flight with a lost drone, which has no photo. `how` is its cause.
     pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
@@ -158,8 +154,7 @@ impl Outcome {
 }
 
 impl Flown {
-    /// Computes the figures of the flights for one photo. `believed` has the scene's drone and
-    /// battery.
+    /// Computes the figures of the flights for one photo. `believed` is the scene's drone.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;
@@ -196,12 +191,12 @@ impl Flown {
     }
 }
 
-/// Returns the fraction of the letters' time in which a motor is saturated. Returns 0 if this is
-/// not logged.
+/// Returns the fraction of the letters' time in which a motor is saturated, or 0 if it is not
+/// logged.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(total_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
-    // The column contains the saturated time since the start, so that its increments over the
-    // letters are added.
+    // The column contains the saturated time since the startand its increments over letters are
+    // added.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, total_s) in flight.samples.windows(2).zip(total_s.windows(2)) {
         if pair[0].letter.is_some() {

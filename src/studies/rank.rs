@@ -102,8 +102,7 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     let named: Vec<_> = ranked.iter().map(|(m, values)| (&*m.contender, &values[..])).collect();
     let pairs = pairs(&named);
     let mut measures: Vec<Measures> = ranked.into_iter().map(|(measures, _)| measures).collect();
-    // A new place begins with the first contender that differs from the first contender at the
-    // previous place.
+    // A new place begins with the first contender that differs from the first at the previous one.
     let mut first_of_place = 0;
     for index in 0..measures.len() {
         let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
@@ -123,14 +122,12 @@ fn flew_alike(a: &[Record], b: &[Record]) -> bool {
     a.iter().map(|record| &record.outcome).eq(b.iter().map(|record| &record.outcome))
 }
 
-/// Returns the minimum number of flights per contender with which any two contenders can be
-/// distinguished.
+/// Returns the minimum number of flights per contender with which any two are distinguishable.
 pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
 
-/// Returns the confidence level of a single interval at which `n_pairs` intervals hold together
-/// (Bonferroni).
+/// Returns the confidence level of a single interval for `n_pairs` of them (Bonferroni).
 fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
@@ -172,8 +169,7 @@ fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     }
 }
 
-/// Returns `value` for each of one contender's records, grouped by word, without the records for
-/// which it is `None`.
+/// Returns `value` of one contender's records, grouped by word, unless it is `None`.
 fn strata(
     study: &Study,
     mut records: &[Record],
@@ -186,8 +182,8 @@ fn strata(
     words.collect()
 }
 
-/// Computes the measures of one contender from its records, except its place. `first` is the index
-/// of its first record.
+/// Computes the measures of one contender, except its place. `first` is the index of its first
+/// record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // Photos are sorted from the worst to the best. A flight with a lost drone has no photo.
@@ -272,8 +268,8 @@ mod tests {
 
     #[test]
     fn places_follow_the_order_and_ties_share_the_place_of_their_first() {
-        // Contender b is steadily a little worse than a. Contender c is worse still, except that it
-        // is sometimes the best.
+        // Contender b is steadily a little worse than a. Contender c is worse still, but sometimes
+        // best.
         let a: Vec<f64> = (0..20).map(|k| 0.9 - 0.001 * f64::from(k)).collect();
         let b: Vec<f64> = a.iter().map(|p| p - 0.01).collect();
         let c: Vec<f64> = (0..20).map(|k| if k % 3 == 0 { 0.95 } else { 0.8 }).collect();
@@ -328,8 +324,8 @@ mod tests {
     fn family_wise_error(n_contenders: u32, n_flights: u32, n_studies: u32) -> f64 {
         let wrong = (0..n_studies).into_par_iter().filter(|study| {
             let rng = &mut ChaCha8Rng::seed_from_u64(u64::from(*study));
-            // Probabilities near 0.9 resemble those of flights: they are skewed, and similar for
-            // the same seed.
+            // Probabilities near 0.9 resemble those of flights: skewed, and similar for the same
+            // seed.
             let seeds: Vec<f64> = (0..n_flights).map(|_| 2.0 + normal(rng)).collect();
             let contenders = (0..n_contenders)
                 .map(|_| seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal(rng)))).collect());

@@ -146,8 +146,7 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
     let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
-    // The shutter stays open for the complete flight, in whole seconds, and the lens is focused on
-    // the word.
+    // The shutter stays open for whole seconds of the flight, and the lens is focused on the word.
     let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
     let word_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();

@@ -103,8 +103,7 @@ impl Band {
     }
 
     /// Returns the fraction of further flights that the band contains: [`BAND_FRAC`], or with fewer
-    /// than [`LEAST_FLIGHTS`] flights the fraction between the extremes of n flights, `(n − 1) /
-    /// (n + 1)`.
+    /// than [`LEAST_FLIGHTS`] flights that between the extremes of n flights, `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
@@ -148,8 +147,8 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
 ///
 /// # Errors
 ///
-/// Returns the errors of the stages, except for a lost drone. Returns [`Error::Infeasible`] if
-/// every flight is lost.
+/// Returns the errors of the stages, except a lost drone. Returns [`Error::Infeasible`] if every
+/// flight is lost.
 pub fn spread(
     shoot: &Shoot,
     conditions: &Conditions,

@@ -100,8 +100,8 @@ pub fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Returns the mean of all values with its 95 % interval by Student's t. The variance is that
-/// within strata, or that of all values if a stratum has only one. The interval of a single value
-/// is unbounded.
+/// within strata, or that of all values if a stratum has only one. For a single value it is
+/// unbounded.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
@@ -125,8 +125,7 @@ pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     if values.len() < 2 {
         return Estimate { value, low: 0.0, high: 1.0 };
     }
-    // The probabilities of good flights are near 1, so that further values near 1 would change
-    // little.
+    // The probabilities of good flights are near 1and more of them would change little.
     let [lowest, highest] =
         [value, 1.0 - value].map(|distance| UNSEEN * (2.0 * distance).clamp(0.0, 1.0).sqrt());
     let [low, high] = Posterior::ends(values, [(0.0, lowest), (1.0, highest)]);
@@ -148,12 +147,10 @@ struct Posterior {
 }
 
 impl Posterior {
-    /// Returns the ends of the 95 % interval of the mean of values, with an unseen value on either
-    /// side.
+    /// Returns the ends of the 95 % interval of the mean, with an unseen value on either side.
     ///
     /// Each side has half of the probability of a miss. If an unseen value moves an end far out,
-    /// that end is seldom missed without it, and the other end gets the unused part of the
-    /// probability.
+    /// that end is seldom missed without it, and the other end gets the unused probability.
     fn ends(values: Vec<f64>, unseen: [(f64, f64); 2]) -> [f64; 2] {
         let half = 0.5 * (1.0 - LEVEL);
         let mirrored = values.iter().map(|x| -x).collect();
@@ -257,7 +254,7 @@ pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
 
 /// Returns the mean of differences, with a confidence interval at `level` for the center of their
 /// distribution, by Hartigan's typical values. Returns `None` if there are too few differences. At
-/// levels that the drawn subsets do not resolve, such as those for more than thirty contenders, the
+/// levels that the drawn subsets do not resolve, such as for more than thirty contenders, the
 /// interval is wider: it is Hoeffding's bound (Journal of the ASA 58, 1963) on the means of all
 /// subsets.
 pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
@@ -284,8 +281,7 @@ pub(super) fn least_for_center(level: f64) -> u32 {
     libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
 }
 
-/// Returns the means of all subsets except the empty one, or those of [`SUBSETS`] subsets drawn at
-/// random.
+/// Returns the means of all subsets except the empty one, or of [`SUBSETS`] random ones.
 fn subset_means(values: &[f64]) -> Vec<f64> {
     // There is a table of sums for every eight values, so that the mean of a subset needs one
     // look-up in each table.
@@ -310,8 +306,8 @@ fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     subsets.collect()
 }
 
-/// Returns the mean of the subset that is given by an index into each table, or `None` for the
-/// empty subset.
+/// Returns the mean of the subset given by an index into each table, or `None` for the empty
+/// subset.
 fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>) -> Option<f64> {
     let sums = tables.iter().zip(indices).map(|(table, index)| table[index % table.len()]);
     let (sum, n) = sums.fold((0.0, 0), |(sum, n), (more, count)| (sum + more, n + count));

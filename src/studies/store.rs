@@ -185,9 +185,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with the number
-    /// of the first invalid line, and for more than 500,000 flights. Half a line at the end is
-    /// ignored.
+    /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with the first
+    /// invalid line, and for more than 500,000 flights. Half a line at the end is ignored.
     pub fn read(path: &Path) -> Result<Vec<Record>> {
         let mut records = Vec::new();
         each_line(LIMIT.open(path)?, path, |record| {
@@ -219,8 +218,7 @@ impl Drop for Store {
 }
 
 impl Log {
-    /// Appends a line, or leaves the file unchanged if that fails. Syncs every [`SYNC_EVERY`]
-    /// flights.
+    /// Appends a line, or leaves the file unchanged. Syncs every [`SYNC_EVERY`] flights.
     fn append(&mut self, line: &[u8]) -> std::io::Result<()> {
         if let Err(error) = self.file.write_all(line) {
             // The next record must follow the last complete line.

@@ -1,5 +1,4 @@
-//! Submissions: reads the scenes that a course hands in for a task, and reports those that are
-//! refused.
+//! Submissions: reads the scenes that a course hands in for a task, and reports refused ones.
 
 use std::path::{Path, PathBuf};
 
@@ -91,8 +90,7 @@ fn gather(
         if refused.is_none() && path.is_dir() {
             gather(&path, Some(&name), submitted, passed_over)?;
         } else {
-            // The name of a refused entry keeps its extension, which is often the reason for
-            // refusal.
+            // The name of a refused entry keeps its extension, which is often the reason.
             let name = prefix.clone() + &if refused.is_none() { stem(&path) } else { name };
             submitted.push(Submitted { path, name, refused });
         }
@@ -125,8 +123,8 @@ fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// Returns the shortest end of a path that no other submission has, or the whole path if it is
-/// given twice.
+/// Returns the shortest end of a path that no other submission has, or the whole path if there is
+/// none.
 fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
         // The end without the file's extension is tried first.

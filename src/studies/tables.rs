@@ -35,13 +35,11 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
-/// Returns CSV with a row for each submission. Its marks are 100 times P(read), or 0 if it is not
-/// ranked.
+/// Returns CSV with a row for each submission. Marks are 100 times P(read), or 0 if not ranked.
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
-        // Lost flights and identical submissions are noted, because the person who marks must look
-        // at them.
+        // Lost flights and identical submissions are noted for the person who marks.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
         let mut row = value(measures);
@@ -89,8 +87,8 @@ fn columns(names: &str) -> impl Iterator<Item = Column> {
     })
 }
 
-/// Returns the columns of an [`Estimate`](super::statistics::Estimate): its value and both ends of
-/// its interval.
+/// Returns the columns of an [`Estimate`](super::statistics::Estimate): value and ends of its
+/// interval.
 fn estimate(name: &str, path: &str) -> [Column; 3] {
     [("", "value"), ("_low", "low"), ("_high", "high")]
         .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
@@ -113,7 +111,7 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// Returns a JSON value as a CSV cell. Students choose the names of submissions, so that texts are
+/// Returns a JSON value as a CSV cell. Students choose the names of submissions, whose texts are
 /// made harmless: an apostrophe before `=+-@` keeps a spreadsheet from interpreting them as a
 /// formula (OWASP, CSV injection), and control characters, which a terminal would execute, become
 /// U+FFFD.

@@ -188,8 +188,8 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     Ok(())
 }
 
-/// Maximum number of readers that are kept for further scenes. Preparing a reader takes as long as
-/// reading ten photos.
+/// Maximum number of readers kept for further scenes. Preparing one takes as long as reading ten
+/// photos.
 const MAX_READERS: usize = 64;
 
 /// Returns the reader of a word, which is shared by all scenes with the same strokes and options.

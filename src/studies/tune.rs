@@ -6,9 +6,8 @@
 //!    (median rule: Golovin et al., "Google Vizier", KDD 2017).
 //! 2. 2. Finals: the best few candidates and the original scene fly again with new seeds, because
 //!    the candidate with the best results in a search owes some of them to luck.
-//! 3. 3. Test: the winner of the finals, which owes some of its lead to luck as well, is compared
-//!    with the original scene on further seeds. It becomes the result only if it is distinguishably
-//!    better.
+//! 3. 3. Test: the winner, which owes some of its lead to luck as well, is compared with the
+//!    original scene on further seeds. It becomes the result only if it is distinguishably better.
 
 use std::collections::BTreeMap;
 
@@ -62,8 +61,7 @@ pub struct TuneOptions {
     /// Number of seeds of each word in the test. It is at least six, the fewest that can
     /// distinguish two scenes.
     pub test_seeds: u32,
-    /// Maximum duration of a candidate's flight. `None`: the duration of the original scene's
-    /// flight.
+    /// Maximum duration of a candidate's flight. `None`: that of the original scene.
     pub longest_s: Option<f64>,
     /// Conditions that determine how flights differ from their scene.
     pub conditions: Conditions,
@@ -82,8 +80,7 @@ impl TuneOptions {
         FINALISTS * self.n_each() * FINAL_TIMES as usize
     }
 
-    /// Returns the smallest budget: enough for the original scene, nine more candidates and the
-    /// finals.
+    /// Returns the smallest budget: for the original scene, nine more candidates and the finals.
     pub fn least_budget(&self) -> usize {
         self.n_final() + LEAST_CANDIDATES * self.n_each()
     }
@@ -169,8 +166,7 @@ impl Candidate {
 pub struct Tuned {
     /// The scene with the best knobs if they won the test, otherwise the original scene.
     pub scene: Scene,
-    /// Test of the finals' winner against the original scene. `None` if the original scene won the
-    /// finals.
+    /// Test of the finals' winner against the original scene. `None` if the latter won the finals.
     pub test: Option<(Study, Ranking)>,
     /// Figures of the finals' winner in the finals.
     pub best: Candidate,
@@ -201,8 +197,7 @@ impl Tuned {
 /// # Errors
 ///
 /// Returns [`Error::Input`] for knobs that the scene lacks or that have no effect in it, if there
-/// is no word, and if the budget is too small. Returns the errors of the flights and of the store
-/// are passed on.
+/// is no word, and if the budget is too small. Returns the errors of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -280,9 +275,8 @@ impl Tuning<'_> {
         Ok(candidates)
     }
 
-    /// Flies a candidate with `times` as many seeds as in training, drawn from `seed`. If
-    /// `max_cost` is given and the cost after half of the flights is higher, the candidate is
-    /// abandoned.
+    /// Flies a candidate with `times` as many seeds as in training, drawn from `seed`. The
+    /// candidate is abandoned if its cost after half of the flights exceeds `max_cost`.
     fn candidate(
         &mut self,
         number: usize,
@@ -305,8 +299,7 @@ impl Tuning<'_> {
         study.check()?;
         let prepared = study.prepare()?;
         let trials: Vec<Trial> = study.trials().collect();
-        // With two parts, the first takes every other flight, so that it contains flights of all
-        // words.
+        // With two parts, the first is every other flight, and thus contains all words.
         let n_parts = if max_cost.is_some() { 2 } else { 1 };
         let (mut records, mut candidate) = (Vec::new(), unflown.clone());
         for part in 0..n_parts {
@@ -322,8 +315,7 @@ impl Tuning<'_> {
         Ok(candidate)
     }
 
-    /// Flies the best candidates and the original scene with new seeds. Returns the original scene
-    /// and the winner.
+    /// Flies the best candidates and the original scene with new seeds. Returns it and the winner.
     fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
         let (original, others) = candidates.split_first().expect("the original scene");
         let mut by_cost: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
@@ -447,8 +439,8 @@ mod tests {
 
     #[test]
     fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
-        // Speeds that differ by 2 % are equally legible, so that the winner of the finals is not
-        // truly better.
+        // Speeds that differ by 2 % are equally legible, and the winner of the finals is not
+        // better.
         let base = Scene::preset(Preset::Ae4832022);
         let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
         let mut tested = (0..6).map(|seed| {

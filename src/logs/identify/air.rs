@@ -52,8 +52,7 @@ pub(super) fn uneven_air(
             let torques =
                 part.iter().map(|s| Vector2::from_fn(|axis, _| signed_sum(axis, &s.motors)));
             let torque_n_m = torques.sum::<Vector2<f64>>() * torque_per_command_n_m;
-            // The air rotates a drone that moves along x about y, and one that moves along y about
-            // x.
+            // The air rotates a drone moving along x about y, and one moving along y about x.
             let moving_m_s: Vector2<f64> = part.iter().map(|s| s.velocity_body_m_s.yx()).sum();
             windows.push([torque_n_m / n, moving_m_s / n]);
         }

@@ -33,8 +33,7 @@ const SPANS_BEFORE: usize = 10;
 const SPANS_AFTER: usize = 20;
 /// Minimum number of pairs of spans for a fit: ten per stretch.
 const FEWEST: usize = 10 * STRETCHES;
-/// Maximum half width of the confidence interval of a usable result: the spread of published lags,
-/// 0.02 to 0.14 s.
+/// Maximum half width of a usable confidence interval: the spread of published lags.
 const LARGEST_DOUBT_S: f64 = 0.1;
 /// Minimum fraction of the changes of rotation that the motors explain in a usable result.
 const LEAST_EXPLAINED: f64 = 0.1;
@@ -58,8 +57,7 @@ impl RotorLag {
     }
 }
 
-/// Fits the lag. Returns `None` if the flight is too short for a fit, or if its design does not
-/// move.
+/// Fits the lag. Returns `None` if the flight is too short, or if its design does not move.
 pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag> {
     let runs: Vec<(&[FlightSample], Vec<[usize; 3]>)> =
         runs(flight, samples).map(|run| (run, pairs(run).collect())).collect();
@@ -233,8 +231,7 @@ fn changes(
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
 }
 
-/// Returns the integral, up to each sample, of the roll and pitch torques of motors that lag by
-/// `lag_s`.
+/// Returns the integral of roll and pitch torque up to each sample, with motors lagging by `lag_s`.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];
     for impulse in impulses(run, lag_s) {
@@ -244,8 +241,7 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     sums
 }
 
-/// Returns the lag at the peak of a curve, from a parabola through the highest point and its
-/// neighbors.
+/// Returns the lag at the peak of a curve, from a parabola through its highest three points.
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
     #[expect(clippy::cast_precision_loss, reason = "sixty")]

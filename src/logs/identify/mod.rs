@@ -9,8 +9,7 @@
 //! - The mean motor commands compensate for the torque of a displaced center of mass.
 //! - Moments of inertia come from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
 //!
-//! Not done: moments of inertia and the rotors' reaction torque from a flight, which slow logs do
-//! not determine.
+//! Not done: moments of inertia and rotor reaction torque, which slow logs do not determine.
 
 mod air;
 mod lag;
@@ -61,8 +60,7 @@ pub struct Identified {
     /// Thrust of one motor per unit of its command, N. It is fitted to the accelerometer, or
     /// without one, to hovering.
     pub k_f_n: f64,
-    /// Mean torque of the motors about body x and y, N m. The body is subject to an opposite
-    /// torque.
+    /// Mean torque of the motors about body x and y, N m. An opposite torque acts on the body.
     pub motor_torque_n_m: [f64; 2],
     /// Center of mass, along body x and y, that explains this torque.
     pub center_of_mass_m: [f64; 2],
@@ -89,8 +87,7 @@ impl Identified {
         self.measurement_sigma_m.map(|sigma| sigma.map(weight))
     }
 
-    /// Returns the observer's R: `1/σ²` of the eight model errors other than that of ψ, which is
-    /// unobservable.
+    /// Returns the observer's R: `1/σ²` of the eight model errors except that of ψ (unobservable).
     pub fn observer_r(&self) -> Option<[f64; 8]> {
         let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
         Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
@@ -107,8 +104,7 @@ pub fn weight(sigma: f64) -> f64 {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] if a value is out of range, or if the period is shorter than that of a
-/// point mass.
+/// Returns [`Error::Input`] if a value is out of range, or the period too short for any body.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
     within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
     within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
@@ -185,8 +181,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
-        // The weight rotates the drone about the motors' center by m g (y, −x), and the motors
-        // rotate it back.
+        // The weight's torque about the motors' center, m g (y, −x), is balanced by the motors.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
         center_of_mass_half_width_m: air
             .map(|air| [1, 0].map(|axis: usize| T_95 * air.mean_sigma_n_m[axis] / thrust_n)),
@@ -224,8 +219,8 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Returns true if standard deviations are finite and positive. The weight of a frozen value would
-/// be infinite.
+/// Returns true if standard deviations are finite and positive. A frozen value's weight would be
+/// infinite.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
@@ -359,8 +354,7 @@ mod tests {
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
             left_out: Vec::new(),
         };
-        // These are the values printed for the paper's observer, with Q rounded to whole numbers
-        // and R to one digit.
+        // These are the values printed in the paper, Q in whole numbers and R to one digit.
         let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());
         assert_eq!(q.map(f64::round), [111_111.0, 62_500.0, 250_000.0]);
         let printed = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6];
@@ -371,8 +365,8 @@ mod tests {
 
     #[test]
     fn a_pendulum_test_gives_the_inertia() {
-        // A 1 kg rod of 1 m swings about its end, with J = m l²/12 about its center and T = 2π √(2
-        // l / 3 g).
+        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 at its center, T = 2π √(2 l / 3
+        // g).
         let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
         let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
         assert!((inertia - 1.0 / 12.0).abs() < 1e-12, "{inertia}");

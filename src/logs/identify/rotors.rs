@@ -1,5 +1,4 @@
-//! Computes the thrust of motors from their logged commands, which the rotor speeds follow with a
-//! lag.
+//! Computes motors' thrust from logged commands, which the rotor speeds follow with a lag.
 
 use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -37,8 +36,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     }))
 }
 
-/// Returns the square roots of the commands at each sample, interpolated between different
-/// commands.
+/// Returns the square roots of the commands at each sample, interpolated between commands.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {

@@ -1,5 +1,4 @@
-//! Tests tables of other programs: one flight in all its notations, what is refused, and what is
-//! named.
+//! Tests tables of other programs: one flight in all notations, what is refused and named.
 
 use std::fmt::Write;
 
@@ -18,8 +17,7 @@ pub(super) fn place(t: f64) -> [f64; 3] {
 /// Yaw of the flight at all times, as a rotation about the vertical axis.
 const YAW_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
-/// Returns a table of the flight's samples at 10 Hz, with each row computed from its time and
-/// position.
+/// Returns a table of the flight's samples at 10 Hz, each row from its time and position.
 fn rows(head: &str, row: impl Fn(f64, [f64; 3]) -> String) -> String {
     let mut text = head.to_owned();
     for i in 0..=120 {

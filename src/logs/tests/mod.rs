@@ -41,8 +41,7 @@ fn json(variables: &[Variable]) -> String {
     format!("{{{}}}", list(variables.iter().map(variable).collect()))
 }
 
-/// Returns a log of straight lines, for which interpolation is exact, in the firmware's units and
-/// signs.
+/// Returns a log of straight lines, for which interpolation is exact, in the firmware's units.
 fn straight_flight() -> String {
     fn degrees(rad: f64) -> f64 {
         (rad.to_degrees() + 180.0).rem_euclid(360.0) - 180.0

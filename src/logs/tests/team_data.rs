@@ -61,8 +61,7 @@ fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
         assert!(errors.len() > 3000, "{} samples in common", errors.len());
         median(errors).unwrap()
     };
-    // With the other sign, pitch and roll would differ by 0.05 rad, and in degrees they would
-    // differ far more.
+    // With the other sign, pitch and roll would differ by 0.05 rad, and in degrees by far more.
     type Number = fn(&FlightSample) -> f64;
     let parts: [(&str, Number, f64); 6] = [
         ("pitch", |s| s.attitude.pitch_rad, 0.01),

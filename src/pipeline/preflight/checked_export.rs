@@ -139,8 +139,7 @@ impl CheckedExport {
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
-        // A script that sends setpoints also offers the trajectory, if the trajectory is safe as
-        // well.
+        // A script that sends setpoints also offers the trajectory if it is safe.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
@@ -150,8 +149,7 @@ impl CheckedExport {
         };
         let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
-        // A show contains the light of the design, because a viewer does not simulate lamps that
-        // delay it.
+        // A show contains the light of the design, because a viewer simulates no lamps.
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
             _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
@@ -195,8 +193,7 @@ impl CheckedExport {
         is_unsafe.then(|| reason.to_owned())
     }
 
-    /// Returns true if no check stops the flights of a shoot, or if unsafe flights are exported as
-    /// well.
+    /// Returns true if no check stops the flights of a shoot, or if unsafe flights are exported.
     fn may_fly(&self, shoot: &Shoot) -> bool {
         self.options.is_unchecked
             || preflight(shoot, &self.options.profile)
@@ -234,8 +231,7 @@ pub(super) fn plans_of(shoot: &Shoot) -> Vec<Plan> {
     shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
 }
 
-/// Returns left, bottom, right and top of the strokes or, without strokes, of the letters in the
-/// plans.
+/// Returns left, bottom, right and top of the strokes or, without strokes, of the plans' letters.
 pub(super) fn bounds_m(shoot: &Shoot) -> [f64; 4] {
     if let Some(strokes) = &shoot.strokes {
         return strokes.bounds_m();

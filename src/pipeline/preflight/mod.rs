@@ -64,8 +64,7 @@ pub struct Preflight {
     pub placement: Option<ShotPlan>,
 }
 
-/// Simulates the flights, and checks letters, plans, flights, light and base stations against a
-/// profile.
+/// Simulates flights, and checks letters, plans, flights, light and stations against a profile.
 ///
 /// # Errors
 ///
@@ -78,8 +77,7 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`preflight`]. If a flight is infeasible, its element of the list is an
-/// error.
+/// Returns the errors of [`preflight`]. If a flight is infeasible, its list item is an error.
 pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let drones = 0..shoot.plans.len();
     if !shoot.is_one_simulation() {
@@ -87,8 +85,7 @@ pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     }
     match shoot.fly(&|_, _| {}) {
         Ok(flights) => Ok(flights.into_iter().map(Ok).collect()),
-        // Drones that affect each other are simulated together, so that a failure applies to all of
-        // them.
+        // Drones that affect each other are simulated togetherand fail together.
         Err(Error::Infeasible { what, hint, .. }) => {
             Ok(drones.map(|_| Err(Error::infeasible(what.clone(), hint.clone()))).collect())
         }
@@ -201,7 +198,7 @@ fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnost
         findings.extend(numbered(shoot, drone, checks));
     }
     // Drones with trajectories on board wait in the air for their turn. Only the plans contain this
-    // wait, not the designs.
+    // wait.
     findings.extend(check_separation(&plans_of(shoot)));
     findings.extend(check_people(shoot, paths));
     findings.push(check_obstacles(shoot, profile));

@@ -47,8 +47,7 @@ pub(super) struct Paths {
 impl Paths {
     /// Returns the paths of a shoot's plans and of their flights.
     pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
-        // Speeds are computed from positions, because the velocities in a file may be those of
-        // another flight.
+        // Speeds are computed from positions, because a file's velocities may be of another flight.
         let plans = shoot.plans.iter().map(|planned| &planned.plan);
         let mut speed_m_s = plans.clone().map(greatest_speed_m_s).fold(0.0, f64::max);
         let mut pieces: Vec<_> = plans.flat_map(pieces).collect();
@@ -62,8 +61,7 @@ impl Paths {
         // A drone without commands flies on until its motors stop, and then falls from its maximum
         // height: v (t + √(2 h / g)).
         let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // The distance is rounded up to the printed decimals, so that the message and the check
-        // agree.
+        // It is rounded up to the printed decimals, so that the message and the check agree.
         Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
@@ -149,8 +147,7 @@ fn pieces_away_from_mark(setpoints: &[Setpoint]) -> std::ops::Range<usize> {
     rise.saturating_sub(1)..setpoints.len() - descent
 }
 
-/// Returns the number of setpoints at the beginning that have no letter and are above the first
-/// one.
+/// Returns the number of initial setpoints that have no letter and are above the first one.
 fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
     let Some(mark) = setpoints.clone().next() else { return 0 };
     let above = setpoints.by_ref().take_while(|s| {
@@ -190,8 +187,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
 /// Returns the base stations or anchors as things.
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
-        // Beacons in the lower half of a room are on stands, and those in the upper half are hung
-        // up.
+        // Beacons in the lower half of a room are on stands, and those in the upper half hang.
         let shape = match z < 0.5 * ceiling_m {
             true => Solid::pillar([x, y], BEACON_M),
             false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
@@ -202,7 +198,7 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     beacons.collect()
 }
 
-/// Returns mirrors and panes as obstacles, without horizontal ones, because a drone flies above a
+/// Returns mirrors and panes as obstacles, except horizontal ones, because drones fly above a
 /// floor.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();

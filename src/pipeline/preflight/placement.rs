@@ -50,12 +50,10 @@ pub struct ShotPlan {
     pub take_off_m: Vec<[f64; 2]>,
     /// Positions of base stations or anchors.
     pub stations_m: Vec<[f64; 3]>,
-    /// Minimum distance between people and the flight, in whole tenths of a meter. A drone that
-    /// receives no more commands flies on at its maximum speed until its motors stop, and then
-    /// falls.
+    /// Minimum distance between people and the flight, in whole tenths of a meter. A drone without
+    /// commands flies on at its maximum speed until its motors stop, and falls.
     pub audience_from_m: f64,
-    /// Maximum y of the audience, which stands in front of the flight. `None` if the room is not
-    /// deep enough.
+    /// Maximum y of the audience, in front of the flight. `None` if the room is too shallow.
     pub audience_y_m: Option<f64>,
     /// The scene's camera, followed by common cameras.
     pub cameras: Vec<CameraPlace>,
@@ -315,8 +313,7 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-/// Shrinks a scene's canvas to the area that its camera shows from inside a room, if the camera
-/// frames the word.
+/// Shrinks a scene's canvas to what its camera shows from inside a room, if it frames the word.
 pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     let (Framing::Word(_), Some([width_m, height_m])) =
         (&scene.camera.framing, scene.letters.canvas_m)
@@ -331,8 +328,7 @@ pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-/// Returns the fraction of a word's size, at most 1, that the scene's camera shows from within a
-/// room.
+/// Returns the fraction of a word's size, at most 1, that its camera shows from within a room.
 fn shown_frac(scene: &Scene, [width_m, height_m]: [f64; 2], room_m: [f64; 3]) -> Result<f64> {
     let low_m = scene.letters.baseline_m;
     let word_m = [-0.5 * width_m, low_m, 0.5 * width_m, low_m + height_m];
@@ -363,8 +359,7 @@ impl ShotPlan {
         let from_m = self.audience_from_m;
         let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
         match self.audience_y_m {
-            // Nobody may stand beside a tripod that is closer to the flight than the audience may
-            // be.
+            // Nobody may stand beside a tripod that is closer to the flight than people may be.
             Some(y_m) => {
                 let beside = match tripod_m {
                     Some([_, tripod_y_m, _]) if tripod_y_m > y_m => {
@@ -493,8 +488,7 @@ mod tests {
         let (mut shoot, lighting, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
         assert!((1.0..4.0).contains(&hall.audience_from_m), "{}", hall.audience_from_m);
         assert!(hall.audience_y_m.unwrap() <= -hall.audience_from_m);
-        // The plan's velocity columns do not matter. Even at a very low speed people keep a meter
-        // away.
+        // The plan's velocity columns do not matter. Even at low speed people keep a meter away.
         let plan = &mut shoot.plans[0].plan;
         plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.velocity_m_s *= 0.1));
         let paths = Paths::new(&shoot, &lighting.flights);

@@ -73,8 +73,7 @@ fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
     plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
 }
 
-/// Returns the displacement from the design, which a setpoint defines until the next one, to the
-/// next setpoint.
+/// Returns the displacement from a setpoint's design to the next setpoint.
 fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
     to.position_m - from.design_m(to.time_s)
 }
@@ -91,8 +90,7 @@ struct Segment {
     goes_on: bool,
 }
 
-/// Minimum time over which a speed is computed from positions, so that rounded positions in a file
-/// have no effect.
+/// Minimum time over which a speed is computed from positions, despite a file's rounding.
 const SEGMENT_S: f64 = 0.1;
 
 /// Returns the path in the air as segments of at least [`SEGMENT_S`]. A single jump, for which
@@ -355,8 +353,7 @@ pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
         let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
-        // The distance to the nearest lit stroke of the letter is measured in the plane of the
-        // word.
+        // The distance to the nearest lit stroke of the letter is in the plane of the word.
         let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
         let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
         let lit = moves.filter(|step| step.lit);

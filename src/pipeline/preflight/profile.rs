@@ -76,8 +76,7 @@ impl Profile {
 
     /// Returns two base stations in opposite corners of the room, 0.1 m below its ceiling, directed
     /// at the middle of the volume. According to Bitcraze (tutorial "Getting started with the
-    /// Lighthouse system"), two stations cover about 4 m by 4 m, and hang at least 0.4 m above the
-    /// flight.
+    /// Lighthouse system"), two cover about 4 m by 4 m, and hang at least 0.4 m above the flight.
     pub fn stations(&self) -> [Station; 2] {
         let [low, high] = self.volume_m;
         let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
@@ -121,8 +120,8 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
-            // Assumptions: three times the weight of the heaviest Crazyflie, and a draft with the
-            // gusts of a fan.
+            // Assumptions: the weight of three heavy Crazyflies, and a draft with the gusts of a
+            // fan.
             mass_kg: 0.15,
             wind_m_s: 1.5,
             is_outdoors: false,

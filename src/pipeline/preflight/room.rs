@@ -1,5 +1,4 @@
-//! Reads the size of a room from text, and determines the largest word in it and the positions of
-//! its stations.
+//! Reads the size of a room from text, and finds its largest word and stations.
 
 use super::Profile;
 use crate::scene::Scene;
@@ -29,8 +28,7 @@ const UNITS: [(&str, f64); 4] = [("cm", 0.01), ("mm", 0.001), ("ft", FOOT_M), ("
 const FOOT_M: f64 = 0.3048;
 
 /// Ceiling height from which numbers without a unit are refused, because rooms are 8 feet high, and
-/// few halls are 8 m high. A sports hall with a height of 7 m is accepted with a warning from the
-/// check `room`.
+/// few halls are 8 m high. A sports hall 7 m high is accepted with a warning (check `room`).
 const FEET_FROM: f64 = 7.5;
 
 /// Returns the size of a room as text, rounded to centimeters: `4x3x2.5`.
@@ -72,8 +70,7 @@ pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     if fits(sides) && sides[2] < FEET_FROM {
         return Ok(sides);
     }
-    // The size is too large for meters, so that the message suggests the first unit in which it
-    // would be a room.
+    // The message suggests the first unit in which the size would be that of a room.
     let mut rooms =
         OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|side| side / per_m)));
     Err(match rooms.find(|(_, room_m)| fits(*room_m)) {

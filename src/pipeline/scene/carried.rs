@@ -72,8 +72,7 @@ impl CarriedScene {
         Ok(Some(carried))
     }
 
-    /// Returns true if a plan or a flight is one of the files that the scene next to it was written
-    /// with.
+    /// Returns true if the scene next to a plan or flight was written with this file.
     pub fn binds(path: &Path) -> bool {
         Self::read(path).is_ok_and(|carried| carried.is_some_and(|carried| carried.is_bound))
     }
@@ -138,8 +137,7 @@ impl CarriedScene {
         Some(Self { toml, file, folder, is_in_log: true, is_bound: true })
     }
 
-    /// Returns the scene that came with the files. Some of them may have no scene, and their seeds
-    /// may differ.
+    /// Returns the scene that came with the files. Some may have no scene, and seeds may differ.
     ///
     /// # Errors
     ///

@@ -17,8 +17,7 @@ pub(super) const RULES: [(&str, &str); 4] = [
     ("camera.f_number or camera.iso, without camera.metering", "camera.metering = \"off\""),
 ];
 
-/// Sets the values in a preset's scene that follow from the layers of keys above it, by [`RULES`]
-/// in their order.
+/// Sets the values in a preset's scene that follow from the layers above it, by [`RULES`] in order.
 pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
     match last_name(layers, "plan.style") {
         Some("even") => scene.plan = PlanOptions::even(),

@@ -144,8 +144,7 @@ impl Scene {
         folder: &Path,
         settings: &[(&str, &str)],
     ) -> Result<Self> {
-        // The layers are merged from the lowest to the highest: preset, implied values, file,
-        // single settings.
+        // Layers from low to high: preset, implied values, file, single settings.
         let mut set_keys = Table::new();
         for (key, value) in settings {
             let setting = text::single_setting(key, value)?;
@@ -174,8 +173,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Returns the complete scene as the text of a TOML file, with the value and the documentation
-    /// of every key.
+    /// Returns the complete scene as TOML text, with the value and documentation of every key.
     pub fn to_toml(&self) -> String {
         text::document(self)
     }
@@ -202,8 +200,7 @@ impl Scene {
         fonts.chain([&mut letters.drawing, &mut self.photo.background])
     }
 
-    /// Returns the keys whose values differ from the preset's, each with its value and the preset's
-    /// value.
+    /// Returns the keys whose values differ from the preset's, each with both values.
     pub fn changes(&self) -> Vec<[String; 3]> {
         text::changes(self, self.preset.scene())
     }

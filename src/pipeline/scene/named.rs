@@ -42,13 +42,11 @@ impl Scene {
     /// two-drones-three-anchors and the same with -and-floor), a preset, a scene file, or a folder
     /// with `scene.toml`.
     ///
-    /// Names of scenes take precedence over files, so that a folder called `tuned` must be given as
-    /// `./tuned`.
+    /// Names of scenes take precedence over files, so that a folder `tuned` is `./tuned`.
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`Scene::parse_with`], and [`Error::Input`] for a name that is none of
-    /// these.
+    /// Returns the errors of [`Scene::parse_with`], and [`Error::Input`] for any other name.
     pub fn find(name: &str, settings: &[(&str, &str)]) -> Result<NamedScene> {
         if let Some(toml) = text_of_name(name) {
             return Ok(NamedScene::new(name, Self::parse_with(&toml, name, settings)?));
@@ -87,8 +85,7 @@ impl Scene {
     }
 }
 
-/// Returns the text of a shipped scene, or of a scene that only names a preset. Returns `None` for
-/// a file name.
+/// Returns the text of a shipped scene or of a preset's, or `None` for a file name.
 fn text_of_name(name: &str) -> Option<String> {
     if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
         return Some((*toml).to_owned());

@@ -20,8 +20,7 @@ settings! {
         "cf-brushless" => CfBrushless,
         /// The 1.15 kg quadrotor of a lab course on altitude hold, with its own sensors.
         "bzzz" => Bzzz,
-        /// The reference team's flight of December 2022, with their drone, gains, letters, timing
-        /// and lamps.
+        /// The reference team's flight of December 2022, with its drone, gains, letters and lamps.
         "ae483-2022" => Ae4832022,
     }
 }
@@ -63,8 +62,7 @@ mod tests {
     use noctograph_sim::vehicle::{AirOptions, Gusts};
     use noctograph_sim::{ControllerKind, Drone, EstimatorKind, MotorLag, SimOptions, fly};
 
-    /// Returns a preset's drone in still air, with the reference team's regulator, observer and
-    /// sensors.
+    /// Returns a preset's drone in still air, with the team's regulator, observer and sensors.
     fn with_regulator(preset: Preset) -> SimOptions {
         let mut sim = preset.scene().sim();
         sim.controller.kind = ControllerKind::default();
@@ -176,8 +174,7 @@ mod tests {
         let apart_m = coarse.samples.iter().zip(&fine.samples).filter(|(a, _)| a.letter.is_some());
         let apart_m =
             apart_m.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
-        // Most of the difference comes from the moment of lift-off, which is only resolved to one
-        // step.
+        // Most of the difference comes from the moment of lift-off, known to one step.
         assert!(apart_m < 2e-5, "{apart_m} m apart");
     }
 }

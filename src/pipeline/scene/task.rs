@@ -53,8 +53,8 @@ impl SceneTask {
         Ok(Self { scene, may })
     }
 
-    /// Returns the task's scene with the keys of a submission (TOML), but with the word and seed of
-    /// the task.
+    /// Returns the task's scene with the keys of a submission (TOML), but with its own word and
+    /// seed.
     ///
     /// # Errors
     ///

@@ -15,8 +15,7 @@ use noctograph_core::settings::{
 
 /// Maximum line width of the printed file.
 const WIDTH: usize = 80;
-/// Name of the table with the SHA-256 of the files that a scene file was written with. It is not a
-/// setting.
+/// Name of the table, not a setting, with the SHA-256 of files that a scene was written with.
 const DIGESTS: &str = "sha256";
 /// Advice for a broken scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
@@ -47,8 +46,7 @@ fn is_table(value: &Value) -> bool {
 
 /// Appends the settings of a table whose dotted key is `path`.
 fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
-    // In TOML, all keys after the header of a table belong to that table, so that tables must come
-    // last.
+    // In TOML, all keys after a table's header belong to it, so that tables must come last.
     let (tables, plain): (Vec<&Setting>, Vec<&Setting>) =
         settings.iter().partition(|setting| values.get(setting.key).is_some_and(is_table));
     for setting in plain {
@@ -195,8 +193,7 @@ pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>
     take_digests(&mut table).map_err(|error| with_line(error, toml, file))
 }
 
-/// Removes the digests from a scene file's table, which then contains only settings, and returns
-/// them.
+/// Removes the digests from a scene file's table, leaving only settings, and returns them.
 fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     let Some(digests) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
     let digests = digests.try_into::<BTreeMap<String, String>>().ok();
@@ -380,8 +377,7 @@ pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Returns the keys whose values differ from another scene's, with both values, or `-` for no
-/// value.
+/// Returns the keys whose values differ from another scene's, with both values, or `-` for none.
 pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     let mut changes = Vec::new();
     compare(&mut changes, "", &scene.to_table(), &other.to_table());
@@ -408,8 +404,7 @@ fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &
     }
 }
 
-/// Adds the file to an error's place, and the line number if the place begins with a key in the
-/// file.
+/// Adds the file to an error's place, and the line if the place begins with a key.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     let line = match &error {
         Error::Input { place, .. } => line_of(toml, place),
@@ -421,8 +416,7 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
 /// Returns the line of a key, or that of the innermost table or list around it in the file.
 fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
-    // The loop follows the place from table to table. If the file lacks a key, its value is the
-    // preset's.
+    // The loop follows the place from table to table. A missing key has the preset's value.
     let mut value = &Spanned::new(0..0, DeValue::Table(parsed.into_inner()));
     let mut line = None;
     for segment in &place.0 {
@@ -474,8 +468,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
         });
         let place = Place(steps.collect());
         let actual = error.inner().message().replace('\n', "; ");
-        // A value of the wrong type is the most common mistake, so that serde's message about it is
-        // reworded.
+        // Values of a wrong type are the most common mistake, and serde's message is reworded.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {

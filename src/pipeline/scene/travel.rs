@@ -1,8 +1,7 @@
 //! Makes a scene file that can be moved together with the files that it names.
 //!
 //! In memory, a scene contains paths of this machine. In a file, it contains names relative to the
-//! folder of the file, so that the folder can be moved, and can be published without a path of this
-//! machine.
+//! folder of the file, so that the folder can be moved and published.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -74,8 +73,7 @@ impl Scene {
         for (path, name) in names {
             let relative = Path::new(path).is_file().then(|| relative_name(folder, path.as_ref()));
             *path = match relative {
-                // A named pipe can only be read once, which already happened when it was drawn, so
-                // that it is not copied.
+                // A named pipe was read when it was drawn, and cannot be copied.
                 None => name.clone(),
                 Some(Some(relative)) => relative,
                 Some(None) => {
@@ -99,8 +97,7 @@ impl Scene {
     }
 }
 
-/// Returns the folder to which names in a file are relative. It is empty for a named pipe, which
-/// has none.
+/// Returns the folder to which names in a file are relative. A named pipe has an empty one.
 pub fn folder_of(path: &Path) -> PathBuf {
     let is_stream = path.exists() && !path.is_file();
     path.parent().filter(|_| !is_stream).map(Path::to_owned).unwrap_or_default()
@@ -124,8 +121,7 @@ pub(super) fn find_files(values: &mut Table, folder: &Path) {
                 name => Vec::from_iter(name),
             };
             for value in names {
-                // If the path is not Unicode, the name is kept, and the file can only be read in
-                // its folder.
+                // If the path is not Unicode, the name is keptfor use in its own folder.
                 if let Value::String(name) = value
                     && is_file(name)
                     && let Some(path) = path_from(folder, name).to_str()

@@ -1,5 +1,4 @@
-//! Finds keys without effect, with the reason: they belong to another choice, or to a part that is
-//! switched off.
+//! Finds keys without effect, with the reason: another choice, or a part that is off.
 
 use toml::{Table, Value};
 
@@ -95,8 +94,7 @@ const RULES: &[Rule] = &[
     ),
 ];
 
-/// Keys of stations and obstacles, which `coverage` and `check` use regardless of the drone's
-/// sensors.
+/// Keys of stations and obstacles, which `coverage` and `check` use with all sensors.
 const ALWAYS_USED: [&str; 4] = [
     "sensors.lighthouse.stations",
     "sensors.lighthouse.people_m",
@@ -146,8 +144,7 @@ fn has_lamp(scene: &Scene, test: fn(&Fixture) -> bool) -> bool {
 /// Returns true if a channel of the plan can emit colored light.
 fn writes_colors(scene: &Scene, channel: &str) -> bool {
     let light = &scene.light;
-    // The color LED is white by default. The color of a fixture that the scene lists is that of its
-    // dies.
+    // The color LED is white by default. A fixture that the scene lists has its dies' color.
     let has_color = light.color_led_wrgb[1..] != [0; 3]
         || !light.letters_wrgb.is_empty()
         || !scene.letters.drawing.is_empty();
@@ -182,8 +179,7 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     }
     let values = Value::Table(scene.to_table());
     let mut reasons = Vec::new();
-    // The loop goes from the outermost table to the key. The last reason, that of the innermost
-    // table, is returned.
+    // The loop goes from the outermost table to the key. The innermost reason is returned.
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
         path = joined(&path, part);
@@ -233,8 +229,8 @@ fn is_off(value: &Value) -> bool {
         || value.as_str().is_some_and(str::is_empty)
 }
 
-/// Returns the values at a dotted key. If the path contains a list, each table in it contributes a
-/// value.
+/// Returns the values at a dotted key. If the path contains a list, each of its tables contributes
+/// one.
 fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     key.split('.').fold(vec![values], |values, part| {
         let rows = values.into_iter().flat_map(|value| match value {

@@ -10,8 +10,7 @@ use noctograph_plan::{LightClock, Plan};
 impl Shoot {
     /// Returns the shoot with the exported trajectories in place of the plans, as the firmware
     /// decodes them, from the take-off command on. With the clock `light`, lights are timed on
-    /// simulated flights of the trajectories, because a controller that holds positions lags behind
-    /// them.
+    /// simulated flights of the trajectories, behind which position controllers lag.
     ///
     /// # Errors
     ///
@@ -41,8 +40,7 @@ impl Shoot {
     }
 
     /// Returns the plans of a show: the exported trajectories, with light from the beginning to the
-    /// end of each stroke, because a viewer does not simulate lamps and controllers, which delay
-    /// it.
+    /// end of each stroke, because viewers simulate no delays.
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
         let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;
@@ -98,8 +96,7 @@ mod tests {
     use crate::scene::{Preset, Scene};
     use noctograph_plan::StrokeEnd;
 
-    /// Compares the maximum error of the light at the ends of strokes, m, in simulated flights of
-    /// the exports.
+    /// Compares the maximum error of the light at the ends of strokes, m, in simulated flights.
     #[test]
     fn the_firmwares_pid_lights_an_exported_trajectory_where_it_is() {
         let shoot =

@@ -1,5 +1,4 @@
-//! Writes the photo to a file with camera, seed, version, flights and scene, but without a
-//! timestamp.
+//! Writes the photo to a file with camera, seed, version, flights and scene.
 
 use std::path::Path;
 

@@ -22,8 +22,7 @@ const MIN_DISTANCE_M: f64 = 0.1;
 pub struct Lighting {
     /// Flights that carried the lamps. Empty for recorded light.
     pub flights: Vec<Flight>,
-    /// Lamps of all drones. If there are several drones, each lamp contains the number of its
-    /// drone.
+    /// Lamps of all drones. If there are several drones, each has its drone's number.
     pub trace: LightTrace,
     /// Names of the lamps that follow the plans.
     pub writing: Vec<String>,
@@ -127,8 +126,7 @@ impl Shoot {
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&trace, &mut camera, options, photo);
         check_camera_position(&trace, bounds_m, &camera, &options.framing)?;
-        // 3. 3. The light in the camera's view is searched for problems. Obstacles precede other
-        //    problems.
+        // 3. 3. The light in the camera's view is searched for problems, obstacles first.
         let is_framed = matches!(options.framing, Framing::Word(_));
         problems.extend(problems::outside(&trace, bounds_m, &camera, is_framed));
         let lamps = problems::writing(&flights, &trace, &self.scene.light);
@@ -202,7 +200,7 @@ fn has_extent([left, bottom, right, top]: [f64; 4]) -> bool {
     left < right || bottom < top
 }
 
-/// Refuses a camera too close to a lit lamp, and a camera behind the word, from where it appears
+/// Refuses a camera too close to a lit lamp, and a camera behind the word, from where it is
 /// mirrored.
 fn check_camera_position(
     trace: &LightTrace,

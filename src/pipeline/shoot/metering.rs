@@ -53,8 +53,7 @@ pub struct Metered {
 }
 
 impl Metered {
-    /// Returns what a camera needs in addition to its settings, such as a filter. Returns `None` if
-    /// it needs nothing.
+    /// Returns what a camera needs besides its settings, such as a filter, or `None`.
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
             format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
@@ -138,8 +137,7 @@ fn correction_stops(
     trail_stops: f64,
     room_stops: Option<f64>,
 ) -> (f64, bool) {
-    // A clipped channel turns a color toward white, so that the strongest channel decides. White
-    // light may clip.
+    // A clipped channel turns a color toward white, so that the strongest decides. White may clip.
     let (target_stops, metered_stops) = match channel_stops {
         [None, _] => (targets.trail_stops, trail_stops),
         [Some(color), Some(white)] if targets.trail_stops - white < targets.color_stops - color => {
@@ -245,8 +243,7 @@ mod tests {
 
     #[test]
     fn a_colored_trail_is_metered_by_its_strongest_channel() {
-        // At luminance 1, the strongest channel of red light is 4.7 times as strong, which is 2.2
-        // stops.
+        // At luminance 1, red's strongest channel is 4.7 times as strong, or 2.2 stops.
         fn of_color(rgb: [f64; 3]) -> f64 {
             let trace = trail(rgb);
             let options = CameraOptions {

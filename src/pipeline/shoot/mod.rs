@@ -7,8 +7,7 @@
 //! 2. [`Shoot::take`] flies every plan, exposes the light of all drones on one film, develops it
 //!    and reads the word.
 //!
-//! [`Shoot::fly`] and [`Shoot::lighting`] stop at an earlier stage. A study varies the public
-//! fields.
+//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields.
 //!
 //! Independent work runs in parallel: the graphics device and the reader are prepared during the
 //! flight, and the photo is encoded while it is read.
@@ -65,8 +64,8 @@ pub use shot::{Shot, WriteFile, flight_sha256, known};
 /// Maximum total duration of all plans, which allows a fleet of sixteen for 22 minutes. All pairs
 /// of plans are compared, and simulating an hour of flight takes seconds.
 const MAX_TOTAL_S: f64 = 21_600.0;
-/// Maximum total number of samples in recordings, at 250 bytes each. This allows over two hours at
-/// 100 Hz.
+/// Maximum total number of samples in recordings, at 250 bytes each. That is over two hours at 100
+/// Hz.
 const MAX_SAMPLES: usize = 800_000;
 
 /// A checked scene with its strokes and plans, ready to be flown and photographed.
@@ -80,13 +79,12 @@ pub struct Shoot {
     pub plans: Vec<Planned>,
     /// True if the plans were made from the scene, and are made again if the scene changes.
     pub is_planned: bool,
-    /// Designs of plans that are exported trajectories ([`Self::as_exported`]). Empty if the plans
-    /// are the designs.
+    /// Designs of plans that are exported trajectories ([`Self::as_exported`]). Empty if plans are
+    /// designs.
     pub designs: Vec<Plan>,
     /// Recordings that replace simulated flights, one for each drone. Empty if the plans are flown.
     pub recordings: Vec<Recording>,
-    /// The drones that actually fly, in the order of the plans. Empty if they are the scene's
-    /// drones.
+    /// The drones that actually fly, in the plans' order. Empty if they are the scene's.
     pub actual: Vec<Actual>,
     /// Seed of the room's errors (survey, stations). By default it is the scene's seed.
     pub room_seed: Option<u64>,
@@ -231,8 +229,7 @@ impl Shoot {
         Ok(Self { scene, strokes, plans, is_planned: true, keeps_film: true, ..Self::default() })
     }
 
-    /// Prepares the flights of plans, one for each drone. If the scene has no word, the photo is
-    /// not read.
+    /// Prepares the flights of plans, one for each drone. Without a word, the photo is not read.
     ///
     /// # Errors
     ///
@@ -253,8 +250,7 @@ impl Shoot {
     }
 
     /// Prepares the photograph of recorded flights or light, one for each drone, all with the same
-    /// clock. The exposure begins with the first recording. If the scene has no word, the photo is
-    /// not read.
+    /// clock. The exposure begins with the first recording. Without a word, the photo is not read.
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
         start_at_zero(&mut recordings);
@@ -305,8 +301,7 @@ impl Shoot {
                 watch(Stage::Flying, mean_frac);
             })
         });
-        // All flights are collected first, so that the error reported is always that of the same
-        // drone.
+        // All flights are collected first, so that the same drone's error is always reported.
         let flights: Vec<Result<Flight>> = flights.collect();
         flights.into_iter().collect()
     }
@@ -355,8 +350,7 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// Begins a flight of the first plan in which a user's controller or estimator is called at
-    /// each step.
+    /// Begins a flight of the first plan in which a user's controller or estimator steps along.
     ///
     /// # Panics
     ///
@@ -374,8 +368,7 @@ impl Shoot {
     /// camera behind the word, from where it appears mirrored. Returns [`Error::Infeasible`] for a
     /// camera too close to a lamp.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
-        // The graphics device and the reader take long to prepare, so that this is done during the
-        // flight.
+        // The graphics device and the reader take long to prepare, which the flight's time hides.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
@@ -403,8 +396,8 @@ impl Shoot {
     }
 
     /// Exposes recordings that may have grown since the last photograph on the same film. Only
-    /// their new light is drawn, on the processor. The photo is that of [`Self::take`], except that
-    /// it is not read.
+    /// their new light is drawn, on the processor. The photo is that of [`Self::take`] but not
+    /// read.
     ///
     /// # Errors
     ///
@@ -420,8 +413,8 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// Returns a reader of the strokes, or `None` if the photo is not read or shows no word that
-    /// can be judged.
+    /// Returns a reader of the strokes, or `None` if the photo is not read or its word cannot be
+    /// judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

@@ -28,8 +28,7 @@ impl Shot {
         let camera = self.camera.at_width(width_px);
         let Scene { expose, photo, seed, .. } = &self.shoot.scene;
         let options = PhotoOptions { noise: Noise::Off, ..photo.clone() };
-        // Counts are half the size of those of the complete film, so that rounding the parts cannot
-        // overflow them.
+        // Counts are half the size of those of the complete film, so that rounding cannot overflow.
         let room = reflectance(&camera, &options)?;
         let complete = project(&self.trace, &camera, expose)?.reflected_by(room.clone());
         let scale_log2 = complete.scale_log2() + 1;

@@ -95,8 +95,7 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     if light.letters_wrgb.is_empty() {
         return plan;
     }
-    // Commands precede the light, so that a row gets the color of the letter that its command
-    // lights.
+    // Commands precede the light, so that a row gets its lit letter's color.
     let letters = noctograph_plan::light_letters(&plan);
     let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
     for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
@@ -201,8 +200,8 @@ mod tests {
         scene
     }
 
-    /// Returns the root mean square distance from the path in an undisturbed flight, and the
-    /// longest streak.
+    /// Returns the root mean square distance from the path in an undisturbed flight, and the worst
+    /// streak.
     fn flown(scene: &Scene) -> (f64, f64) {
         let planned = plan(scene, &noor()).unwrap().swap_remove(0);
         let flight = rehearse(scene, &planned.plan).unwrap();
@@ -295,8 +294,7 @@ mod tests {
         assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
     }
 
-    /// In still air, the remaining error is the drone's settling and the change of the sensors'
-    /// errors.
+    /// In still air, what remains is settling and the change of the sensors' errors.
     #[test]
     fn curves_close_within_a_centimeter() {
         for word in ["pool", "Quartz", "2027"] {

@@ -54,8 +54,7 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";
 
-/// Maximum fraction of a lamp's light that may face away from the camera, which allows for the end
-/// of a stroke.
+/// Maximum fraction of a lamp's light that may face away from the camera: the end of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
 /// Maximum length of a continuous path, in cap heights, along which a lamp may face away. The check
@@ -185,8 +184,7 @@ fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
     (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
 }
 
-/// Returns true if no trail is visible in a photo, in which case a reader might find letters in the
-/// noise.
+/// Returns true if no trail is visible in a photo, so that a reader might misread noise.
 pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
     exposure_obstacle(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
 }
@@ -242,8 +240,7 @@ pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnost
     })
 }
 
-/// Returns a warning about log gaps that a smooth path bridges, and one about gaps that interrupt
-/// trails.
+/// Returns a warning about log gaps that a smooth path bridges, and about gaps that break trails.
 pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);

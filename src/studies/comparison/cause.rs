@@ -5,12 +5,11 @@ use nalgebra::Vector3;
 use super::{FlightSample, mean};
 use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 
-/// Time over which noise averages out but an error of the path does not, because a stroke of 0.1 m
-/// takes this long.
+/// Time over which noise averages out but an error of the path does not, which is that of a 0.1 m
+/// stroke.
 const SMOOTH_S: f64 = 0.5;
 
-/// Maximum error of scale of a positioning system. If the difference is larger, B flies another
-/// path.
+/// Maximum scale error of a positioning system. If the difference is larger, B flies another path.
 const MAX_SCALE: f64 = 0.5;
 
 /// A cause of the difference of flight B from flight A, with its amount.
@@ -45,8 +44,7 @@ pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f6
     let (lag_s, moved) = lag(pairs);
     let scale =
         Some(fit(&centered, &from_middle)).filter(|by| by.abs() <= MAX_SCALE).unwrap_or(0.0);
-    // These are the residuals of offset, lag and scale. Their slow part is the path, and their fast
-    // part is noise.
+    // Of the residuals of offset, lag and scale, the slow part is the path, the fast part noise.
     let mean_moved = mean(moved.iter().copied());
     let parts = centered.iter().zip(moved.iter().zip(&from_middle));
     let residuals: Vec<_> =
@@ -80,9 +78,8 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// Returns the lag of B, and the distance that A moves in that time at each sample. The lag is the
-/// time shift of A that comes closest to B, apart from a constant offset, like the one that
-/// `--align flown` finds.
+/// Returns the lag of B, and how far A moves in that time at each sample. The lag is the time shift
+/// of A that comes closest to B, apart from a constant offset, as found by `--align flown`.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     let a = DesignPath::through(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
     fn cost(a: &DesignPath, pairs: &[[FlightSample; 2]], lag_s: f64) -> f64 {
@@ -91,8 +88,8 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
     let lag_s = minimize(range_s, |s| cost(&a, pairs, s), |s| cost(&a, pairs, s));
-    // If the flights rest, all shifts have the same cost. A shift at an end of the search range is
-    // not a minimum.
+    // If the flights rest, all shifts have the same cost. A shift at an end of the range is no
+    // minimum.
     let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
     let lag_s = if is_best { lag_s } else { 0.0 };
     let moved = pairs.iter().zip(shifted(&a, pairs, lag_s));
@@ -145,8 +142,7 @@ mod tests {
 
     #[test]
     fn each_cause_is_found_with_its_amount() {
-        // The longer lags last for whole strokes, during which a delay differs from a shift in
-        // position.
+        // The longer lags last for whole strokes, where a delay differs from a shift in position.
         for (late_s, within_s, least) in [
             (0.1, 1e-3, 0.99),
             (0.3, 2e-3, 0.97),

@@ -4,8 +4,7 @@
 //! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes
 //! with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
 //! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] keeps the altitude constant with
-//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: a scalar one and the
-//! full simulator.
+//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: scalar and full.
 //!
 //! Limits of the filter: while the throttle is constant, α⁰ and α¹ are not separately observable
 //! (rank 5 of 6, and 4 while the satellites are silent). Only the hover throttle −α⁰/α¹ is
@@ -146,8 +145,8 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the height sensor stepped, if the step lasted for
-    /// at least two samples.
+    /// Returns the times at which the floor below the height sensor stepped for at least two
+    /// samples.
     pub fn events_s(&self) -> Vec<f64> {
         // State 4 is the height sensor's bias, which equals minus the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);

@@ -7,8 +7,7 @@ use noctograph_sim::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptio
 
 /// Standard deviation of the true lift per throttle, as a fraction of the vehicle's value.
 pub(super) const GAIN_SPREAD: f64 = 0.05;
-/// Standard deviation of the true α⁰ about gravity, m/s², because of lift at zero throttle or a
-/// steady draft.
+/// Standard deviation of the true α⁰ about gravity, m/s²: lift at zero throttle or a steady draft.
 pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
 /// Standard deviation, m/s², and correlation time, s, of the vertical acceleration by gusts.
 pub(super) const GUST: [f64; 2] = [0.15, 2.0];
@@ -43,8 +42,7 @@ settings! {
         "drain" => Drain,
         /// The air pressure drifts by 2 cm/s of altitude.
         "drift" => Drift,
-        /// The table appears and the satellites are silent, so that only the barometer shows the
-        /// step.
+        /// The table appears and the satellites are silentand only the barometer shows it.
         "step-silent" => StepSilent,
     }
 }
@@ -102,8 +100,7 @@ impl HoldScenario {
         if self == Self::Drain {
             drain(&mut actual);
         }
-        // Gusts and draft are modeled as wind that causes the same acceleration through the body's
-        // drag.
+        // Gusts and draft are modeled as wind that accelerates the body equally by its drag.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {

@@ -1,5 +1,4 @@
-//! Draws a coverage map as SVG, with colors for the error, and grays at places that see fewer than
-//! two stations.
+//! Draws a coverage map as SVG, with colors for the error, and grays for fewer than two stations.
 
 use kurbo::{Point, Rect, Vec2};
 
@@ -11,8 +10,7 @@ use noctograph_sim::sensors::{Coverage, CoveredPoint};
 const SIDE_PX: f64 = 720.0;
 /// Assumed length of an axis when its ticks are chosen, which gives at most nine numbers.
 const AXIS_PX: f64 = 540.0;
-/// Margins, pixels: for the axis at the left, the title above, the axis below, and the legend at
-/// the right.
+/// Margins, pixels: axis at the left, title above, axis below, and legend at the right.
 const MARGINS_PX: [f64; 4] = [60.0, 56.0, 52.0, 190.0];
 /// Minimum width of the drawing, which its title needs.
 const TITLE_PX: f64 = 580.0;
@@ -81,7 +79,7 @@ impl<'a> Map<'a> {
     }
 
     /// Draws a rectangle for each run of equal colors in a row. Its edges are midway between
-    /// neighboring places.
+    /// places.
     fn draw_cells(&self, canvas: &mut Canvas) {
         let grid = self.grid;
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
@@ -98,8 +96,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    /// Returns the color of a place: a gray for fewer than two stations, otherwise the color of its
-    /// error.
+    /// Returns the color of a place: gray for fewer than two stations, or that of its error.
     fn color(&self, place: &CoveredPoint) -> Rgb {
         match (place.n_stations, place.error_m) {
             (0, _) => NO_STATION,
@@ -158,8 +155,7 @@ impl<'a> Map<'a> {
     }
 }
 
-/// Returns the outer edges of the cells from `first` to `last`, which are midway to their
-/// neighbors.
+/// Returns the outer edges of the cells from `first` to `last`midway to their neighbors.
 fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
     [(first.saturating_sub(1), first), (last, (last + 1).min(places_m.len() - 1))]
         .map(|(i, j)| 0.5 * (places_m[i] + places_m[j]))
@@ -194,8 +190,7 @@ mod tests {
         let cells: Vec<&str> = cells.filter(|line| !line.contains("width=\"18.0\"")).collect();
         let filled: f64 = cells.iter().map(|c| value(c, "width") * value(c, "height")).sum();
         assert!((filled / (720.0 * 360.0) - 1.0).abs() < 1e-3, "{filled} of {}", 720.0 * 360.0);
-        // The colors are those of places that no station sees, and of the smallest and the largest
-        // error.
+        // The colors are those of places without stations, and of the smallest and largest error.
         for color in ["#5a5a5a", "#440154", "#fde725"] {
             assert!(cells.iter().any(|cell| cell.contains(color)), "{color}");
         }

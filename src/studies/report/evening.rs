@@ -1,5 +1,4 @@
-//! Builds the page of an evening, with its flights, its drones over time, and the conditions
-//! derived from them.
+//! Builds the page of an evening, with its flights, drones over time, and conditions.
 
 use super::Page;
 use super::canvas::{Pen, Rgb};

@@ -19,8 +19,7 @@ const HEAD_PX: f64 = 72.0;
 /// Height of a row of the legend, and width of its line samples.
 const LEGEND_ROW_PX: f64 = 18.0;
 const LEGEND_LINE_PX: f64 = 28.0;
-/// Height of the space below each panel, and of the additional space below the last one for the
-/// name of its axis.
+/// Height of the space below each panel, and additionally below the last one for its axis's name.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
 /// Font sizes of numbers, names, titles and marks, and the height reserved for a mark.
 const NUMBER_EM_PX: f64 = 11.3;
@@ -229,8 +228,7 @@ impl Panel {
         for mark in &self.marks {
             let point = self.px(mark.place);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
-            // Places are in rows above and below the point: to its right, to its left, and
-            // centered.
+            // Places are in rows above and below the point: right, left and centered.
             let mut places = Vec::new();
             for row in 1..=6 {
                 let row_px = f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX;
@@ -253,8 +251,7 @@ impl Panel {
         taken
     }
 
-    /// Returns points on all curves, at most [`STEP_PX`] apart, in pixels from the panel's upper
-    /// left corner.
+    /// Returns points on all curves, at most [`STEP_PX`] apartin pixels within the panel.
     fn drawn_px(&self) -> Vec<Point> {
         // Each line segment is divided into equal steps.
         let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
@@ -291,8 +288,8 @@ fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f6
     canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
-/// Returns the range from the smallest to the largest value. Without values the start of the range
-/// is after its end.
+/// Returns the range from the smallest to the largest value. Without values its start is after its
+/// end.
 pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let empty = f64::INFINITY..f64::NEG_INFINITY;
     values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))
@@ -322,8 +319,7 @@ pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     Vec::new()
 }
 
-/// Formats a number with as many decimals as it needs, at most three, and with a typographic minus
-/// sign.
+/// Formats a number with as many decimals as it needs, at most three, and a typographic minus sign.
 pub(super) fn number(value: f64) -> String {
     let rounded = (value * 1000.0).round() / 1000.0 + 0.0;
     rounded.to_string().replace('-', "−")

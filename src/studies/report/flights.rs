@@ -20,15 +20,14 @@ pub struct NamedFlight {
 
 /// Maximum time between two samples that a line connects.
 const LONGEST_LINE_S: f64 = 0.2;
-/// Minimum height of a panel with equal scales on both axes, and the height to which a tall flight
-/// is fitted.
+/// Minimum height of a panel with equal scales on both axes, and height to which a tall flight is
+/// fitted.
 const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
 /// Returns an SVG of the flights from above, with x to the right and y up, over the first trace's
-/// design. Black lines mark the edges of the safety corridor. Panics if there are no traces or
-/// samples.
+/// design. Black lines mark the edges of the safety corridor. Panics without traces or samples.
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);

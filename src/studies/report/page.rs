@@ -54,8 +54,7 @@ impl Page {
         self.rows(&names.map(str::to_owned), &rows)
     }
 
-    /// Appends a table of any width with a header of column names. Appends nothing if there are no
-    /// rows.
+    /// Appends a table of any width with a header of column names. Appends nothing without rows.
     pub fn rows(self, names: &[String], rows: &[Vec<String>]) -> Self {
         fn row(tag: &str, cells: &[String]) -> String {
             let cells = cells.iter().map(|text| format!("<{tag}>{}</{tag}>", escaped(text)));
@@ -70,8 +69,7 @@ impl Page {
         self.with(&format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n"))
     }
 
-    /// Appends a drawing from an SVG file, with an alternative text. Scripts in the file do not
-    /// run.
+    /// Appends a drawing from an SVG file, with an alternative text. Scripts in it do not run.
     pub fn drawing(self, svg: &[u8], alt: &str) -> Self {
         let image = image("svg+xml", svg, alt);
         self.with(&format!("<figure class=\"drawn\">{image}</figure>\n"))
@@ -88,8 +86,8 @@ impl Page {
         self.with(&format!("<div class=\"drawings\">\n{figures}</div>\n"))
     }
 
-    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size that the viewer
-    /// can show on top of it.
+    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size for the viewer
+    /// to show on top.
     pub fn photo(self, jpeg: &[u8], alt: &str, overlay: Option<&str>) -> Self {
         let image = image("jpeg", jpeg, alt);
         self.with(&match overlay {
@@ -113,8 +111,8 @@ impl Page {
         self.with(&format!("<div class=\"film\">\n{frames}</div>\n"))
     }
 
-    /// Appends paths in space that rotate under the pointer. Each point is in millimeters, with
-    /// true if it is lit.
+    /// Appends paths in space that rotate under the pointer. Points are in millimeters, with true
+    /// if lit.
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
         let paths = paths_mm.iter().map(|path| {
             path.iter().map(|([x, y, z], lit)| [*x, *y, *z, i32::from(*lit)]).collect()

@@ -91,8 +91,7 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     Photo::made(PhotoData { width_px, height_px, rgb8, ..photo.into_data() })
 }
 
-/// Returns the range of original pixels, out of `n_before` on a side, that pixel `i` out of `n`
-/// replaces.
+/// Returns the range of original pixels, out of `n_before`, that pixel `i` out of `n` replaces.
 fn replaced(i: u32, n: u32, n_before: u32) -> Range<usize> {
     let [begin, end] = [i, i + 1].map(|i| i as usize * n_before as usize / n as usize);
     begin..end.max(begin + 1)
@@ -146,8 +145,8 @@ pub fn placed(
     (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
-/// Returns the two pixels around a coordinate on a side of `n` pixels, and the weight of the second
-/// pixel.
+/// Returns the two pixels around a coordinate on a side of `n` pixels, and the weight of the
+/// second.
 fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
     let first = place.floor();

@@ -12,8 +12,7 @@ use noctograph_pipeline::shoot::Shot;
 const SIDE_PX: f64 = 560.0;
 const MARGIN_PX: f64 = 56.0;
 const CAP_PX: f64 = 9.0;
-/// Assumed distance between camera and audience if no room is known, which leaves space for the
-/// photographer.
+/// Distance between camera and audience if no room is known: space for the photographer.
 const AUDIENCE_M: f64 = 1.0;
 const GRAY: Rgb = [150; 3];
 const WORD: Rgb = [230, 159, 0];
@@ -94,8 +93,7 @@ fn rounded(place_m: [f64; 3]) -> [f64; 3] {
     place_m.map(|m| (100.0 * m).round() / 100.0 + 0.0)
 }
 
-/// Returns an SVG of the plan from one side. `axes` are the indices of the coordinates to the right
-/// and up.
+/// Returns an SVG of the plan from one side. `axes` are the coordinates to the right and up.
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
     let places = things.iter().flat_map(|(.., places_m)| places_m);
     let places = places.map(|place| axes.map(|axis| place[axis]));
@@ -132,8 +130,8 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws grid lines with numbers, one per meter, or one per 10 or 100 m in a large room. Those at 0
-/// are solid.
+/// Draws numbered grid lines every meter, or every 10 or 100 m in a large room. Those at 0 are
+/// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {

@@ -21,8 +21,7 @@ const MOST_TIMES: usize = 80;
 
 /// Returns an SVG of a word's plans from the front. Lit strokes are colored by speed, dark paths
 /// are dashed, and marks show the time at which each stroke begins, take-offs and landings.
-/// `numbers` are the numbers of a drawing's strokes with their positions. Panics if there is no
-/// setpoint.
+/// `numbers` are the numbers of a drawing's strokes with their positions. Panics without setpoints.
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();

@@ -7,8 +7,7 @@ use crate::{Acuity, Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Roboto Thin (Apache 2.0, see fonts/README.md). At this size the edges of its capitals align with
-/// pixels.
+/// Roboto Thin (Apache 2.0, see fonts/README.md). Its capitals align with pixels at this size.
 const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
 /// Font size of the text.
 const TEXT_PX: f32 = 22.0;
@@ -72,8 +71,7 @@ pub fn acuity_sheet(
         let title =
             format!("{}: reads up to {value:.2} m/s ({low:.2} to {high:.2})", limit.contender);
         let mut photos = Vec::new();
-        // The photo shows the contender's first flight on each rung. A flight with a lost drone has
-        // no photo.
+        // The photo shows the contender's first flight on each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));
         for ((study, prepared), (rung, records)) in rungs {
             let mut flown = records.iter().zip(study.trials());
@@ -102,8 +100,7 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
 
 /// Lays out rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The width is that of the widest row. The height is that of all rows, each with two lines of
-    // text.
+    // The width is the widest row's. The height is that of all rows with two lines of text each.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });
@@ -158,8 +155,7 @@ fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
             let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
             let index = 3 * (y * width + x);
             if x < width && index + 3 <= sheet.rgb8.len() {
-                // Thin strokes cover only half a pixel, so that they are drawn with twice the
-                // contrast.
+                // Thin strokes cover only half a pixel and are drawn with twice the contrast.
                 let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
                 #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
                 sheet.rgb8[index..index + 3].fill((f32::from(GROUND) + ink) as u8);
