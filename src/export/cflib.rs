@@ -25,8 +25,8 @@ use noctograph_plan::Plan;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::{ControllerKind, Law};
 
-/// Template of the script. Its placeholders are `@DATA@` for the plan, `@LOG@`, `@OPTIONAL@` and
-/// `@WATCH@` for the log variables, and `@CFLIB@` for the oldest supported cflib.
+/// Template of the script. The template's placeholders are `@DATA@` for the plan, `@LOG@`,
+/// `@OPTIONAL@` and `@WATCH@` for the log variables, and `@CFLIB@` for the oldest supported cflib.
 const SCRIPT: &str = include_str!("cflib.py");
 /// Template of the launcher for several drones, with `@SCRIPTS@` for the names of their scripts.
 const LAUNCHER: &str = include_str!("launcher.py");
@@ -90,7 +90,7 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
     }
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
-    // This is the digest of the file that `noctograph plan` writes, by which a log finds its plan.
+    // By the digest of the file that `noctograph plan` writes, a log finds its plan.
     let mut csv = Vec::new();
     plan.write_csv(&mut csv).expect("memory takes it");
     // The script resets the lamps when the shutter is closed.
@@ -207,7 +207,7 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     let variance_m2 = safety::variance_m2(checks.positioning);
     let battery = checks.batteries.get(drone).copied().flatten();
     let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
-    // The fence is outside the checked volume. Its corners are in whole micrometers.
+    // The fence is outside the checked volume, and its corners are in whole micrometers.
     let [low_m, high_m] = checks.volume_m;
     let fence_m = [low_m.map(|m| m - safety::FENCE_M), high_m.map(|m| m + safety::FENCE_M)]
         .map(|corner_m| corner_m.map(|m| (1e6 * m).round() / 1e6));
@@ -595,8 +595,8 @@ mod tests {
             first["start_m"],
             json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
         );
-        // The flight is unsafe as a trajectory, which must not be requested. The same is true of a
-        // plan for a slow clock.
+        // The flight is unsafe as a trajectory, which must not be requested. A plan for a slow
+        // clock must not be requested as a trajectory either.
         let refused = |data: &Value| data["refused"]["trajectory"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
         let slow =

@@ -38,8 +38,8 @@ const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 const END: [u8; 3] = [0; 3];
 
 /// Bytes at the end of a trajectory without a goal: a line along z of zero duration, which makes
-/// the firmware divide by zero. Its commander then gives no more setpoints
-/// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later.
+/// the firmware divide by zero. The commander then gives no more setpoints
+/// (`crtp_commander_high_level.c`, "invalid eval"), and the watchdog stops the motors 2 s later.
 /// With [`END`] the drone would hover forever. Releases since 2023.11 behave in this way.
 const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
 

@@ -2,10 +2,10 @@
 //!
 //! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads it to the drone's
 //! memory with an offset in pieces. The script uses Crazyswarm2's Python interface
-//! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`. It judges the
-//! drones by the facts of the check ([`super::safety`]), through the topics that `crazyflies.yaml`
-//! requests from the server: pose, status and a custom one. By default the server reads no
-//! parameter values, so that the operator is asked for decks and the firmware's release.
+//! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`. The script judges
+//! the drones by the facts of the check ([`super::safety`]), through the topics that
+//! `crazyflies.yaml` requests from the server: pose, status and a custom one. By default the server
+//! reads no parameter values, so that the operator is asked for decks and the firmware's release.
 
 use serde_json::json;
 
@@ -26,7 +26,7 @@ use noctograph_plan::Plan;
 /// Template of the script, with `@DATA@` for the checks and the drones' data.
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
-/// Variables of the script's custom topic, in its order. They take 24 of the 26 bytes of a block.
+/// Variables of the script's custom topic, in its order, which take 24 of the 26 bytes of a block.
 const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 

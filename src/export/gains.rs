@@ -3,8 +3,8 @@
 //! - `geometric`: parameters of two controllers that are the same for small angles. `ctrlLee.*`
 //!   (firmware `controller_lee.c`) uses torques (N m per rad) in place of the scene's angular
 //!   accelerations. `ctrlMel.*` (`controller_mellinger.c`) uses forces (N per m) and, for the
-//!   attitude, motor commands per twice the sine of the error. Its gain for the derivative of the
-//!   body rate, which the scene lacks, is 0.
+//!   attitude, motor commands per twice the sine of the error. Mellinger's gain for the derivative
+//!   of the body rate, which the scene lacks, is 0.
 //! - `pid`: the gains of the firmware's cascade (`posCtlPid`, `velCtlPid`, `pid_attitude`,
 //!   `pid_rate`), which the scene flies.
 //! - `lqr` and its variants: the matrix as a C header for a custom controller, such as the AE483
@@ -61,8 +61,9 @@ fn mellinger(sim: &SimOptions) -> Parameters {
         gains.push(("kd", axis, mass_kg * k.k_velocity));
         gains.push(("ki", axis, mass_kg * k.k_position_integral));
     }
-    // These are commands per unit torque: half of a roll command goes to each of the four motors at
-    // its lever arm, and all of a yaw command to each (`power_distribution_quadrotor.c`).
+    // `roll` and `yaw` are commands per unit torque: half of a roll command goes to each of the
+    // four motors at its lever arm, and all of a yaw command to each
+    // (`power_distribution_quadrotor.c`).
     let command = vehicle.motor_max / 65_535.0;
     let roll = 1.0 / (2.0 * vehicle.arm_m * vehicle.k_f_n * command);
     let yaw = 1.0 / (4.0 * vehicle.k_m_n_m * command);
@@ -110,7 +111,8 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let kind = sim.controller.kind;
     let json = match kind.law() {
         Law::Geometric => json!({
-            // These are the numbers of the controllers in the firmware (`controller.h`).
+            // `stabilizer.controller` is the number of a controller in the firmware
+            // (`controller.h`).
             "lee": { "stabilizer.controller": 5, "parameters": object(lee(sim)) },
             "mellinger": { "stabilizer.controller": 2, "parameters": object(mellinger(sim)) },
         }),
@@ -189,7 +191,8 @@ mod tests {
         let vehicle = &sim.vehicle;
         let force = mellinger["ctrlMel.kp_z"] * 0.01;
         assert!((force - lee["ctrlLee.mass"] * lee["ctrlLee.Kpos_Pz"] * 0.01).abs() < 1e-12);
-        // This is the torque of motors at their lever arms, commanded for an error of 0.1 rad.
+        // The expected value is the torque of motors at their lever arms, commanded for an error of
+        // 0.1 rad.
         let error = 2.0 * libm::sin(0.1);
         let roll = mellinger["ctrlMel.kR_xy"] * error;
         let torque = 4.0 * (command * roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;

@@ -302,8 +302,8 @@ const SPELLED: &str = "ŁL łl ØO øo ĐD đd ıi ßss ẞSS ÆAE æae ŒOE œo
 /// Maximum number of characters in a file name before its extension.
 const MAX_STEM: usize = 32;
 
-/// Returns the file name for a word, without an extension. It consists of the word's letters and
-/// digits in ASCII, without accents. A word that contains none of them gives `drawing`.
+/// Returns the file name for a word, without an extension. The name consists of the word's letters
+/// and digits in ASCII, without accents. A word that contains none of them gives `drawing`.
 pub fn stem(word: &str) -> String {
     // NFKD separates accents from their letters.
     let mut stem = String::new();

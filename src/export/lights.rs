@@ -92,9 +92,9 @@ pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     }))
 }
 
-/// Returns the color of a lamp at setpoint `row` in white, red, green and blue. It comes from the
-/// plan's color channels if there are any, and otherwise from the color of the letter. A ring has
-/// no white.
+/// Returns the color of a lamp at setpoint `row` in white, red, green and blue. The color comes
+/// from the plan's color channels if there are any, and otherwise from the color of the letter. A
+/// ring has no white.
 fn color(
     plan: &Plan,
     channel: &str,
@@ -119,7 +119,8 @@ fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Returns a command for each change of a plan's lights, in order of time. They are initially dark.
+/// Returns a command for each change of a plan's lights, in order of time. The lights are initially
+/// dark.
 ///
 /// # Errors
 ///
@@ -197,7 +198,7 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
 /// Lights that the timing memory of a ring plays (`ring.effect` 17), from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Duration of each entry in units of 40 ms, and its rounded color. The last is dark.
+    /// Duration of each entry in units of 40 ms, and its rounded color. The last entry is dark.
     pub(super) entries: Vec<(u8, [u8; 3])>,
     /// Time in the plan, s, and level of each change that is played.
     pub(super) changes: Vec<(f64, f64)>,

@@ -34,8 +34,8 @@ settings! {
 }
 
 impl Form {
-    /// Returns the default tolerance, m. It is larger for polynomials of degree 7, which need more
-    /// memory for the same distance from the design.
+    /// Returns the default tolerance, m. The tolerance is larger for polynomials of degree 7, which
+    /// need more memory for the same distance from the design.
     pub fn tolerance_m(self) -> f64 {
         match self {
             Self::Compressed => 0.002,

@@ -1,7 +1,7 @@
 //! Pieces of a trajectory: the design path of a plan as polynomials in time.
 //!
 //! A plan has a setpoint every few hundredths of a second, which are too many for a drone's memory.
-//! Both trajectory forms of the Crazyflie use longer pieces: cubics ([`super::compressed`]), and
+//! The two trajectory forms of the Crazyflie use longer pieces: cubics ([`super::compressed`]), and
 //! polynomials of degree 7 ([`super::poly4d`]). [`pieces`] finds them greedily: each is the longest
 //! that stays close to the design and within its limits.
 
@@ -109,8 +109,8 @@ impl Stretch {
         self.setpoints[index].time_s - self.start_s()
     }
 
-    /// Returns the acceleration just before a setpoint, m/s². It differs from the setpoint's
-    /// acceleration at the ends of run-up and run-out, where the acceleration jumps.
+    /// Returns the acceleration just before a setpoint, m/s². This acceleration differs from the
+    /// setpoint's at the ends of run-up and run-out, where the acceleration jumps.
     pub(super) fn acceleration_before_m_s2(&self, index: usize) -> Vector3<f64> {
         match self.last() - index {
             1 => self.stop_m_s2,
@@ -136,7 +136,7 @@ impl Stretch {
     }
 
     /// Returns the maximum distance of a trajectory from the design at any of the drone's
-    /// milliseconds, m. It occurs between the times of comparison, just before a setpoint.
+    /// milliseconds, m. The maximum occurs between the times of comparison, just before a setpoint.
     pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
         let (mut worst_m, mut start_s) = (0.0, 0.0);
         for piece in pieces {
@@ -194,8 +194,8 @@ impl Polynomials {
     pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
         let path_m = to_m - from_m;
         let axes = [0, 1, 2].map(|axis| {
-            // This is the smoothstep 35 s⁴ - 84 s⁵ + 70 s⁶ - 20 s⁷ with s = t/T. `scale` is T to
-            // the power of each term.
+            // The polynomial is the smoothstep 35 s⁴ - 84 s⁵ + 70 s⁶ - 20 s⁷ with s = t/T. `scale`
+            // is T to the power of each term.
             let mut scale = 1.0;
             let mut polynomial = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0].map(|factor| {
                 let coefficient = path_m[axis] * factor / scale;

@@ -22,7 +22,7 @@ use noctograph_plan::Plan;
 const PIECE_BYTES: usize = 33 * 4;
 /// Maximum number of pieces in the trajectory memory.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
-/// Minimum duration of a segment that becomes a piece, s. The first drone has no hover.
+/// Minimum duration of a segment that becomes a piece, s. The first drone of a fleet has no hover.
 const LEAST_SEGMENT_S: f64 = 1e-3;
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -225,7 +225,7 @@ mod tests {
         let (plan, stretch) =
             (plan.as_ref().unwrap(), Stretch::new(plan.as_ref().unwrap()).unwrap());
         let one = Poly4d::fit(Release::MODELED, plan, 0.005).unwrap();
-        // This drone starts 2 s after another drone of its fleet.
+        // The drone starts 2 s after another drone of its fleet.
         let timeline = Timeline::new(plan, &stretch, stretch.start_s() - 2.0, one.ends_m());
         let all = one.clone().flight(&timeline, 0.5).unwrap();
         assert_eq!(all.pieces.len(), 3 + one.pieces.len() + 3);

@@ -19,8 +19,9 @@ pub const FRAME_M: f64 = 0.15;
 pub const START_RADIUS_M: f64 = 0.2;
 /// Minimum distance of people from any flight, m: an arm's length and a step back (assumed).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
-/// Maximum difference of the heading from the plan's before take-off, rad: 10°. It moves the light
-/// of headlights sideways by its sine. A drone that points along another axis is 90° off.
+/// Maximum difference of the heading from the plan's before take-off, rad: 10°. The difference
+/// moves the light of headlights sideways by its sine. A drone that points along another axis is
+/// 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
 /// Maximum roll and pitch before take-off, rad: 5°. A drone on an edge or a cable exceeds them.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
@@ -87,8 +88,8 @@ impl Platform {
 /// Lighthouse: 3 cm, the limit in Bitcraze's examples (cflib, `autonomous_sequence.py`). The filter
 /// settles at 1 mm. Ultra-wideband: 10 cm. With two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 per
 /// second, and the filter's process noise of 0.5 m/s² in a millisecond, the filter settles at 3.4
-/// cm if the anchors are all around, and at two to three times as much next to them. It would never
-/// settle within 3 cm.
+/// cm if the anchors are all around, and at two to three times as much next to them. Its estimate
+/// would never settle within 3 cm.
 pub fn variance_m2(positioning: Positioning) -> f64 {
     match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => 1e-3,
@@ -132,8 +133,8 @@ pub struct Battery {
 impl Battery {
     /// Returns the voltages of a simulated flight, or `None` if the scene's drone has no battery.
     ///
-    /// The currents are computed from the flight's voltages. They determine the voltages of the
-    /// same flight from any other charge.
+    /// The currents are computed from the flight's voltages. The currents determine the voltages of
+    /// the same flight from any other charge.
     pub fn new(options: &BatteryOptions, flight: &Flight, low_v: f64) -> Option<Self> {
         if options.capacity_ah <= 0.0 || options.resistance_ohm <= 0.0 {
             return None;
@@ -225,8 +226,8 @@ pub struct Checks {
     pub scene_toml: String,
 }
 
-/// Returns the table of all checks for `docs/fly.md`, in the order in which they are made. Its
-/// columns are the check, the program that makes it, its limit, and the source.
+/// Returns the table of all checks for `docs/fly.md`, in the order in which they are made. The
+/// table's columns are the check, the program that makes it, its limit, and the source.
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
     let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
@@ -321,7 +322,8 @@ mod tests {
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
         let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
         let battery = Battery::new(&options, &flight, low_v).unwrap();
-        // It may be low for the last 5 s, from 55 s on: 3.7 V without load, on the steep curve.
+        // The voltage may be low for the last 5 s, from 55 s on: 3.7 V without load, on the steep
+        // curve.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let least_frac = 0.1 * (low_v + drop_v - 3.0) / (3.78 - 3.0) + spent_frac(55.0);
         let least_v = options.open_circuit_v(least_frac) - idle_v;

@@ -60,7 +60,8 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// Returns a segment from rest to rest that ends at `time_s`. Its control points are its ends.
+/// Returns a segment from rest to rest that ends at `time_s`. The segment's control points are its
+/// ends.
 fn segment(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
     match from == to {
         true => json!([time_s, to.as_slice(), []]),
@@ -144,7 +145,7 @@ fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
 
 /// Returns the photographer's camera. Unrotated, Skybrush's looks along -z with +y up.
 fn camera(camera: &Camera) -> Value {
-    // This program's camera looks along +z with y down.
+    // The camera of this program looks along +z with y down.
     let world_from_camera = camera.camera_from_world.transpose()
         * nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     let rotation = Rotation3::from_matrix_unchecked(world_from_camera);

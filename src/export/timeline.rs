@@ -19,7 +19,8 @@ const HOVER_S: f64 = 0.5;
 /// Duration of the hover after the time at which the script lands, s, after which the trajectory
 /// lands without it.
 const WITHOUT_LINK_S: f64 = 3.0;
-/// Depth below the floor at which a landing without a script ends, m. It keeps the drone there.
+/// Depth below the floor at which a landing without a script ends, m. A goal below the floor keeps
+/// the drone on it.
 const BELOW_FLOOR_M: f64 = 0.1;
 /// Minimum duration of a landing, s.
 const MIN_LAND_S: f64 = 2.0;

@@ -56,9 +56,10 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
-/// Returns the steps of a drone from each sampled position to the next. The first step is zero.
+/// Returns the steps of a drone from each sampled position to the next, beginning with a step of
+/// zero.
 fn steps(flown: &Plan) -> Vec<Value> {
-    // These are differences of rounded positions, so that rounding errors do not accumulate.
+    // The steps are differences of rounded positions, so that rounding errors do not accumulate.
     let positions_m = samples(flown, POSITION_HZ).map(|(_, position_m)| position_m);
     let rounded: Vec<_> =
         positions_m.map(|position_m| (position_m * ROUNDING_PER_M).map(f64::round)).collect();

@@ -35,7 +35,7 @@ const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
 const HAND_OVER_S: f64 = 5.0;
 /// Random walk of the error in the known motion, m/√s, for velocities that are estimated on board.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
-/// Cost that is added for positions outside the room. It exceeds the cost of any fit inside.
+/// Cost that is added for positions outside the room, which exceeds the cost of any fit inside.
 const OUTSIDE_COST: f64 = 1e6;
 /// Minimum eigenvalue of the scaled covariance, which may be singular.
 const LEAST_EIGENVALUE: f64 = 1e-13;
@@ -59,7 +59,8 @@ impl Augmented {
             starts_m.iter().map(|start| start - origin_m).collect();
         let positions_m = flattened(&positions_m);
         let variance = sigma_m * sigma_m;
-        // These are the moments of a normal distribution, with second-order terms of the products.
+        // Mean and covariance are the moments of a normal distribution, with second-order terms of
+        // the products.
         let (mut state, jacobian) = (augmented(&positions_m), augmented_jacobian(&positions_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
@@ -90,7 +91,7 @@ impl Augmented {
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
         let variance = sigma_m * sigma_m;
-        // The squared range is linear in the state. Its noise has the mean σ².
+        // The squared range is linear in the state, and its noise has the mean σ².
         let mut value = distance_m * distance_m - variance;
         let jacobian = match link {
             Link::Anchor { drone, anchor } => {

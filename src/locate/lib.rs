@@ -1,9 +1,10 @@
 //! Localization of drones from ranges, independent of any controller.
 //!
-//! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. It only
-//! converges from starts close to the true positions ([`fraction_left`], [`observability`]).
-//! [`Augmented`] converges from any start, and continues as [`Positions`]. Both need the motion
-//! ([`locate_shared`], [`locate_augmented`]). [`locate`] only needs the ranges of a log.
+//! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. This
+//! observer only converges from starts close to the true positions ([`fraction_left`],
+//! [`observability`]). [`Augmented`] converges from any start, and continues as [`Positions`]. Both
+//! observers need the motion ([`locate_shared`], [`locate_augmented`]). [`locate`] only needs the
+//! ranges of a log.
 //!
 //! The filter that flies is the estimator `cooperative`.
 

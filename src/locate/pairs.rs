@@ -9,8 +9,8 @@ const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 
 /// Returns the samples with each range between two drones only once. `Link::Drones(i, j)` is a
-/// range in the log of drone i. Its copy in the log of drone j is dropped if time and distance
-/// agree.
+/// range in the log of drone i. The copy of this range in the log of drone j is dropped if time and
+/// distance agree.
 pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     let mut first_logs: BTreeMap<(usize, usize), Vec<(f64, f64)>> = BTreeMap::new();
     for sample in samples {

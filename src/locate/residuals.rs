@@ -69,8 +69,8 @@ pub(super) fn spread_by_link(
 
 impl Located {
     /// Adds the residuals of all links, and warnings about suspect links. `sigma_m` is the standard
-    /// deviation of a range. It is zero for an observer without a noise model, in which case the
-    /// scatter of each link is its scale, and there is no warning.
+    /// deviation of a range. For an observer without a noise model, `sigma_m` is zero, the scatter
+    /// of each link is its scale, and there is no warning.
     pub(super) fn with_residuals(
         mut self,
         anchors_m: &[Vector3<f64>],

@@ -1,9 +1,10 @@
 //! Locates whole flights from range logs, without motion sensors.
 //!
-//! In: anchors, ranges. Out: [`Located`]. A filter runs forward and a smoother backward. Both are
-//! repeated with Jacobians at the smoothed positions until they converge. This is Gauss–Newton on
-//! the whole flight (Bell, SIAM J. Optimization 4(3), 1994), as in factor-graph solvers. It starts
-//! from the positions that best fit the ranges of each drone's first second.
+//! In: anchors, ranges. Out: [`Located`]. A filter runs forward and a smoother backward. Filter and
+//! smoother are repeated with Jacobians at the smoothed positions until they converge. The method
+//! is Gauss–Newton on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), as in factor-graph
+//! solvers. The first iteration starts from the positions that best fit the ranges of each drone's
+//! first second.
 //!
 //! After the gate has rejected five ranges of a link in a row, the link is accepted again, as in
 //! flight. Biases are not estimated, but the residuals of each link show them.
@@ -40,7 +41,7 @@ pub struct LocateOptions {
     pub acceleration_m_s2_sqrt_hz: f64,
     /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,
-    /// Box that contains all drones, if known. It decides between mirror images.
+    /// Box that contains all drones, if known, which decides between mirror images.
     pub room: Option<Room>,
 }
 

@@ -41,7 +41,7 @@ impl Path {
             largest_change = largest_change.max((*stored - mean).abs());
             *stored = *mean;
         }
-        // Velocities are the last three states of a drone. Their covariance is dropped.
+        // Velocities are the last three states of a drone, and their covariance is dropped.
         for drone in 0..n_drones {
             let first = STATES * drone;
             self.covariances_m2[step * n_drones + drone] = normal.block(first, first);
@@ -176,7 +176,8 @@ impl Passes<'_, '_> {
         let (mut last, mut largest_change) = (Some(last), 0.0_f64);
         let mut next: Option<(Step, Normal)> = None;
         for (index, window_start) in window_starts.iter().enumerate().rev() {
-            // The steps of the last window still exist. Those of earlier windows are recomputed.
+            // The steps of the last window still exist. The steps of earlier windows are
+            // recomputed.
             let about = linearized.then_some(&*path);
             let steps = last.take().unwrap_or_else(|| self.recomputed(index, window_start, about));
             for (k, step) in steps.into_iter().enumerate().rev() {

@@ -25,8 +25,9 @@ impl Track {
         track
     }
 
-    /// Returns the displacement from the start of the track to `time_s`. It is interpolated
-    /// linearly between samples, zero before the first one and constant after the last one.
+    /// Returns the displacement from the start of the track to `time_s`. The displacement is
+    /// interpolated linearly between samples, zero before the first one and constant after the last
+    /// one.
     pub(super) fn moved_m(&self, time_s: f64) -> Vector3<f64> {
         let after = self.time_s.partition_point(|t| *t <= time_s);
         let Some(before) = after.checked_sub(1) else { return Vector3::zeros() };

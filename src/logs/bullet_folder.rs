@@ -13,7 +13,8 @@ use super::{Job, cells};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, entries_in, file_name};
 
-/// Variables and their names here. The first three identify such a folder.
+/// Files of a Bullet folder, without extension, and this program's names of their variables. The
+/// first three files identify such a folder.
 const NAMES: [(&str, &str); 12] = [
     ("x", "x_m"),
     ("y", "y_m"),

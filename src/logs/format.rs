@@ -54,8 +54,8 @@ impl<'a> Format<'a> {
     }
 }
 
-/// Returns true for a flight file. Its first columns are a pose, or the first one is the time and
-/// there is a column of letters. A table with ranges is an imported log instead.
+/// Returns true for a flight file, whose first columns are a pose, or whose first column is the
+/// time and which has a column of letters. A table with ranges is an imported log instead.
 fn is_flight(head: &Head) -> bool {
     let begins = head.titles.first().is_some_and(|title| title == FLIGHT[0]);
     head.titles.starts_with(&FLIGHT.map(str::to_owned))

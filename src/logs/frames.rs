@@ -11,7 +11,7 @@ use super::{Axes, ImportOptions};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Name patterns of vector columns. The last is the vector part of a quaternion.
+/// Name patterns of vector columns. The last pattern is the vector part of a quaternion.
 const VECTORS: [&str; 7] = [
     "{x y z}_m",
     "{x y z}_estimate_m",

@@ -129,8 +129,8 @@ pub fn scene_in(log: &Path) -> Option<String> {
     Some(about.get("scene")?.as_str()?.to_owned())
 }
 
-/// Returns the entry `noctograph` of an exported script in its log. It is usually at the start, but
-/// another program may have rewritten the log.
+/// Returns the entry `noctograph` of an exported script in its log. The entry is usually at the
+/// start, but another program may have rewritten the log.
 fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
     let log = Text::of_unicode(log);

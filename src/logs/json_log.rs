@@ -4,10 +4,11 @@
 //! - 2022: `{"var": {"time": [ms], "data": []}}`
 //! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
 //!
-//! An object with `time` and `data` is a variable. Others are folders, whose name (except `drone`)
-//! prefixes those in them. Lists next to a list of times are columns. A list of objects with a time
-//! is a block of rows, as written by cflib scripts and by pandas' `to_json`. Columns and rows may
-//! use the usual names of plain CSV. A warning names members that are not read.
+//! An object with `time` and `data` is a variable. Other objects are folders, whose name (except
+//! `drone`) prefixes the names in them. Lists next to a list of times are columns. A list of
+//! objects with a time is a block of rows, as written by cflib scripts and by pandas' `to_json`.
+//! Columns and rows may use the usual names of plain CSV. A warning names members that are not
+//! read.
 //!
 //! The text is checked once, then split from the outside to the inside into slices ([`RawValue`]).
 //! Only the numbers of columns are kept in memory.

@@ -159,7 +159,7 @@ settings! {
 
     /// Source of the true position.
     pub enum PositionSource {
-        /// The first of the following sources that is logged and not frozen while others move.
+        /// First of the sources below that is logged and not frozen while others move.
         "best" => Best,
         /// Motion capture.
         ///
@@ -205,7 +205,7 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
 /// A flight together with the zero of its log's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnClock {
-    /// Imported flight. Its times begin at zero, or are those of a flight file.
+    /// Imported flight. The times of the flight begin at zero, or are those of a flight file.
     pub flight: Flight,
     /// Log time that became zero, s, if other logs may use the same clock: a date, a time of day,
     /// or times in a plain CSV file. `None` for an imported log, and for the firmware's counter

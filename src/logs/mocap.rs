@@ -5,8 +5,8 @@
 //! with the least misfit between the two paths is used.
 //!
 //! The frame of the motion capture system may be rotated about the vertical, shifted, or have y up.
-//! It is registered to the drone's frame by the best rigid transform, provided that the residual is
-//! at most some centimeters. Otherwise its columns are dropped.
+//! The frame is registered to the drone's frame by the best rigid transform, provided that the
+//! residual is at most some centimeters. Otherwise the columns of the system are dropped.
 
 use nalgebra::{Rotation3, Vector3};
 

@@ -164,7 +164,7 @@ fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static 
 }
 
 /// Refuses a table without a header if its first column, which was assumed to be the times, rarely
-/// exceeds all previous values. It may be the first element of a matrix.
+/// exceeds all previous values. Such a column may be the first element of a matrix.
 fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
     let mut latest_s = f64::NEG_INFINITY;
     let rising = time_s.iter().filter(|time_s| {

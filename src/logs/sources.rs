@@ -1,10 +1,10 @@
 //! Sources of quantities: converts logged variables to SI units and standard frames.
 //!
 //! The tables below define all known variables and convert degrees, millimeters and the firmware's
-//! inverted pitch. They are sorted by preference: the first source that is logged, plausible and
-//! live is used. A source is plausible if its numbers are in the range of a drone, and live if it
-//! changes while others do. A quantity that is frozen while the drone moves counts as not logged.
-//! Warnings name everything that is ignored.
+//! inverted pitch. The sources of a quantity are sorted by preference: the first source that is
+//! logged, plausible and live is used. A source is plausible if its numbers are in the range of a
+//! drone, and live if it changes while others do. A quantity that is frozen while the drone moves
+//! counts as not logged. Warnings name everything that is ignored.
 //!
 //! Signs and units come from these files:
 //!
@@ -185,7 +185,7 @@ pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut search = Search::new(recording);
     let (any, truth) = (ANY, wanted.kinds());
-    // This order is also that of the warnings.
+    // The order of these quantities is also that of their warnings.
     let mut channels = BTreeMap::new();
     for (quantity, taken) in [
         (Quantity::Position, search.position(truth)),
@@ -290,8 +290,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns true if a quantity counts as logged. It and each motor must change while the drone
-    /// moves. A nonzero setpoint may be constant, and so may a heading if pitch and roll are zero.
+    /// Returns true if a quantity counts as logged. The quantity, and each motor, must change while
+    /// the drone moves. A nonzero setpoint may be constant, and so may a heading if pitch and roll
+    /// are zero.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
         let active = channels.iter().map(active_s);
         let active_s = match quantity {
@@ -591,7 +592,8 @@ mod tests {
 
     #[test]
     fn thirty_two_bits_hold_an_attitude() {
-        // This compresses (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…), whose largest component is w.
+        // The test compresses (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…), whose largest component is
+        // w.
         let pack = |part: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "at most 511")]
             let size = (part.abs() / std::f64::consts::FRAC_1_SQRT_2 * 511.0 + 0.5) as u32;

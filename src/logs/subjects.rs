@@ -1,9 +1,9 @@
 //! Subjects in titles: reads a position whose columns are named after a subject (`drone_x`,
 //! `tracker_x`) or after compass directions (`PN`, `PE`, `PD`).
 //!
-//! Such columns are read if no other column is a position and if exactly one known subject has all
-//! three of them. A table with several subjects, or an unknown one, is refused, because it would
-//! have no position.
+//! Columns of a subject are read if no other column is a position and if exactly one known subject
+//! has all three of them. A table with several subjects, or an unknown one, is refused, because it
+//! would have no position.
 
 use std::collections::BTreeMap;
 

@@ -31,7 +31,7 @@ const NAMES: [(&str, &str, &str); 18] = [
     ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_* *_desired desired_* *_reference"),
     ("xyz", "*_design_m", "*des *ref *sp *cmd *target *desired"),
     ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
-    // The last name is the empty title.
+    // The last pattern is for the empty title.
     (" ", "index", "index row "),
 ];
 

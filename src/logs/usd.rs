@@ -6,9 +6,9 @@
 //! before it. All numbers are little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of
 //! crazyflie-firmware.
 //!
-//! A drone that is switched off while logging leaves an incomplete record and no CRC. Such a file
-//! is read up to that record, with a warning. A complete file that does not match its CRC is
-//! refused, except with [`Damaged::Recover`].
+//! A drone that is switched off while logging leaves an incomplete record and no CRC. The file is
+//! read up to that record, with a warning. A complete file that does not match its CRC is refused,
+//! except with [`Damaged::Recover`].
 
 use std::collections::BTreeMap;
 
@@ -88,7 +88,7 @@ fn records(
             return Ok((offset, true, if rest.is_empty() { between } else { SHORT }.into()));
         };
         let id = u16::from_le_bytes(*id);
-        // Zeros are not a record, because the drone's counter is never zero. They are clusters of
+        // Zeros are not a record, because the drone's counter is never zero. Zeros are clusters of
         // the card that were allocated but never written.
         if id == 0 && rest.len() > 4 && offset >= zeros_from {
             return Ok((offset, true, "zeros up to the end: the log was cut off".into()));
@@ -141,7 +141,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
             }))
         };
     }
-    // These are the types in usddeck.c and in its Python reader.
+    // The types are those in usddeck.c and in its Python reader.
     match kind {
         "b" => decoder!(i8, f64::from),
         "B" | "c" | "?" => decoder!(u8, f64::from),
@@ -194,7 +194,8 @@ impl Cursor<'_> {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
-                // Variables of the log table have a group. Others get the event's name.
+                // The name of a variable of the log table contains its group. Other variables get
+                // the event's name.
                 let full_name = match variable.contains('.') {
                     true => variable.to_owned(),
                     false => format!("{name}.{variable}"),

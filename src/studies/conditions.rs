@@ -22,8 +22,8 @@ use noctograph_sim::SimOptions;
 use noctograph_sim::sensors::LighthouseOptions;
 use noctograph_sim::vehicle::{GustOptions, Gusts, VehicleOptions};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`). It is used with gusts if the scene
-/// has no drag.
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`). Flights in gusts use this drag if
+/// the scene has none.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
 /// Mean time between the starts of two radio outages.
@@ -56,9 +56,9 @@ settings! {
         /// lower half of the published range (0.02 to 0.14 s), which flown gains tolerate.
         motor_lag_s: f64 = 0.05, in 0.0..=5.0;
         /// Standard deviation, m, of a position error that varies smoothly over the room, in
-        /// addition to the scene's. It is distortion if `sensors.positioning` is `position`, and
-        /// misplaced stations with Lighthouse. The default is half of the 13 mm rms in Bitcraze's
-        /// `positioning_dataset`.
+        /// addition to the scene's. The error is distortion if `sensors.positioning` is `position`,
+        /// and is caused by misplaced stations with Lighthouse. The default is half of the 13 mm
+        /// rms in Bitcraze's `positioning_dataset`.
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
         /// Standard deviation of the rotation of the Lighthouse's frame about each axis, rad, and
         /// of the error of its scale. When the geometry is estimated (cflib,
@@ -67,10 +67,10 @@ settings! {
         /// distortion in that data set, which makes 0.0075 √2 of a meter. The data set itself was
         /// first rotated onto its reference, so that it does not contain this error.
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
-        /// Additional moment of the air per airspeed, uniform from 0 to this, N m/(m/s). It pitches
-        /// the drone up against its motion. The default is the value in the log of the reference
-        /// flight ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). It has not
-        /// been measured on other drones.
+        /// Additional moment of the air per airspeed, uniform from 0 to this, N m/(m/s). The moment
+        /// pitches the drone up against its motion. The default is the value in the log of the
+        /// reference flight ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]).
+        /// Other drones have not been measured.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
         /// Gusts: standard deviation, m/s (Ornstein–Uhlenbeck). The default is that of a ventilated
         /// room. Stronger gusts of the scene stay as they are. Uneven air rotates the drone in
@@ -96,8 +96,8 @@ settings! {
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
         /// Age of the battery, uniform from 0 to this. At age 1 it has 80 % of its capacity, at
         /// which cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996).
-        /// It then fails the firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`,
-        /// firmware pull request 1192) under motors at 61 %
+        /// Such a battery fails the firmware's test, with a sag of 0.70 V
+        /// (`BAT_LOADING_SAG_THRESHOLD`, firmware pull request 1192) under motors at 61 %
         /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). The scene's resistance causes a sag
         /// of 0.57 V at that load, which is hovering.
         battery_age: f64 = 0.0, in 0.0..=1e3;
@@ -105,9 +105,9 @@ settings! {
 }
 
 impl Conditions {
-    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. Its
-    /// mass differs by 1 g of 35 g, and its motors differ by 3 %, half of the difference that
-    /// follows from the reference flight's trim.
+    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. The
+    /// drone's mass differs by 1 g of 35 g, and its motors differ by 3 %, half of the difference
+    /// that follows from the reference flight's trim.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }

@@ -33,7 +33,7 @@ pub struct Study {
     pub seed: u64,
 }
 
-/// One flight of a study.
+/// Flight of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trial {
     /// Index of the contender that flies.

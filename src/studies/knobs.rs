@@ -23,7 +23,7 @@ pub enum Turn {
     Times([f64; 2]),
     /// A value from this range, on a logarithmic scale.
     To([f64; 2]),
-    /// One of several words.
+    /// Choice of a word from these words.
     Choice(Vec<String>),
 }
 
@@ -143,7 +143,7 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     for knob in knobs {
         let Turn::Choice(words) = &knob.turn else { continue };
         let before = scenes.clone();
-        // This is the middle of each word's part of the range.
+        // A word is chosen by the middle of its part of the range.
         for fraction in (0..words.len()).map(|index| (index as f64 + 0.5) / words.len() as f64) {
             let knob = std::slice::from_ref(knob);
             scenes.extend(before.iter().flat_map(|scene| turned(scene, knob, &[fraction])));

@@ -41,8 +41,8 @@ mod tables;
 mod trial;
 mod tune;
 
-/// Digest of the source that determines an outcome, in 16 hexadecimal digits. It is the same for a
-/// clone and an archive, on every system, and distinguishes builds of one version.
+/// Digest of the source that determines an outcome, in 16 hexadecimal digits. The digest is the
+/// same for a clone and an archive, on every system, and distinguishes builds of one version.
 pub const SOURCE: &str = env!("NOCTOGRAPH_SOURCE");
 
 pub use acuity::{Acuity, RUNGS, Rung, SpeedLimit, acuity, fly_ladder};

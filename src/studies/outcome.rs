@@ -29,7 +29,8 @@ pub struct Outcome {
     pub probability: f64,
     /// Log-odds of the probability, −10 to 10which also change near 0 and 1.
     pub log_odds: f64,
-    /// Mean probability of the intended letters, 0 to 1. It changes even for an illegible word.
+    /// Mean probability of the intended letters, 0 to 1. The mean changes even for an illegible
+    /// word.
     pub similarity: f64,
     /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]

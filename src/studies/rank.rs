@@ -132,7 +132,7 @@ fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
 
-/// Compares all pairs of `contenders`. These are names with the probabilities of their flights,
+/// Compares all pairs of `contenders`, which are names with the probabilities of their flights,
 /// sorted by mean probability.
 fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     let (mut pairs, mut differences_by_pair) = (Vec::new(), Vec::new());

@@ -60,15 +60,15 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let sensible = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
     let candidates = sensible.map(|(_, changes)| Ok((changed(scene, &changes)?, changes)));
     let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
-    // These are the candidates that gain with the scene's seed, in descending order.
+    // The candidates that gain with the scene's seed are sorted by gain, largest first.
     let gainful = candidates.into_par_iter().filter_map(|(scene, changes)| {
         let gain = read_probability(&scene, scene.seed).ok()? - before;
         (gain >= LEAST_GAIN).then_some((gain, changes, scene))
     });
     let mut gainful: Vec<_> = gainful.collect();
     gainful.sort_by(|(a, ..), (b, ..)| b.total_cmp(a));
-    // The first of them that also gain with further seeds are kept, because the candidate with the
-    // best result of one flight owes some of it to luck.
+    // The best candidates that also gain with further seeds are kept, because the candidate with
+    // the best result of one flight owes some of it to luck.
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
     let before: Vec<f64> =
         further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
@@ -120,7 +120,7 @@ fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
 /// Returns candidates that change the letters, the plan, the drone or the lamps.
 fn writing(scene: &Scene) -> Vec<Candidate> {
     let Scene { plan, letters, light, controller, .. } = scene;
-    // This is half the speed, rounded to centimeters per second.
+    // The slower speed is half the plan's, rounded to centimeters per second.
     let slower_m_s = (50.0 * plan.stroke_speed_m_s).round() / 100.0;
     let is_slower = slower_m_s >= SLOWEST_M_S && slower_m_s < plan.stroke_speed_m_s;
     let is_word = letters.drawing.is_empty();

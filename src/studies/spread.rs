@@ -1,10 +1,10 @@
 //! Spread: how much the flights of one plan differ, and how many of their photos are legible.
 //!
 //! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
-//! and two [`Band`]s for each drone. One band is over flights that differ in room and drone, the
-//! other over flights of one drone in one room. [`Conditions`] are drawn once per flight: mass,
-//! trim, rotors and charge of the drone, and the geometry of the base stations. Gusts and sensor
-//! noise vary within a flight.
+//! and two [`Band`]s for each drone. The first band is over flights that differ in room and drone,
+//! the second band is over flights of one drone in one room. [`Conditions`] are drawn once per
+//! flight: mass, trim, rotors and charge of the drone, and the geometry of the base stations. Gusts
+//! and sensor noise vary within a flight.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -40,7 +40,7 @@ pub struct Spread {
     pub within: Vec<Band>,
 }
 
-/// One flight of a spread.
+/// Flight of a spread.
 #[derive(Clone, Debug)]
 pub struct SpreadFlight {
     /// Seed of the flight's noise and of its departures from the scene.
@@ -142,8 +142,8 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
 }
 
 /// Flies a shoot with `n` seeds starting with the scene's, each with different drones and a
-/// different room. It flies them again with the drones and the room of the first seed. `done` is
-/// called with the number of finished flights.
+/// different room. Then the same seeds fly again with the drones and the room of the first seed.
+/// `done` is called with the number of finished flights.
 ///
 /// # Errors
 ///

@@ -11,10 +11,10 @@
 //!
 //! The random numbers have a fixed seed, so that an interval depends only on its values.
 //!
-//! The means of all subsets of n differences divide the line into 2ⁿ intervals. Each of them
+//! The means of all subsets of n differences divide the line into 2ⁿ intervals. Each interval
 //! contains the center of any symmetric distribution with equal probability, so that the confidence
-//! interval is exact even for few values. It corresponds to the randomization test of Fisher and
-//! Pitman. A level of 95 % needs at least six values.
+//! interval is exact even for few values. The method corresponds to the randomization test of
+//! Fisher and Pitman. A level of 95 % needs at least six values.
 
 use std::borrow::Borrow;
 
@@ -68,10 +68,11 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
 /// Returns the mean of the lowest tenth (at least one) of values from 0 to 1, with its 95 %
 /// interval. Without values the mean is 0. The interval of a single value is from 0 to 1.
 ///
-/// This mean is the maximum, over a value q, of the mean of `q + min(x - q, 0) n / k`, for the k
-/// lowest of n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). Each end of the interval
-/// is therefore the maximum of the corresponding ends of such means, by [`Posterior::ends`]. A
-/// percentile bootstrap is not used because it never draws below the lowest value.
+/// The mean of the worst tenth is the maximum, over a value q, of the mean of `q + min(x - q, 0) n
+/// / k`, for the k lowest of n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). Each end
+/// of the interval is therefore the maximum of the corresponding ends of such means, by
+/// [`Posterior::ends`]. A percentile bootstrap is not used because it never draws below the lowest
+/// value.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     let mut values = strata.concat();
     values.sort_unstable_by(f64::total_cmp);
@@ -320,7 +321,7 @@ fn student_t(freedom: f64) -> f64 {
     // Probability of both tails together, and the normal quantile of one of them.
     const BEYOND: f64 = 0.05;
     const NORMAL: f64 = -1.959_964;
-    // One and two degrees of freedom have closed forms.
+    // Student's distribution has closed forms for one and two degrees of freedom.
     if freedom < 2.0 {
         return 1.0 / libm::tan(0.5 * std::f64::consts::PI * BEYOND);
     }
@@ -419,7 +420,7 @@ mod tests {
             let t = student_t(freedom);
             assert!((t - wanted).abs() < 1e-3, "{freedom}: {t}");
         }
-        // These values are from R's binom.confint(x, n, methods = "agresti-coull").
+        // The wanted values are from R's binom.confint(x, n, methods = "agresti-coull").
         for (hits, n, low, high) in [(0, 10, 0.0, 0.3209), (8, 10, 0.4794, 0.9541)] {
             let estimate = proportion((0..n).map(|i| i < hits));
             assert!(
@@ -431,8 +432,8 @@ mod tests {
 
     #[test]
     fn ends_of_proportions_are_those_of_beta_distributions() {
-        // These values are from R's qbeta(0.025, hits, 10 - hits + weight). A weight of 1 gives the
-        // interval of Clopper and Pearson.
+        // The wanted values are from R's qbeta(0.025, hits, 10 - hits + weight). A weight of 1
+        // gives the interval of Clopper and Pearson.
         let wanted = [(8, 1.0, 0.4439), (8, 0.5, 0.4775), (10, 1.0, 0.6915), (10, 0.5, 0.7731)];
         for (hits, weight, wanted) in wanted {
             let values = (0..10).map(|k| f64::from(k < hits)).collect();

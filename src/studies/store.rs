@@ -318,7 +318,7 @@ fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<(
         let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
         // Half a line at the end is ignored if this program wrote it. Any other text is an error
-        // below, so that it is never removed.
+        // below, so that no foreign text is removed.
         let is_ours = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
         if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && is_ours) {
             return Ok(length);

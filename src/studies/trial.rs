@@ -94,7 +94,7 @@ impl Prepared {
     }
 
     /// Returns a digest of everything that determines an outcome except the seed: program, reader,
-    /// scene, word and conditions. It consists of 16 hexadecimal digits.
+    /// scene, word and conditions. The digest consists of 16 hexadecimal digits.
     pub fn digest(&self) -> &str {
         &self.digest
     }

@@ -1,13 +1,14 @@
 //! Tuning: searches for the values of a scene's knobs at which its words are read most reliably.
 //!
-//! 1. 1. Search: each candidate flies the training words with the training seeds. Its objective is
-//!    its mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for exceeded
-//!    limits. A candidate below the median of the others after half of its flights is abandoned
-//!    (median rule: Golovin et al., "Google Vizier", KDD 2017).
+//! 1. 1. Search: each candidate flies the training words with the training seeds. The objective is
+//!    the candidate's mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for
+//!    exceeded limits. A candidate below the median of the others after half of its flights is
+//!    abandoned (median rule: Golovin et al., "Google Vizier", KDD 2017).
 //! 2. 2. Finals: the best few candidates and the original scene fly again with new seeds, because
 //!    the candidate with the best results in a search owes some of them to luck.
 //! 3. 3. Test: the winner, which owes some of its lead to luck as well, is compared with the
-//!    original scene on further seeds. It becomes the result only if it is distinguishably better.
+//!    original scene on further seeds. The winner becomes the result only if it is distinguishably
+//!    better.
 
 use std::collections::BTreeMap;
 
@@ -39,8 +40,8 @@ const LEAST_CANDIDATES: usize = 10;
 /// Penalty, in units of merit, for a figure that is twice its limit.
 const PENALTY: f64 = 20.0;
 
-/// Limits for the mean figures of a candidate's flights. The first are those of the root mean
-/// square error against the design along x, y and z: twice the values in the team's Table 1.
+/// Limits for the mean figures of a candidate's flights. Maximum root mean square error against the
+/// design along x, y and z, m: twice the values in the team's Table 1.
 const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
 /// Maximum distance from the word's plane: the team's safety corridor.
 const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
@@ -58,7 +59,7 @@ pub struct TuneOptions {
     pub words: Vec<(String, u32)>,
     /// Maximum number of flights in the search and the finals. The test is not included.
     pub budget: usize,
-    /// Number of seeds of each word in the test. It is at least six, the fewest that can
+    /// Number of seeds of each word in the test. The minimum is six, the fewest that can
     /// distinguish two scenes.
     pub test_seeds: u32,
     /// Maximum duration of a candidate's flight. `None`: that of the original scene.
@@ -172,7 +173,7 @@ pub struct Tuned {
     pub best: Candidate,
     /// Figures of the original scene in the finals.
     pub before: Candidate,
-    /// All candidates in the order of the search. The first is the original scene.
+    /// All candidates in the order of the search. The first candidate is the original scene.
     pub candidates: Vec<Candidate>,
     /// Pareto front: numbers of the candidates that keep all limits and that no other candidate
     /// beats in both flight time and legibility. The fastest is first.

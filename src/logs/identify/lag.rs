@@ -6,9 +6,9 @@
 //! design's acceleration at nearby times, which neither the air nor the gyroscope changes
 //! (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for System
 //! Identification, 1983, and in closed loop Gilson, Van den Hof, Automatica 41, 2005). The estimate
-//! is the lag with the best fit. Its confidence interval comes from leaving out each stretch of the
-//! flight in turn (jackknife over groups: Efron, Stein 1981), which is robust to gusts that last
-//! from span to span.
+//! is the lag with the best fit. The confidence interval of the lag comes from leaving out each
+//! stretch of the flight in turn (jackknife over groups: Efron, Stein 1981), which is robust to
+//! gusts that last from span to span.
 //!
 //! Not done: the lag cannot be estimated if the design never moves, as in a hover.
 
@@ -220,7 +220,7 @@ fn changes(
     for (run, pairs) in runs {
         let values = quantity(run);
         for [a, b, c] in pairs {
-            // This second difference is the change of the mean rate from one span to the next.
+            // The second difference is the change of the mean rate from one span to the next.
             let [before, after] = [(*a, *b), (*b, *c)].map(|(from, to)| {
                 let span_s = run[to].time_s - run[from].time_s;
                 [0, 1].map(|axis| (values[to][axis] - values[from][axis]) / span_s)
@@ -249,7 +249,7 @@ fn peak(curve: &[f64]) -> f64 {
     let before = highest.checked_sub(1).map(|index| curve[index]);
     let shift = match (before, curve.get(highest + 1)) {
         (Some(before), Some(after)) => {
-            // This is the vertex of the parabola through three points.
+            // The shift is to the vertex of the parabola through the three points.
             let bend = before - 2.0 * curve[highest] + after;
             if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
         }

@@ -57,8 +57,8 @@ pub struct Identified {
     pub n_samples: usize,
     /// Mean motor commands m1…m4.
     pub mean_motors: [f64; 4],
-    /// Thrust of one motor per unit of its command, N. It is fitted to the accelerometer, or
-    /// without one, to hovering.
+    /// Thrust of one motor per unit of its command, N. The thrust is fitted to the accelerometer,
+    /// or without one, to hovering.
     pub k_f_n: f64,
     /// Mean torque of the motors about body x and y, N m. An opposite torque acts on the body.
     pub motor_torque_n_m: [f64; 2],
@@ -109,7 +109,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
     within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
     within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
     within("pendulum_period_s", period_s, 1e-3, 100.0)?;
-    // This is T = 2π √((J + m r²) / (m g r)), solved for J.
+    // The formula is T = 2π √((J + m r²) / (m g r)), solved for J.
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
     if inertia > 0.0 {
@@ -354,7 +354,7 @@ mod tests {
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
             left_out: Vec::new(),
         };
-        // These are the values printed in the paper, Q in whole numbers and R to one digit.
+        // The paper prints these values, Q in whole numbers and R to one digit.
         let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());
         assert_eq!(q.map(f64::round), [111_111.0, 62_500.0, 250_000.0]);
         let printed = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6];

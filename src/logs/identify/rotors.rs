@@ -28,7 +28,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
             let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
             let behind = speed[motor] - wanted;
             speed[motor] = wanted + behind * stays;
-            // This is ∫ (wanted + behind e^(−t/lag))² dt over the step.
+            // The sum is ∫ (wanted + behind e^(−t/lag))² dt over the step.
             wanted * wanted * dt_s
                 + 2.0 * wanted * behind * lag_s * (1.0 - stays)
                 + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
@@ -53,9 +53,9 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     line
 }
 
-/// Returns the thrust per command, N, with the motors' lag and without ground effect. It is fitted
-/// to the accelerations by least squares of `m a = k ΣM`. Without accelerations, it is fitted to
-/// gravity and to the climb over the whole time.
+/// Returns the thrust per command, N, with the motors' lag and without ground effect. The thrust is
+/// fitted to the accelerations by least squares of `m a = k ΣM`. Without accelerations, the thrust
+/// is fitted to gravity and to the climb over the whole time.
 pub(super) fn thrust_per_command_n(
     flight: &Flight,
     samples: &[FlightSample],

@@ -1,5 +1,5 @@
-//! The team's log of NOOR must give the published figures. It has no license, so that it is not in
-//! the repository: `NOCTOGRAPH_SHARED` names the folder that contains `data/`.
+//! The team's log of NOOR must give the published figures. The log has no license, so that it is
+//! not in the repository: `NOCTOGRAPH_SHARED` names the folder that contains `data/`.
 
 use std::path::Path;
 

@@ -21,8 +21,9 @@ use noctograph_sim::sensors::Positioning;
 const DWELL: f64 = 4.0;
 /// Maximum dwell time with light that causes no warning.
 const MAX_DWELL_S: f64 = 0.1;
-/// Maximum streak at the end of a stroke, as a fraction of the cap height. Such a letter has a hook
-/// but can be read. The wobble of the drone leaves up to 46 mm in the default scene.
+/// Maximum streak at the end of a stroke, as a fraction of the cap height. A letter with such a
+/// streak has a hook but can be read. The wobble of the drone leaves up to 46 mm in the default
+/// scene.
 const MAX_STREAK_FRAC: f64 = 0.1;
 /// Maximum exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
 /// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times that
@@ -173,8 +174,8 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     )
 }
 
-/// Maximum fraction of the thrust that may be needed to hover (an assumption). The rest is for
-/// attitude control and climbing. A Crazyflie 2.1 with two decks needs two thirds.
+/// Maximum fraction of the thrust that may be needed to hover (an assumption). The rest of the
+/// thrust is for attitude control and climbing. A Crazyflie 2.1 with two decks needs two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
 /// Checks the fraction of the maximum thrust that hovering needs at the flight's final voltage.
@@ -182,7 +183,7 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();
     let has_battery = scene.battery.capacity_ah > 0.0;
-    // This is the voltage of the last sample in the air, because a battery recovers at rest.
+    // The voltage is that of the last sample in the air, because a battery recovers at rest.
     let battery_v = flight.extra.get(BATTERY_V).filter(|_| has_battery);
     let last = flight.samples.iter().rposition(|sample| sample.position_m.z > AIRBORNE_M);
     let end_v = battery_v.and_then(|battery_v| battery_v.get(last?)).copied();

@@ -61,11 +61,12 @@ impl Paths {
         // A drone without commands flies on until its motors stop, and then falls from its maximum
         // height: v (t + √(2 h / g)).
         let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // It is rounded up to the printed decimals, so that the message and the check agree.
+        // The distance is rounded up to the printed decimals, so that the message and the check
+        // agree.
         Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
-    /// Returns the minimum y of the paths, which is closest to the camera. It is at most 0.
+    /// Returns the minimum y of the paths, m, at most 0. The camera is on the side of negative y.
     pub(super) fn front_m(&self) -> f64 {
         let points = self.pieces.iter().flat_map(|(points, _)| points);
         points.map(|point| point.y).fold(0.0, f64::min)

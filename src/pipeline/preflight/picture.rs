@@ -21,8 +21,8 @@ const MOST_AWAY_FRAC: f64 = 0.95;
 /// gyroscope and one station bridge it.
 const MAX_UNSEEN_S: f64 = 1.0;
 
-/// Duration of the pieces of path over which light is summed, 1 cm at 0.2 m/s. They are as long as
-/// the blur of a lamp, so that the trembling of a drone causes no hot spot.
+/// Duration of the pieces of path over which light is summed, 1 cm at 0.2 m/s. A piece is as long
+/// as the blur of a lamp, so that the trembling of a drone causes no hot spot.
 const PIECE_S: f64 = 0.05;
 
 /// Picture of the light of all drones.
@@ -144,8 +144,8 @@ pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> 
     pieces
 }
 
-/// Returns the lit path of one emitter. Its highest level counts as full light, because levels also
-/// balance the dies of a color LED.
+/// Returns the lit path of one emitter. The emitter's highest level counts as full light, because
+/// levels also balance the dies of a color LED.
 fn emitter_pieces(lamp: &Lamp) -> Vec<Piece> {
     let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
     let (mut pieces, mut begun) = (Vec::new(), None);

@@ -30,8 +30,8 @@ const TRIPOD_FROM_WALL_M: f64 = 0.3;
 /// in the way of the flight.
 const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
-/// Maximum fraction of the picture's width or height that the word may fill. The rest is for its
-/// glow, and for a tripod that is not quite centered.
+/// Maximum fraction of the picture's width or height that the word may fill. The rest of the
+/// picture is for the word's glow, and for a tripod that is not quite centered.
 const MOST_FILLED: f64 = 0.9;
 
 const FULL_FRAME_WIDTH_M: f64 = 0.036;
@@ -81,8 +81,8 @@ pub struct CameraPlace {
     pub metered: Option<Metered>,
 }
 
-/// Returns common cameras, each with its name and the widest usual lens. Their other options are
-/// those of the scene's camera.
+/// Returns common cameras, each with its name and the widest usual lens. The cameras' other options
+/// are those of the scene's camera.
 fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     let [zoom_18, zoom_9] = [0.018, 0.009].map(|focal_length_m| {
         LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() })
@@ -91,7 +91,7 @@ fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
         ("full frame, 28 mm", BodyModel::FullFrame24Mp, LensModel::Wide28),
         ("Sony α6400, 16 mm", BodyModel::A6400, LensModel::Kit16),
         ("Canon EOS 2000D, 18 mm", BodyModel::CanonEos2000D, zoom_18),
-        // This is the short end of the Sony DSC-RX100M7: 9 mm.
+        // The shortest focal length of the Sony DSC-RX100M7 is 9 mm.
         ("compact, 1 inch, 9 mm", BodyModel::OneInch, zoom_9),
         ("iPhone 15 Pro", BodyModel::IPhone15Pro, LensModel::default()),
         ("Pixel 8 Pro", BodyModel::Pixel8Pro, LensModel::default()),
@@ -232,7 +232,7 @@ fn things_in_room(shoot: &Shoot) -> Vec<RoomThing> {
     let mut things: Vec<RoomThing> =
         things.map(|(name, position_m)| RoomThing { name, position_m, severity }).collect();
     if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
-        // This is only a warning, because the camera may look in through a door.
+        // A camera outside the room is only a warning, because it may look in through a door.
         let (name, severity) = ("camera".to_owned(), Severity::Warning);
         things.push(RoomThing { name, position_m: pose.position_m, severity });
     }

@@ -50,7 +50,8 @@ const ROUNDING_M: f64 = 1e-6;
 /// Checks that the plan stays inside the profile's volume.
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     let setpoints = plan.setpoints.iter();
-    // This is the point that is farthest outside, or else the one inside that is closest to a side.
+    // The reported point is the one that is farthest outside, or else the one inside that is
+    // closest to a side.
     let (outside_m, time_s) =
         largest(setpoints.map(|s| (distance_outside_m(s.position_m, profile.volume_m), s.time_s)));
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
@@ -191,7 +192,7 @@ fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
     let lands = plan.setpoints.last().is_some_and(Setpoint::on_floor);
-    // This also stops another program's plan in which z does not point up.
+    // This check also stops another program's plan in which z does not point up.
     let actual = match (flies, lands) {
         (false, _) => "never leaves the floor".to_owned(),
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
@@ -303,7 +304,7 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
     let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
     let time_s = times_s.iter().copied().min_by(f64::total_cmp);
-    // This is `None` if the plan uses no such lamp.
+    // `n` is `None` if the plan uses no headlight.
     let n = (!switches.is_empty()).then_some(times_s.len());
     Diagnostic::check("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64))
         .timed(time_s)
@@ -492,7 +493,7 @@ mod tests {
     }
 
     /// Returns every nth setpoint of a plan whose times are multiplied by a factor. The other
-    /// columns stay the same.
+    /// columns of the plan stay the same.
     fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
         let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
         let mut slowed = Plan::made(PlanData { setpoints: every(plan), ..PlanData::default() });

@@ -43,8 +43,8 @@ pub(super) const ROOM_MARGIN_M: f64 = 0.2;
 const STATION_M: f64 = 2.5;
 
 impl Profile {
-    /// Returns the profile for a room of width, depth and height `room_m`. Its volume keeps a
-    /// margin from the walls and the ceiling. The origin is in the middle of the floor.
+    /// Returns the profile for a room of width, depth and height `room_m`. The profile's volume
+    /// keeps a margin from the walls and the ceiling. The origin is in the middle of the floor.
     #[must_use]
     pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
         let [width_m, depth_m, height_m] = room_m;

@@ -1,5 +1,5 @@
 //! The scene that came with a file: in the header of an exported script's log, or in a scene file
-//! next to a plan or a flight. It defines the room, the camera and the drone of the flight.
+//! next to a plan or a flight. The scene defines the room, the camera and the drone of the flight.
 //!
 //! A scene file contains the digests of the files that it was written with. Only this module
 //! compares them, because with the scene of another plan, a plan would be checked in another room.
@@ -137,7 +137,8 @@ impl CarriedScene {
         Some(Self { toml, file, folder, is_in_log: true, is_bound: true })
     }
 
-    /// Returns the scene that came with the files. Some may have no scene, and seeds may differ.
+    /// Returns the scene that came with the files. Some of the files may have no scene, and the
+    /// seeds of their scenes may differ.
     ///
     /// # Errors
     ///
@@ -209,7 +210,7 @@ impl CarriedScene {
     /// Returns the errors of [`Self::scene`], and [`Error::Input`] with the key that names a file.
     pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let scene = self.scene(settings)?;
-        // These are the keys that name a file and are not in the user's settings.
+        // The keys below name a file and are not in the user's settings.
         let background = Some("photo.background").filter(|_| !scene.photo.background.is_empty());
         let keys = scene.letters.files().map(|(key, _)| key).chain(background);
         let refused: Vec<&str> =

@@ -127,8 +127,8 @@ impl Scene {
         Self::parse_with(toml, file, &[])
     }
 
-    /// Reads the text of a scene. Single settings override its keys. They are dotted keys with
-    /// values, such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
+    /// Reads the text of a scene. Settings, which are dotted keys with values, override keys of the
+    /// text, such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
     ///
     /// The order of precedence is: settings, keys of the file, implied values (a table in the text
     /// of [`Self::to_toml`]), preset.

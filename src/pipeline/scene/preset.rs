@@ -10,7 +10,7 @@ use noctograph_core::settings::settings;
 
 settings! {
     /// A named set of values from which a scene starts. `ae483-2022` is a complete system. The
-    /// others differ only in the drone, and write, light and photograph in the same way.
+    /// other presets differ only in the drone, and write, light and photograph in the same way.
     pub enum Preset {
         /// Crazyflie 2.1 as sold, with the Lighthouse deck and the LED-ring deck.
         "cf21" => Cf21,

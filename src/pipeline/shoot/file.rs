@@ -113,7 +113,7 @@ fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)
          {shutter_close_s} s of the flight",
         focal_length_m * 1000.0
     );
-    // They contain neither time nor machine, so that the same scene makes the same file.
+    // The notes contain neither time nor machine, so that the same scene makes the same file.
     let mut notes = vec![
         ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
         ("noctograph.camera", camera),

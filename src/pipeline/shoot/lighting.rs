@@ -70,8 +70,8 @@ pub(super) fn in_drawing_colors(
 }
 
 impl Shoot {
-    /// Returns the scene's lamps. They write in the colors of the drawing, unless the scene defines
-    /// colors of letters.
+    /// Returns the scene's lamps. The lamps write in the colors of the drawing, unless the scene
+    /// defines colors of letters.
     pub fn lamps(&self) -> LightOptions {
         in_drawing_colors(&self.scene.light, &self.scene, self.strokes.as_ref())
     }
@@ -164,9 +164,9 @@ impl Shoot {
         font.map(|font| problems::lost_strokes(font, &lost)).into_iter().chain(parts).collect()
     }
 
-    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word. It is computed
-    /// from the strokes, or else from the letters in the flights, or else from the light. Returns
-    /// zeros for a fixed camera without strokes and letters.
+    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word. The box is
+    /// computed from the strokes, or else from the letters in the flights, or else from the light.
+    /// Returns zeros for a fixed camera without strokes and letters.
     fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
@@ -189,7 +189,7 @@ impl Shoot {
         let light_m = bounds(lit.map(|sample| [sample.position_m.x, sample.position_m.z]));
         match has_extent(light_m) {
             true => Ok(light_m),
-            // This returns the error that the scene contains no word.
+            // `strokes` returns the error that the scene contains no word.
             false => Ok(self.scene.strokes()?.bounds_m()),
         }
     }

@@ -153,8 +153,8 @@ fn correction_stops(
     (stops, stops < wanted_stops - TOLERATED_STOPS)
 }
 
-/// Returns the camera with which light is metered. Its width, aperture and sensitivity are the same
-/// for every picture.
+/// Returns the camera with which light is metered. The width, aperture and sensitivity of this
+/// camera are the same for every picture.
 fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
     let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]

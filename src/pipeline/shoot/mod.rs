@@ -64,8 +64,8 @@ pub use shot::{Shot, WriteFile, flight_sha256, known};
 /// Maximum total duration of all plans, which allows a fleet of sixteen for 22 minutes. All pairs
 /// of plans are compared, and simulating an hour of flight takes seconds.
 const MAX_TOTAL_S: f64 = 21_600.0;
-/// Maximum total number of samples in recordings, at 250 bytes each. That is over two hours at 100
-/// Hz.
+/// Maximum total number of samples in recordings, at 250 bytes each. The maximum is over two hours
+/// at 100 Hz.
 const MAX_SAMPLES: usize = 800_000;
 
 /// A checked scene with its strokes and plans, ready to be flown and photographed.
@@ -127,7 +127,8 @@ impl Stop {
 /// A drone that flies, if it differs from the one that the scene describes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actual {
-    /// Its body, battery, air and sensors. The controller and the estimator are the scene's.
+    /// Body, battery, air and sensors of the drone. The controller and the estimator are the
+    /// scene's.
     pub sim: SimOptions,
     /// Lamps of the drone.
     pub light: LightOptions,

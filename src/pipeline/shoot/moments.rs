@@ -1,8 +1,8 @@
 //! Shows how the photograph develops, by the film after each fraction of the exposure.
 //!
 //! Light is additive, so that the film at each moment is the previous film plus the light since
-//! then. It is developed like the complete film, but without the noise of the sensor, and with the
-//! room's light up to that moment.
+//! then. The film of a moment is developed like the complete film, but without the noise of the
+//! sensor, and with the room's light up to that moment.
 
 use super::Shot;
 use crate::scene::Scene;

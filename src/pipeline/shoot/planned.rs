@@ -136,8 +136,9 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     ))
 }
 
-/// Simulates an undisturbed flight of a plan. It uses the drone's own filter if the stations see
-/// the whole flight. Otherwise the estimate would depend on chance, so that the true state is used.
+/// Simulates an undisturbed flight of a plan. The controller uses the drone's own filter if the
+/// stations see the whole flight. Otherwise the estimate would depend on chance, so that the true
+/// state is used.
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
     // The seed, which selects the sweeps that the Lighthouse deck drops, is always the same.
     let seed = 0;

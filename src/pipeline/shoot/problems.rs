@@ -1,8 +1,8 @@
 //! Finds problems of a picture: obstacles, which make any word unreadable, and warnings.
 //!
 //! Obstacles come first: a shutter that misses the word, lamps that are dark or face away, a black
-//! or a white picture. They are followed by warnings about the flights, gaps in logs, strokes that
-//! a font lacks, and strokes outside the picture.
+//! or a white picture. Warnings follow, about the flights, gaps in logs, strokes that a font lacks,
+//! and strokes outside the picture.
 
 use nalgebra::Vector3;
 
@@ -68,7 +68,7 @@ const TOWARD_FRAC: f64 = 0.02;
 /// Minimum difference in level between the brightest pixels and the median.
 const CONTRAST: usize = 10;
 
-/// Fraction of the pixels that counts as the brightest. It is small enough for a thin trail.
+/// Fraction of the pixels that counts as the brightest, small enough for a thin trail.
 const BRIGHTEST_FRAC: f64 = 0.000_2;
 
 /// Minimum level of a white pixel.
@@ -213,7 +213,8 @@ pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagno
                     ({photo.ambient_cd_m2})";
         return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
-    // These are the levels that the brightest pixels and half of all pixels reach.
+    // `brightest` and `median` are the levels that the brightest pixels and half of all pixels
+    // reach.
     let [brightest, median] = [BRIGHTEST_FRAC, 0.5]
         .map(|frac| (0..256).rev().find(|level| at_least_frac[*level] >= frac).unwrap_or(0));
     let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";

@@ -13,7 +13,7 @@ use noctograph_plan::response::StepResponse;
 use noctograph_plan::{Plan, Setpoint};
 use noctograph_sim::{Drone, SimOptions, fly};
 
-/// Size of the step. It is small enough for the drone to stay linear (1.5° of tilt with the
+/// Size of the step. The step is small enough for the drone to stay linear (1.5° of tilt with the
 /// reference gains), and large compared with a micrometer, the grid of a flight's positions.
 const STEP_M: f64 = 0.05;
 /// Time for the drone to come to rest before the step. Loops settle in two to four seconds.

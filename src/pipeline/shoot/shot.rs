@@ -275,7 +275,7 @@ const MAX_LOG_GAPS: usize = 1000;
 fn log_gaps(flight: &Flight) -> Vec<LogGap> {
     let mut gaps = Vec::new();
     for (Gap { span_s, .. }, way_m) in dark(flight) {
-        // These are the positions at the beginning and the end of the gap.
+        // The ends are the positions at the beginning and the end of the gap.
         let ends_m = span_s.map(|time_s| {
             let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
             flight.samples.get(row).map(|sample| [sample.position_m.x, sample.position_m.z])

@@ -24,7 +24,7 @@ pub(super) fn fit_to_plans(
     let Some(word_m) = strokes.as_ref().map(|strokes| strokes.bounds_m()) else {
         return Ok((scene, strokes));
     };
-    // This is the bounding box of the light in all plans.
+    // The box contains the light in all plans.
     let mut lit_m = Vec::new();
     for plan in plans {
         let lit = plan.setpoints.windows(2).zip(plan.lit()).filter(|(_, level)| *level > 0.0);

@@ -56,7 +56,8 @@ pub struct Consistency {
     /// Name of the state.
     pub state: &'static str,
     /// Mean of the squared error over its variance, over time and flights, with its 95 % interval.
-    /// It is 1 if the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    /// The mean is 1 if the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section
+    /// 5.4).
     pub error: Estimate,
     /// Class of the mean.
     pub verdict: HoldVerdict,

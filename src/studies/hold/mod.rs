@@ -212,7 +212,8 @@ mod tests {
             let flight =
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
-            // It grows at once to the bound set by the ranger over a known floor, and stays there.
+            // The error grows at once to the bound that the ranger sets over a known floor, and
+            // stays there.
             let [before_m, first_m, later_m @ .., after_m] =
                 [19.9, 20.1, 20.5, 22.0, 25.0, 29.9, 31.1].map(|time_s| {
                     let mut samples = flight.samples.iter();

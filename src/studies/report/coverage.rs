@@ -78,12 +78,12 @@ impl<'a> Map<'a> {
         Self { grid, extent_m, window, errors_m }
     }
 
-    /// Draws a rectangle for each run of equal colors in a row. Its edges are midway between
-    /// places.
+    /// Draws a rectangle for each run of equal colors in a row. The edges of a rectangle are midway
+    /// between places.
     fn draw_cells(&self, canvas: &mut Canvas) {
         let grid = self.grid;
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
-            // One rectangle for neighbors of equal color keeps the file small.
+            // Neighbors of equal color become one rectangle, which keeps the file small.
             let colors: Vec<Rgb> = colors.iter().map(|place| self.color(place)).collect();
             let [low_m, high_m] = edges_m(&grid.z_m, row, row);
             let mut first = 0;

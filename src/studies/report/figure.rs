@@ -295,7 +295,7 @@ pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))
 }
 
-/// Returns round numbers within a range, as many as fit on an axis of `length_px`. They are
+/// Returns round numbers within a range, as many as fit on an axis of `length_px`. The numbers are
 /// multiples of 1, 2 or 5 times a power of ten.
 pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     let most = (length_px / ROOM_PX).floor().max(LEAST_NUMBERS);

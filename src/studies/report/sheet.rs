@@ -7,7 +7,8 @@ use crate::{Acuity, Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Roboto Thin (Apache 2.0, see fonts/README.md). Its capitals align with pixels at this size.
+/// Roboto Thin (Apache 2.0, see fonts/README.md). The capitals of this font align with pixels at
+/// this size.
 const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
 /// Font size of the text.
 const TEXT_PX: f32 = 22.0;

@@ -14,9 +14,9 @@ pub(super) const COLORS: [Rgb; 7] =
 /// Height of the panel.
 const HEIGHT_PX: f64 = 360.0;
 
-/// Returns an SVG of candidates by flight time (s) and P(read) (0 to 1). It shows the candidates
-/// within the limits, `others` that were abandoned or exceeded a limit, the Pareto front as a line,
-/// and the original scene.
+/// Returns an SVG of candidates by flight time (s) and P(read) (0 to 1). The chart shows the
+/// candidates within the limits, `others` that were abandoned or exceeded a limit, the Pareto front
+/// as a line, and the original scene.
 pub fn pareto(
     within: &[(f64, f64)],
     others: &[(f64, f64)],
@@ -54,7 +54,7 @@ pub fn pareto(
     .svg()
 }
 
-/// Returns a cross at each point. Its half widths are `size` times the units of x and y.
+/// Returns a cross at each point. The half widths of a cross are `size` times the units of x and y.
 fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Curve {
     let (dx, dy) = (x * size, y * size);
     let strokes = points.iter().flat_map(|&(s, p)| {
