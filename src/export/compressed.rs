@@ -133,7 +133,7 @@ impl Compressed {
     /// exceeds the memory.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
         // The bytes are take-off and path, the letters without start and end, hover and landing.
-        let mut bytes = millimeters(&timeline.before[0].1).map(i16::to_le_bytes).concat();
+        let mut bytes = millimeters(&timeline.before[0].position_m).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
         let letters = self.to_bytes();

@@ -164,9 +164,10 @@ fn ascii(json: &Value) -> String {
     let mut units = [0; 2];
     let mut text = String::new();
     for c in json.to_string().chars() {
-        match c.is_ascii() && c != '\x7f' {
-            true => text.push(c),
-            false => text.extend(c.encode_utf16(&mut units).iter().map(|u| format!("\\u{u:04x}"))),
+        if c.is_ascii() && c != '\x7f' {
+            text.push(c)
+        } else {
+            text.extend(c.encode_utf16(&mut units).iter().map(|u| format!("\\u{u:04x}")))
         }
     }
     text

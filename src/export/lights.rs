@@ -162,10 +162,12 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     let fixtures = options.fixtures();
     for Channel { name, ready, idle, .. } in &CHANNELS {
         let is_fitted = |lamp: &Fixture| lamp.drive.channel() == Some(*name);
-        let settings = match plan.lights.contains_key(*name) {
-            true => *ready,
-            false if fixtures.iter().any(is_fitted) => *idle,
-            false => &[],
+        let settings = if plan.lights.contains_key(*name) {
+            *ready
+        } else if fixtures.iter().any(is_fitted) {
+            *idle
+        } else {
+            &[]
         };
         parameters.extend(settings.iter().map(|(name, value)| ((*name).to_owned(), *value)));
     }

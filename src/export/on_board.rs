@@ -154,7 +154,7 @@ fn flown_alone(
 
 /// Returns the times of a flown plan: even steps, and the times at which its plan changes lights.
 fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
-    let end_s = timeline.after[1].0;
+    let end_s = timeline.after[1].time_s;
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let steps = (end_s / STEP_S).ceil() as u32;
     let mut times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();

@@ -268,9 +268,10 @@ pub(super) fn pieces<P>(
     while choice.start < stretch.last() {
         let mut end = fit.longest(&mut choice, &pieces);
         if end.is_none() {
-            (stuck_start, retries) = match choice.start > stuck_start {
-                true => (choice.start, 1),
-                false => (stuck_start, retries + 1),
+            (stuck_start, retries) = if choice.start > stuck_start {
+                (choice.start, 1)
+            } else {
+                (stuck_start, retries + 1)
             };
             // The search returns to the last piece that can be shorter, and remakes later ones.
             if retries <= RETRIES

@@ -55,11 +55,10 @@ impl Poly4d {
         let until_s = fitting.iter().map(|piece| piece.duration_s).sum();
         let n_bytes = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
         let needs = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
-        let other = match flies_heading(release, plan.yaw_rad) {
-            true => {
-                format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
-            }
-            false => "send setpoints over the radio (script for cflib)".to_owned(),
+        let other = if flies_heading(release, plan.yaw_rad) {
+            format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
+        } else {
+            "send setpoints over the radio (script for cflib)".to_owned()
         };
         let hint = format!("{other}, or accept a larger distance from the design");
         Err(stretch.too_long(until_s, &needs, &hint))

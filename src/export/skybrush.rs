@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::compressed::Compressed;
 use super::lights::{commands, screen_rgb};
 use super::pieces::Stretch;
-use super::timeline::{Timeline, earliest_s};
+use super::timeline::{Rest, Timeline, earliest_s};
 use super::zip::zip;
 use super::{File, Job, ascii, stem};
 use noctograph_core::camera::Camera;
@@ -60,13 +60,12 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// Returns a segment from rest to rest that ends at `time_s`. The segment's control points are its
-/// ends.
-fn segment(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
-    match from == to {
-        true => json!([time_s, to.as_slice(), []]),
-        false => json!([time_s, to.as_slice(), [from.as_slice(), to.as_slice()]]),
-    }
+/// Returns a segment from rest to rest, whose control points are its ends. A segment without motion
+/// has none.
+fn segment(from_m: Vector3<f64>, to: Rest) -> Value {
+    let to_m = to.position_m;
+    let control_m = if from_m == to_m { vec![] } else { vec![from_m.as_slice(), to_m.as_slice()] };
+    json!([to.time_s, to_m.as_slice(), control_m])
 }
 
 /// Returns a drone of a Skybrush show, with trajectory, lights and home.
@@ -75,18 +74,18 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
     let trajectory = Compressed::of_any_length(&stretch, job.tolerance_m)?;
     let [first_m, last_m] = trajectory.ends_m();
     let timeline = Timeline::new(plan, &stretch, first_start_s, [first_m, last_m]);
-    let home_m = timeline.before[0].1;
+    let home_m = timeline.before[0].position_m;
     // The trajectory's Bézier curves are the path to the letters, letters, a hover and the landing.
     let mut points = vec![json!([0.0, home_m.as_slice(), []])];
-    let segments = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > MIN_SEGMENT_S);
-    points.extend(segments.map(|ends| segment(ends[0].1, ends[1].0, ends[1].1)));
-    let mut time_s = timeline.before[3].0;
+    let segments =
+        timeline.before.windows(2).filter(|ends| ends[1].time_s - ends[0].time_s > MIN_SEGMENT_S);
+    points.extend(segments.map(|ends| segment(ends[0].position_m, ends[1])));
+    let mut time_s = timeline.before[3].time_s;
     for (duration_s, [_, b, c, d]) in trajectory.curves() {
         time_s += duration_s;
         points.push(json!([time_s, d.as_slice(), [b.as_slice(), c.as_slice()]]));
     }
-    points.push(segment(last_m, timeline.after[0].0, last_m));
-    points.push(segment(last_m, timeline.after[1].0, timeline.after[1].1));
+    points.extend(timeline.after.map(|rest| segment(last_m, rest)));
     // Lights are timed on the flight of the trajectory.
     let lights = commands(&job.flown[index], job.light)?;
     let colors: Vec<(f64, [u8; 3])> =
@@ -96,7 +95,7 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
         "settings": {
             "name": format!("Drone {}", index + 1),
             "home": home_m.as_slice(),
-            "landAt": timeline.after[1].1.as_slice(),
+            "landAt": timeline.after[1].position_m.as_slice(),
             "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
             "lights": { "version": 1, "data": BASE64_STANDARD.encode(program(&colors)) },
             // The heading is in degrees, clockwise from above, from the x axis of the show.

@@ -52,15 +52,23 @@ const UP: &[usize] = &[2];
 const LEVEL: &[usize] = &[0, 1];
 const HOVER: &[usize] = &[];
 
+/// A moment at which a drone is at rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rest {
+    /// Time since the take-off command, s.
+    pub(super) time_s: f64,
+    pub(super) position_m: Vector3<f64>,
+}
+
 /// Times and positions of a drone with a trajectory on board. Time zero is the take-off command.
 pub(super) struct Timeline {
     /// Time of the take-off command by the plan's clock, s.
     pub(super) zero_s: f64,
-    /// Times and positions of rest before the trajectory: on the floor, above it, at the first
-    /// letter, and at the trajectory's start.
-    pub(super) before: [(f64, Vector3<f64>); 4],
-    /// Times and positions of rest after the trajectory: at the end of a hover, and on the floor.
-    pub(super) after: [(f64, Vector3<f64>); 2],
+    /// Rests before the trajectory: on the floor, above it, at the first letter, and at the
+    /// trajectory's start.
+    pub(super) before: [Rest; 4],
+    /// Rests after the trajectory: at the end of a hover, and on the floor.
+    pub(super) after: [Rest; 2],
 }
 
 impl Timeline {
@@ -82,12 +90,18 @@ impl Timeline {
         Self {
             zero_s,
             before: [
-                (0.0, Vector3::new(home_m.x, home_m.y, 0.0)),
-                (TAKE_OFF_S, above_m),
-                (2.0 * TAKE_OFF_S, first_m),
-                (start_s, first_m),
+                Rest { time_s: 0.0, position_m: Vector3::new(home_m.x, home_m.y, 0.0) },
+                Rest { time_s: TAKE_OFF_S, position_m: above_m },
+                Rest { time_s: 2.0 * TAKE_OFF_S, position_m: first_m },
+                Rest { time_s: start_s, position_m: first_m },
             ],
-            after: [(hover_s, last_m), (hover_s + land_s, Vector3::new(last_m.x, last_m.y, 0.0))],
+            after: [
+                Rest { time_s: hover_s, position_m: last_m },
+                Rest {
+                    time_s: hover_s + land_s,
+                    position_m: Vector3::new(last_m.x, last_m.y, 0.0),
+                },
+            ],
         }
     }
 
@@ -95,14 +109,15 @@ impl Timeline {
     pub(super) fn segments_before(&self) -> [Segment; 3] {
         [(0, UP), (1, LEVEL), (2, HOVER)].map(|(index, axes)| {
             let [from, to] = [self.before[index], self.before[index + 1]];
-            Segment { axes, duration_s: to.0 - from.0, ends_m: [from.1, to.1] }
+            let ends_m = [from.position_m, to.position_m];
+            Segment { axes, duration_s: to.time_s - from.time_s, ends_m }
         })
     }
 
     /// Returns the segments after the trajectory for a drone without a radio link: a hover and a
     /// landing. With a link, the script lands before them, `over_s` after the trajectory's end.
     pub(super) fn segments_without_link(&self, over_s: f64) -> [Segment; 2] {
-        let last_m = self.after[0].1;
+        let last_m = self.after[0].position_m;
         let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
         let landing_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
         let hover_s = over_s.max(0.0) + WITHOUT_LINK_S;
@@ -119,21 +134,23 @@ impl Timeline {
         time_s: f64,
         trajectory_m: impl Fn(f64) -> Vector3<f64>,
     ) -> Vector3<f64> {
-        let start_s = self.before[3].0;
-        if (start_s..self.after[0].0).contains(&time_s) {
+        let start_s = self.before[3].time_s;
+        if (start_s..self.after[0].time_s).contains(&time_s) {
             return trajectory_m(time_s - start_s);
         }
         // Before and after the trajectory the drone flies from rest to rest, or is at rest.
         let rests: &[_] = if time_s < start_s { &self.before } else { &self.after };
         let segment = rests
             .windows(2)
-            .find(|segment| time_s < segment[1].0)
+            .find(|segment| time_s < segment[1].time_s)
             .unwrap_or(&rests[rests.len() - 2..]);
-        let [(from_s, from_m), (to_s, to_m)] = [segment[0], segment[1]];
-        if time_s >= to_s {
-            return to_m;
+        let (from, to) = (segment[0], segment[1]);
+        if time_s >= to.time_s {
+            return to.position_m;
         }
-        Polynomials::from_rest_to_rest([from_m, to_m], to_s - from_s).evaluate(time_s - from_s)[0]
+        let ends_m = [from.position_m, to.position_m];
+        Polynomials::from_rest_to_rest(ends_m, to.time_s - from.time_s)
+            .evaluate(time_s - from.time_s)[0]
     }
 }
 
@@ -161,6 +178,6 @@ mod tests {
         );
         let low = Timeline::new(&plan, &stretch, 0.0, [first_m, Vector3::new(0.0, 0.0, 0.2)]);
         assert_eq!(low.segments_without_link(0.0)[1].duration_s, 2.0, "no faster than any landing");
-        assert_eq!(low.after[1].0 - low.after[0].0, 2.0);
+        assert_eq!(low.after[1].time_s - low.after[0].time_s, 2.0);
     }
 }

@@ -90,9 +90,9 @@ impl Augmented {
     /// Corrects the state with a range.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
-        let variance = sigma_m * sigma_m;
+        let variance_m2 = sigma_m * sigma_m;
         // The squared range is linear in the state, and its noise has the mean σ².
-        let mut value = distance_m * distance_m - variance;
+        let mut value = distance_m * distance_m - variance_m2;
         let jacobian = match link {
             Link::Anchor { drone, anchor } => {
                 let a = self.anchors_m[anchor];
@@ -105,7 +105,9 @@ impl Augmented {
                 Part::One(product(n, i, j), -2.0),
             ],
         };
-        let variance = 4.0 * distance_m * distance_m * variance + 2.0 * variance * variance;
+        // The variance of a squared range is 4 d² σ² + 2 σ⁴.
+        let variance =
+            4.0 * distance_m * distance_m * variance_m2 + 2.0 * variance_m2 * variance_m2;
         self.normal.correct(&Measurement { jacobian: &jacobian, value, variance }, |_| true);
     }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-use super::residuals::spread_by_link;
+use super::residuals::{Spread, spread_by_link};
 use super::{Link, Located, RangeSample};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
@@ -112,7 +112,7 @@ pub fn link_errors(
     });
     let (compared, errors_m): (Vec<RangeSample>, Vec<f64>) = errors.unzip();
     let links = spread_by_link(&compared, &errors_m).into_iter();
-    Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
+    Vec::from_iter(links.map(|(link, Spread { median_m, scatter_m, n: ranges })| {
         let link = link.to_string();
         LinkError { link, median_m, scatter_m, ranges }
     }))

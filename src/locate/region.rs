@@ -156,9 +156,12 @@ pub fn observability(
     let largest = eigen.eigenvalues.max();
     let mut order = [0, 1, 2, 3, 4, 5];
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let sigmas_m = order.map(|k| match eigen.eigenvalues[k] > UNOBSERVABLE * largest {
-        true => 1.0 / eigen.eigenvalues[k].sqrt(),
-        false => f64::INFINITY,
+    let sigmas_m = order.map(|k| {
+        if eigen.eigenvalues[k] > UNOBSERVABLE * largest {
+            1.0 / eigen.eigenvalues[k].sqrt()
+        } else {
+            f64::INFINITY
+        }
     });
     Observability {
         rank: sigmas_m.iter().filter(|sigma_m| sigma_m.is_finite()).count(),
@@ -175,12 +178,12 @@ fn information_of_round(
     sigma_m: f64,
 ) -> Matrix6<f64> {
     let anchors_m = [observer.own_m[0], observer.own_m[1], observer.shared_m];
-    let ranges = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
+    let unranged = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
     let places = DVector::from_iterator(6, positions_m.iter().flatten().copied());
-    let jacobian = residuals(&anchors_m, &ranges, &places).0;
-    let jacobian = jacobian.fixed_view::<5, 6>(0, 0);
+    let (by_ranges, _) = residuals(&anchors_m, &unranged, &places);
+    let by_ranges = by_ranges.fixed_view::<5, 6>(0, 0);
     if outputs == Outputs::Ranges {
-        return jacobian.transpose() * jacobian / (sigma_m * sigma_m);
+        return by_ranges.transpose() * by_ranges / (sigma_m * sigma_m);
     }
     // The three outputs are sums of squared ranges. Rows are derivatives by the five ranges.
     let ranges = observer.ranges(positions_m);
@@ -191,9 +194,9 @@ fn information_of_round(
         d11, -d13, 0.0, 0.0, 0.0, 0.0, 0.0, d22, -d23, 0.0, 0.0, d13, 0.0, d23, -q,
     ]);
     let covariance: Matrix3<f64> = squares * squares.transpose() * (sigma_m * sigma_m);
-    let jacobian = squares * jacobian;
+    let by_outputs = squares * by_ranges;
     let weight = covariance.try_inverse().unwrap_or_default();
-    jacobian.transpose() * weight * jacobian
+    by_outputs.transpose() * weight * by_outputs
 }
 
 #[cfg(test)]

@@ -49,11 +49,20 @@ pub fn nis_interval(n: usize) -> [f64; 2] {
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
 
-/// Returns the median and the scatter of each link's residuals, and their number.
+/// Residuals of a link.
+pub(super) struct Spread {
+    pub(super) median_m: f64,
+    /// Standard deviation about the median, computed from the median absolute deviation.
+    pub(super) scatter_m: f64,
+    /// Number of residuals.
+    pub(super) n: usize,
+}
+
+/// Returns the spread of each link's residuals.
 pub(super) fn spread_by_link(
     samples: &[RangeSample],
     residuals_m: &[f64],
-) -> BTreeMap<Link, (f64, f64, usize)> {
+) -> BTreeMap<Link, Spread> {
     let mut by_link: BTreeMap<Link, Vec<f64>> = BTreeMap::new();
     for (sample, residual_m) in samples.iter().zip(residuals_m) {
         by_link.entry(sample.link).or_default().push(*residual_m);
@@ -62,7 +71,8 @@ pub(super) fn spread_by_link(
         // The median absolute deviation is robust to outliers (Rousseeuw, Croux 1993).
         let median_m = median(residuals_m.iter().copied())?;
         let deviations_m = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
-        Some((link, (median_m, SIGMA_PER_MAD * median(deviations_m)?, residuals_m.len())))
+        let scatter_m = SIGMA_PER_MAD * median(deviations_m)?;
+        Some((link, Spread { median_m, scatter_m, n: residuals_m.len() }))
     });
     spreads.collect()
 }
@@ -88,15 +98,24 @@ impl Located {
         }
         // A link is suspect because of its median relative to its error, or of its refused ranges.
         let links = spread_by_link(samples, &residuals_m).into_iter();
-        self.links = Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
-            let refused = innovations.refused.get(&link).copied().unwrap_or(0);
-            let (n, n_refused) = (ranges as f64, refused as f64);
-            let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
-            let is_biased =
-                median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
-            let suspect = is_biased || refused > MOST_REFUSED && n_refused > MOST_REFUSED_FRAC * n;
-            LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
-        }));
+        self.links =
+            Vec::from_iter(links.map(|(link, Spread { median_m, scatter_m, n: ranges })| {
+                let refused = innovations.refused.get(&link).copied().unwrap_or(0);
+                let (n, n_refused) = (ranges as f64, refused as f64);
+                let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
+                let is_biased =
+                    median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
+                let suspect =
+                    is_biased || refused > MOST_REFUSED && n_refused > MOST_REFUSED_FRAC * n;
+                LinkResidual {
+                    link: link.to_string(),
+                    ranges,
+                    refused,
+                    median_m,
+                    scatter_m,
+                    suspect,
+                }
+            }));
         self.ranges = samples.len();
         let n_refused = innovations.refused.values().sum::<usize>();
         self.refused_frac = n_refused as f64 / samples.len().max(1) as f64;

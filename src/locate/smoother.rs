@@ -122,8 +122,9 @@ fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
         return Ok(());
     }
     let (n, [work, most]) = (samples.len(), [work, MOST_WORK].map(|work| work / 1e6));
-    let work = format!("{n} of {n_drones} drones, {work:.0} million multiplications for each pass");
-    Err(Error::input("ranges", work, format!("at most {most:.0} million"), FEWER))
+    let actual =
+        format!("{n} of {n_drones} drones, {work:.0} million multiplications for each pass");
+    Err(Error::input("ranges", actual, format!("at most {most:.0} million"), FEWER))
 }
 
 /// Returns the times of each drone's first and last range, or `[∞, −∞]` for a drone without ranges.

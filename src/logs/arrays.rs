@@ -14,10 +14,10 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         return Vec::new();
     }
     let first_s = samples[0].time_s;
-    let begins = format!(
+    let text = format!(
         "its clock begins at {first_s} s, and so does a photograph's exposure, instead of at 0 s"
     );
-    let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", begins));
+    let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", text));
     // The flight's columns are put in a table, to which the checks of tables apply.
     let block = pose_columns(samples);
     let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);

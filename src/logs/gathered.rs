@@ -133,10 +133,10 @@ pub fn scene_in(log: &Path) -> Option<String> {
 /// start, but another program may have rewritten the log.
 fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
-    let log = Text::of_unicode(log);
-    let log = log.trim_ascii_start().strip_prefix(b"{")?;
-    let mut values = (0..log.len()).filter_map(|place| log[place..].strip_prefix(KEY));
-    let about = values.find_map(|value| value.trim_ascii_start().strip_prefix(b":"))?;
+    let text = Text::of_unicode(log);
+    let members = text.trim_ascii_start().strip_prefix(b"{")?;
+    let mut after_key = (0..members.len()).filter_map(|place| members[place..].strip_prefix(KEY));
+    let about = after_key.find_map(|value| value.trim_ascii_start().strip_prefix(b":"))?;
     let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
     values.next()?.ok()
 }

@@ -163,17 +163,17 @@ impl Mapper<'_> {
         let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
         let span_s = end_s - start_s;
         check_span(recording, span_s)?;
-        let steps = (span_s * options.sample_rate_hz + 1e-6).floor();
-        if steps < 0.0 {
+        let last_step = (span_s * options.sample_rate_hz + 1e-6).floor();
+        if last_step < 0.0 {
             let log = "position and attitude that were never logged at the same time";
             let hint = "cut the log to one flight that contains both";
             return Err(Error::input(Place::file(&recording.file), log, "both at once", hint));
         }
         #[expect(clippy::cast_possible_truncation, reason = "an hour at a kilohertz is below 4e6")]
-        let steps = steps as u32;
-        budget.steps(STEPS * steps as usize * pose.len())?;
+        let last_step = last_step as u32;
+        budget.steps(STEPS * last_step as usize * pose.len())?;
         // Steps in gaps are dropped. Rounding may put the last step beyond the end.
-        let steps = (0..=steps)
+        let steps = (0..=last_step)
             .map(|step| (step, (start_s + f64::from(step) / options.sample_rate_hz).min(end_s)))
             .filter(|(_, stamp_s)| {
                 pose.iter().all(|pose| self.interpolated(*pose, *stamp_s).is_some())

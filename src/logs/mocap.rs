@@ -145,12 +145,13 @@ impl Shift {
         // A difference below 0.3 % is noise of the fit.
         if (self.ratio - 1.0).abs() > 0.003 {
             let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
-            let (ratio, firmware) = match is_slow {
-                true => (
+            let (ratio, firmware) = if is_slow {
+                (
                     format!("84/85 = {SLOW_CLOCK:.4}"),
                     ", as in firmware up to and with release 2026.08",
-                ),
-                false => (format!("{:.4}", self.ratio), ""),
+                )
+            } else {
+                (format!("{:.4}", self.ratio), "")
             };
             let text = format!(
                 "the drone's clock counts {ratio} s per second of the motion capture's{firmware}"

@@ -403,9 +403,10 @@ pub(super) fn resolve_angles(
         let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
         let changes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
         let rms_change = rms(&changes.filter(|change| change.is_finite()).collect::<Vec<_>>());
-        let too_fast = match rms_change > 0.01 && !rates.is_empty() {
-            true => rms(&rates) / rms_change > 7.6,
-            false => max_abs(&rates) > 35.0,
+        let too_fast = if rms_change > 0.01 && !rates.is_empty() {
+            rms(&rates) / rms_change > 7.6
+        } else {
+            max_abs(&rates) > 35.0
         };
         if is_auto && too_fast {
             let text = "angular velocities without a unit are too fast for rad/s: taken as degrees";

@@ -265,9 +265,12 @@ impl<'a> Search<'a> {
         let active_s =
             logged.iter().map(|(_, channels)| channels.iter().map(active_s).fold(0.0, f64::max));
         let most_s = active_s.clone().fold(0.0, f64::max);
-        let mut alive = active_s.zip(&logged).map(|(active_s, (_, channels))| match most_s > 0.0 {
-            true => active_s >= ALIVE_FRACTION * most_s,
-            false => numbers(channels).any(|value| *value != 0.0),
+        let mut alive = active_s.zip(&logged).map(|(active_s, (_, channels))| {
+            if most_s > 0.0 {
+                active_s >= ALIVE_FRACTION * most_s
+            } else {
+                numbers(channels).any(|value| *value != 0.0)
+            }
         });
         let first = alive.position(|is_alive| is_alive).unwrap_or(0);
         let (source, channels) = logged.into_iter().nth(first)?;
@@ -341,9 +344,10 @@ impl<'a> Search<'a> {
         let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
         let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
         // If angles are frozen while quaternions change, their observer did not run.
-        let quaternions = match angles.as_deref().is_some_and(is_alive) {
-            true => None,
-            false => self.angles_from_quaternions(),
+        let quaternions = if angles.as_deref().is_some_and(is_alive) {
+            None
+        } else {
+            self.angles_from_quaternions()
         };
         let mut angles = quaternions
             .filter(|turned| angles.is_none() || is_alive(turned))

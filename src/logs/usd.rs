@@ -196,9 +196,10 @@ impl Cursor<'_> {
                 };
                 // The name of a variable of the log table contains its group. Other variables get
                 // the event's name.
-                let full_name = match variable.contains('.') {
-                    true => variable.to_owned(),
-                    false => format!("{name}.{variable}"),
+                let full_name = if variable.contains('.') {
+                    variable.to_owned()
+                } else {
+                    format!("{name}.{variable}")
                 };
                 event.n_bytes += decoder.0;
                 event.decoders.push(decoder);

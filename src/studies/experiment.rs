@@ -55,9 +55,10 @@ impl Study {
         let (contenders, n_trials) = (&self.contenders, self.n_trials());
         if n_trials == 0 {
             let counts = format!("{} scenes, {} words", contenders.len(), self.words.len());
-            let hint = match contenders.is_empty() {
-                true => "name scenes, or a folder that contains scenes",
-                false => "name words, each with its number of seeds: NOOR:50",
+            let hint = if contenders.is_empty() {
+                "name scenes, or a folder that contains scenes"
+            } else {
+                "name words, each with its number of seeds: NOOR:50"
             };
             return Err(Error::input("study", counts, "at least one of each, and a seed", hint));
         }

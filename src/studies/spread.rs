@@ -184,15 +184,15 @@ pub fn spread(
     let again: Vec<_> = again.collect::<Result<_>>()?;
     let flown: Vec<&Vec<Flight>> =
         flights.iter().filter_map(|flight| Some(&flight.shot.as_ref().ok()?.flights)).collect();
-    let again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
-    if flown.is_empty() || again.is_empty() {
+    let flown_again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
+    if flown.is_empty() || flown_again.is_empty() {
         let lost = flights.iter().find_map(|flight| flight.shot.as_ref().err());
         return Err(Error::infeasible(
             format!("every flight is lost: {}", lost.map_or("", String::as_str)),
             "fly the scene without varied conditions, or under milder ones",
         ));
     }
-    let [all, within] = [flown, again].map(|fleets| {
+    let [all, within] = [flown, flown_again].map(|fleets| {
         let bands = (0..base.plans.len()).map(|drone| {
             let flights: Vec<&Flight> = fleets.iter().map(|flights| &flights[drone]).collect();
             Band::new(&flights, |sample| sample.position_m)

@@ -180,7 +180,11 @@ impl Posterior {
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (near + far);
             let (point, probability) = self.tail(least - libm::exp(middle));
-            *(if is_beyond(point, probability) { &mut near } else { &mut far }) = middle;
+            if is_beyond(point, probability) {
+                near = middle;
+            } else {
+                far = middle;
+            }
         }
         self.tail(least - libm::exp(far))
     }

@@ -38,12 +38,11 @@ struct Submitted {
 pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     let (mut submitted, mut passed_over) = (Vec::new(), Vec::new());
     for path in named.iter().map(PathBuf::from) {
-        match path.is_dir() {
-            true => gather(&path, None, &mut submitted, &mut passed_over)?,
-            false => {
-                let refused = path.is_symlink().then_some(LINK);
-                submitted.push(Submitted { name: stem(&path), path, refused });
-            }
+        if path.is_dir() {
+            gather(&path, None, &mut submitted, &mut passed_over)?
+        } else {
+            let refused = path.is_symlink().then_some(LINK);
+            submitted.push(Submitted { name: stem(&path), path, refused });
         }
     }
     if submitted.is_empty() {

@@ -1,12 +1,12 @@
 //! Tuning: searches for the values of a scene's knobs at which its words are read most reliably.
 //!
-//! 1. 1. Search: each candidate flies the training words with the training seeds. The objective is
+//! 1. Search: each candidate flies the training words with the training seeds. The objective is
 //!    the candidate's mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for
 //!    exceeded limits. A candidate below the median of the others after half of its flights is
 //!    abandoned (median rule: Golovin et al., "Google Vizier", KDD 2017).
-//! 2. 2. Finals: the best few candidates and the original scene fly again with new seeds, because
+//! 2. Finals: the best few candidates and the original scene fly again with new seeds, because
 //!    the candidate with the best results in a search owes some of them to luck.
-//! 3. 3. Test: the winner, which owes some of its lead to luck as well, is compared with the
+//! 3. Test: the winner, which owes some of its lead to luck as well, is compared with the
 //!    original scene on further seeds. The winner becomes the result only if it is distinguishably
 //!    better.
 
@@ -222,9 +222,10 @@ pub fn tune(
     // The winner of the finals is tested unless it is the original scene.
     let n_seeds = options.test_seeds.max(least_flights(2));
     let words = options.words.iter().map(|(word, _)| (word.clone(), n_seeds)).collect();
-    let test = match best.number == before.number {
-        true => None,
-        false => Some(options.test([base, &scene], words, store, stop, &|_| {})?),
+    let test = if best.number == before.number {
+        None
+    } else {
+        Some(options.test([base, &scene], words, store, stop, &|_| {})?)
     };
     let n_flights = tuning.n_flights;
     let mut tuned = Tuned { scene, test, best, before, front, n_flights, candidates };

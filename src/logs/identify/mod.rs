@@ -131,13 +131,13 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     if !flight.has(Quantity::Motors) {
         return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
     }
-    let air = airborne(flight).unwrap_or_default();
-    let n_samples = air.len();
+    let airborne = airborne(flight).unwrap_or_default();
+    let n_samples = airborne.len();
     if n_samples < FEWEST_SAMPLES {
         let count = format_args!("{n_samples} samples in the air");
         return Err(Error::input("flight", count, format!("at least {FEWEST_SAMPLES}"), hint));
     }
-    let samples = &flight.samples[air.clone()];
+    let samples = &flight.samples[airborne.clone()];
     if is_frozen(samples) {
         let commands = "motor commands that never rotate the drone, like those of one repeated row";
         return Err(Error::input("flight", commands, "those of a flight", hint));
@@ -145,7 +145,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     // Thrust and torque follow from the mean commands, with the accelerometer if it is plausible.
     let mut left_out = Vec::new();
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
-    let mut accelerations = accelerations(flight, &air, &mut left_out);
+    let mut accelerations = accelerations(flight, &airborne, &mut left_out);
     let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
         let text = "the acceleration points down on average: the drone is taken to hover";
@@ -170,7 +170,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         }
         is_logged && changes
     });
-    let measurement_sigma_m = measurement_sigma_m(flight, &air, &mut left_out);
+    let measurement_sigma_m = measurement_sigma_m(flight, &airborne, &mut left_out);
     let model_sigma = (turns && leans && moves)
         .then(|| model_sigma(flight, samples, accelerations.as_deref()))
         .filter(|sigma| are_figures(sigma));

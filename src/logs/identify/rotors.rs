@@ -67,10 +67,11 @@ pub(super) fn thrust_per_command_n(
     let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
     let free =
         (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
-    let free = free.clone().min().zip(free.max());
+    let ends_of_free = free.clone().min().zip(free.max());
     // If half of the flight is in ground effect, the complete flight is used.
-    let (from, to) =
-        free.filter(|(from, to)| to - from > samples.len() / 2).unwrap_or((0, samples.len() - 1));
+    let (from, to) = ends_of_free
+        .filter(|(from, to)| to - from > samples.len() / 2)
+        .unwrap_or((0, samples.len() - 1));
     let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
     let motor_lag_s = 0.5 * (motor_rise_s + motor_fall_s);
     let (mut product, mut square) = (0.0, 0.0);

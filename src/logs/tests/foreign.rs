@@ -84,9 +84,12 @@ fn one_flight_is_read_from_every_way_of_writing_a_table() {
     }
     let (head, body) = plain().split_once('\n').map(|(a, b)| (a.to_owned(), b.to_owned())).unwrap();
     let body = body.lines().map(|line| line.split(',').map(quoted).collect::<Vec<_>>().join(","));
-    let twelve_hours = rows("timestamp,x,y,z\n", |t, [x, y, z]| match t < 4.95 {
-        true => format!("12:59:{:06.3},{x:.4},{y:.4},{z:.4}", 55.0 + t),
-        false => format!("01:00:{:06.3},{x:.4},{y:.4},{z:.4}", (t - 5.0).max(0.0)),
+    let twelve_hours = rows("timestamp,x,y,z\n", |t, [x, y, z]| {
+        if t < 4.95 {
+            format!("12:59:{:06.3},{x:.4},{y:.4},{z:.4}", 55.0 + t)
+        } else {
+            format!("01:00:{:06.3},{x:.4},{y:.4},{z:.4}", (t - 5.0).max(0.0))
+        }
     });
     let big_endian = [0xfe, 0xff].into_iter();
     let big_endian = big_endian.chain(plain().encode_utf16().flat_map(u16::to_be_bytes)).collect();
@@ -455,9 +458,8 @@ fn a_dead_or_diverged_source_is_replaced_by_the_next() {
 #[test]
 fn zeros_of_a_body_that_was_lost_are_no_positions() {
     let lost = |t: f64| (6.0..6.5).contains(&t) || t > 11.5;
-    let text = rows("t,x,y,z\n", |t, [x, y, z]| match lost(t) {
-        true => format!("{t:.2},0,0,0"),
-        false => format!("{t:.2},{},{y},{z}", x + 0.5),
+    let text = rows("t,x,y,z\n", |t, [x, y, z]| {
+        if lost(t) { format!("{t:.2},0,0,0") } else { format!("{t:.2},{},{y},{z}", x + 0.5) }
     });
     let flight = read(text.as_bytes());
     says(&flight, "are 0, 0, 0, where the drone would have jumped");

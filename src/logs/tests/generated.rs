@@ -163,17 +163,19 @@ proptest! {
             cells.join(",")
         };
         let times = (0..=60).map(|i| 0.2 * f64::from(i));
-        let rows: Vec<String> = match in_turn {
-            true => times.flat_map(|t| [row(0, t), row(1, t)]).collect(),
-            false => [0, 1].into_iter().flat_map(|k| { times.clone() }.map(move |t| (k, t)))
-                .map(|(k, t)| row(k, t)).collect(),
-        };
+        let rows: Vec<String> = if in_turn {
+times.flat_map(|t| [row(0, t), row(1, t)]).collect()
+} else {
+[0, 1].into_iter().flat_map(|k| { times.clone() }.map(move |t| (k, t)))
+                .map(|(k, t)| row(k, t)).collect()
+};
         let mut head = vec!["t", "x", "y", "z"];
         head.insert(place_of_name, title);
-        let text = match as_json {
-            true => format!("[{}]", rows.join(",")),
-            false => format!("{}\n{}\n", head.join(","), rows.join("\n")),
-        };
+        let text = if as_json {
+format!("[{}]", rows.join(","))
+} else {
+format!("{}\n{}\n", head.join(","), rows.join("\n"))
+};
         let error = parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap_err();
         let said = format!("column {title}: found rows of several drones");
         prop_assert!(error.to_string().contains(&said), "{error}\n{text:.200}");
@@ -313,10 +315,11 @@ proptest! {
         yaw_rad in 0.1..1.5_f64,
     ) {
         let is_of_drone = title.contains('.');
-        let axes = ["x", "y", "z"].map(|axis| match is_of_drone {
-            true => format!("stateEstimate.{axis}"),
-            false => axis.to_owned(),
-        });
+        let axes = ["x", "y", "z"].map(|axis| if is_of_drone {
+format!("stateEstimate.{axis}")
+} else {
+axis.to_owned()
+});
         let stamp = if is_of_drone { "Timestamp" } else { "t" };
         let mut text = format!("{stamp},{},{title}\n", axes.join(","));
         for i in 0..=120 {

@@ -117,9 +117,10 @@ impl CheckedExport {
         let exported = trajectory.as_ref().unwrap_or(&shoot);
         let flights = if options.format.flies() { fly_plans(exported)? } else { Vec::new() };
         let checks = checks(exported, &flights, &options.profile);
-        let findings = match options.format.flies() {
-            true => preflight_flights(exported, flights, &options.profile)?.findings,
-            false => Vec::new(),
+        let findings = if options.format.flies() {
+            preflight_flights(exported, flights, &options.profile)?.findings
+        } else {
+            Vec::new()
         };
         Ok(Self { options, shoot, trajectory, checks, findings })
     }

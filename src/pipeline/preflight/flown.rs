@@ -74,9 +74,10 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     let name_word = "name the word of the plans: {word}";
     // The limit of the error is a fraction of the cap height, which a drawing does not have.
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
-        return match strokes.is_some_and(|strokes| strokes.font.is_none()) {
-            true => unchecked("a drawing has no letters", "look at its preview"),
-            false => unchecked("there are no letters whose height is known", name_word),
+        return if strokes.is_some_and(|strokes| strokes.font.is_none()) {
+            unchecked("a drawing has no letters", "look at its preview")
+        } else {
+            unchecked("there are no letters whose height is known", name_word)
         };
     };
     let Ok(least_m) = least_cap_height_m(flight, Part::Letters) else {
@@ -160,9 +161,10 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     // A simulated flight counts the controller's ticks, which are shorter than its samples.
     let counted_s = flight.at_end(SATURATED_S);
     let duration_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
-    let severity = match duration_s > MAX_SATURATED_S {
-        true => Severity::Stop,
-        false => warn_if(duration_s > BRIEF_SATURATED_S),
+    let severity = if duration_s > MAX_SATURATED_S {
+        Severity::Stop
+    } else {
+        warn_if(duration_s > BRIEF_SATURATED_S)
     };
     Diagnostic::check("motors", severity, duration_s).within(BRIEF_SATURATED_S).timed(time_s).say(
         match duration_s {
@@ -321,16 +323,22 @@ fn longest_dwell(pieces: &[Piece]) -> (f64, f64) {
     let mut doses: Vec<(f64, f64)> =
         moving.map(|piece| (piece.light_s / piece.length_m, piece.length_m)).collect();
     let median = weighted_quantile(&mut doses, 0.5).unwrap_or(0.0);
-    let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
+    let (mut longest_s, mut longest_from_s) = (0.0, 0.0);
+    let (mut run_s, mut run_from_s) = (0.0, 0.0);
     for Piece { time_s, length_m, light_s } in pieces {
         if *light_s > DWELL * median * length_m && *light_s > 0.0 {
-            run = if run.0 > 0.0 { (run.0 + light_s, run.1) } else { (*light_s, *time_s) };
-            longest = if run.0 > longest.0 { run } else { longest };
+            if run_s == 0.0 {
+                run_from_s = *time_s;
+            }
+            run_s += light_s;
+            if run_s > longest_s {
+                (longest_s, longest_from_s) = (run_s, run_from_s);
+            }
         } else {
-            run = (0.0, 0.0);
+            run_s = 0.0;
         }
     }
-    longest
+    (longest_s, longest_from_s)
 }
 
 /// Checks the range of the exposure, in stops, along the brightest trail in the picture. `stops` is

@@ -36,9 +36,10 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         "" => "no form of export accepts it".to_owned(),
         formats => format!("it can be exported as {formats}"),
     };
-    let heading = match flies_heading {
-        true => String::new(),
-        false => format!(", a heading that firmware {} misreads", release.name()),
+    let heading = if flies_heading {
+        String::new()
+    } else {
+        format!(", a heading that firmware {} misreads", release.name())
     };
     let row = Diagnostic::check("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
     row.within(TRAJECTORY_MEMORY_BYTES as f64).with("count", pieces).say(
@@ -76,9 +77,10 @@ fn timing_entries_of(shoot: &Shoot, drone: usize) -> Result<Option<usize>> {
         return Ok(None);
     }
     let form = Form::Compressed;
-    let exported = match shoot.designs.is_empty() {
-        true => &shoot.as_exported(form, form.tolerance_m(), Length::Any)?,
-        false => shoot,
+    let exported = if shoot.designs.is_empty() {
+        &shoot.as_exported(form, form.tolerance_m(), Length::Any)?
+    } else {
+        shoot
     };
     timing_entries(&exported.plans[drone].plan, &shoot.lamps())
 }

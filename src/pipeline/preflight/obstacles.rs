@@ -47,7 +47,8 @@ pub(super) struct Paths {
 impl Paths {
     /// Returns the paths of a shoot's plans and of their flights.
     pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
-        // Speeds are computed from positions, because a file's velocities may be of another flight.
+        // A plan's speed is computed from positions, because the velocities in a file may be of
+        // another flight.
         let plans = shoot.plans.iter().map(|planned| &planned.plan);
         let mut speed_m_s = plans.clone().map(greatest_speed_m_s).fold(0.0, f64::max);
         let mut pieces: Vec<_> = plans.flat_map(pieces).collect();
@@ -189,9 +190,10 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
         // Beacons in the lower half of a room are on stands, and those in the upper half hang.
-        let shape = match z < 0.5 * ceiling_m {
-            true => Solid::pillar([x, y], BEACON_M),
-            false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
+        let shape = if z < 0.5 * ceiling_m {
+            Solid::pillar([x, y], BEACON_M)
+        } else {
+            Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M }
         };
         let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
         Thing { name, shape, is_stand: false, advice }
@@ -233,5 +235,5 @@ pub fn stations(scene: &Scene) -> Vec<(String, [f64; 3])> {
         }
     };
     let positions_m = positions_m.into_iter().enumerate();
-    positions_m.map(|(index, m)| (format!("{kind} {}", index + 1), m)).collect()
+    positions_m.map(|(index, position_m)| (format!("{kind} {}", index + 1), position_m)).collect()
 }

@@ -208,11 +208,10 @@ pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
         sentences.push(format!("{name} at ({x:.2}, {y:.2}, {z:.2}), {outside_m:.2} m outside"));
         names.push(name);
     }
-    let actual = match names.is_empty() {
-        true => {
-            format!("all {n} positions of stations, anchors, drones and camera are in the room")
-        }
-        false => sentences.join("; "),
+    let actual = if names.is_empty() {
+        format!("all {n} positions of stations, anchors, drones and camera are in the room")
+    } else {
+        sentences.join("; ")
     };
     let row = Diagnostic::check("frame", severity, most_m).within(FRAME_M);
     row.positioned(farthest_m).detailed(names.join(", ")).say(
@@ -286,8 +285,8 @@ fn center_in_front(
         Framing::Word(framing) => framing.clone(),
         Framing::Fixed(_) => WordFraming::default(),
     };
-    let nearest = Framing::Word(WordFraming { fill_frac: MOST_FILLED, ..word.clone() });
-    let nearest = CameraOptions { framing: nearest, ..options.clone() }.camera(word_m, 0.0)?;
+    let framing = Framing::Word(WordFraming { fill_frac: MOST_FILLED, ..word.clone() });
+    let nearest = CameraOptions { framing, ..options.clone() }.camera(word_m, 0.0)?;
     let (least_m, most_m) = (-nearest.position_m.y, max_camera_distance_m(room_m));
     let mut fill_frac = word.fill_frac;
     if least_m <= most_m {

@@ -56,9 +56,10 @@ fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
         largest(setpoints.map(|s| (distance_outside_m(s.position_m, profile.volume_m), s.time_s)));
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
-    let actual = match outside_m > 0.0 {
-        true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s)),
-        false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
+    let actual = if outside_m > 0.0 {
+        format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s))
+    } else {
+        format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0)
     };
     let row = Diagnostic::check("volume", stop_if(outside_m > ROUNDING_M), outside_m);
     row.timed(time_s).positioned(position_m).detailed(&*volume).say(
@@ -229,14 +230,16 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
     let (is_beyond, when) = (value > 1.05 * most, at_time(time_s));
     let severity = if is_planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
     Diagnostic::check("acceleration", severity, value).within(most).timed(time_s).say(
-        match is_planned {
-            true => format!("{value:.2} m/s²{when}"),
-            false => format!("setpoints change velocity by up to {value:.1} m/s²{when}"),
+        if is_planned {
+            format!("{value:.2} m/s²{when}")
+        } else {
+            format!("setpoints change velocity by up to {value:.1} m/s²{when}")
         },
         format!("up to {most} m/s²"),
-        match is_planned {
-            true => "lower {plan.style.acceleration_m_s2}",
-            false => "plan with {plan.style=even}",
+        if is_planned {
+            "lower {plan.style.acceleration_m_s2}"
+        } else {
+            "plan with {plan.style=even}"
         },
     )
 }
@@ -269,9 +272,10 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
         format!("up to {most_s:.0} s in the air"),
-        match is_even {
-            true => "write fewer letters, or with {plan.drones=2}",
-            false => "write fewer letters, faster ({plan.style=even}), or with {plan.drones=2}",
+        if is_even {
+            "write fewer letters, or with {plan.drones=2}"
+        } else {
+            "write fewer letters, faster ({plan.style=even}), or with {plan.drones=2}"
         },
     )
 }
@@ -325,8 +329,8 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
         return None;
     }
     // `closest` ignores drones above each other, because the downwash has a separate check.
-    let pairs = plans.iter().enumerate();
-    let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
+    let pairs =
+        plans.iter().enumerate().flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
     let (least_m, time_s) = closest.map(|pair| (pair.horizontal_m, pair.time_s)).unzip();
     let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);

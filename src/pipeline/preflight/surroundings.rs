@@ -42,9 +42,10 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     let silent = silent_stations(plan, scene);
     let seen_frac = seen_frac(scene, &silent, bounds_m)?;
     let names: Vec<String> = silent.iter().map(|station| (station + 1).to_string()).collect();
-    let without = match names.is_empty() {
-        true => String::new(),
-        false => format!(", without station {}, which is silent", names.join(", ")),
+    let without = if names.is_empty() {
+        String::new()
+    } else {
+        format!(", without station {}, which is silent", names.join(", "))
     };
     let seen_percent = 100.0 * seen_frac;
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
@@ -70,9 +71,10 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
     sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
     // Short outages of the other stations are bridged, so that these stations always send.
     sensors.lighthouse.silent.clear();
-    match sensors.lighthouse.stations.is_empty() {
-        true => Ok(0.0),
-        false => Ok(coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac()),
+    if sensors.lighthouse.stations.is_empty() {
+        Ok(0.0)
+    } else {
+        Ok(coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac())
     }
 }
 

@@ -35,9 +35,10 @@ pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
             light.remove("ring");
         }
     }
-    let [f_number, iso, metering] = ["camera.f_number", "camera.iso", "camera.metering"]
-        .map(|key| layers.iter().any(|layer| value_at(layer, key).is_some()));
-    if (f_number || iso) && !metering {
+    let [sets_f_number, sets_iso, sets_metering] =
+        ["camera.f_number", "camera.iso", "camera.metering"]
+            .map(|key| layers.iter().any(|layer| value_at(layer, key).is_some()));
+    if (sets_f_number || sets_iso) && !sets_metering {
         scene.camera.metering = Metering::Off;
     }
 }

@@ -54,9 +54,10 @@ impl Scene {
         let path = Path::new(name);
         // The scene is named after the folder, or after the file without its extension.
         if path.exists() {
-            let (short, file) = match path.is_dir() {
-                true => (path.file_name(), as_spelled(&path.join("scene.toml"))),
-                false => (path.file_stem(), path.to_owned()),
+            let (short, file) = if path.is_dir() {
+                (path.file_name(), as_spelled(&path.join("scene.toml")))
+            } else {
+                (path.file_stem(), path.to_owned())
             };
             let short = short.unwrap_or_default().to_string_lossy();
             return Ok(NamedScene::new(&short, Self::read_with(&file, settings)?));

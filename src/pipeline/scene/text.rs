@@ -281,9 +281,10 @@ fn check_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -
 
 /// Checks that a name is one of a choice's names.
 fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
-    match noctograph_core::settings::names(shape).any(|variant| variant == name) {
-        true => Ok(()),
-        false => Err(unknown_name(place, name, shape)),
+    if noctograph_core::settings::names(shape).any(|variant| variant == name) {
+        Ok(())
+    } else {
+        Err(unknown_name(place, name, shape))
     }
 }
 
@@ -389,16 +390,16 @@ fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &
     // Choices of different kinds have different keys, so that the keys of both tables are compared.
     let keys: BTreeSet<&String> = values.keys().chain(others.keys()).collect();
     for key in keys {
-        let (path, pair) = (joined(path, key), [values.get(key), others.get(key)]);
+        let (key_path, pair) = (joined(path, key), [values.get(key), others.get(key)]);
         match pair {
             [Some(Value::Table(value)), Some(Value::Table(other))] => {
-                compare(changes, &path, value, other);
+                compare(changes, &key_path, value, other);
             }
             [value, other] if value == other => {}
             _ => {
                 let [value, other] =
                     pair.map(|value| value.map_or("-".to_owned(), Value::to_string));
-                changes.push([path, value, other]);
+                changes.push([key_path, value, other]);
             }
         }
     }

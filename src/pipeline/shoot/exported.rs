@@ -50,9 +50,10 @@ impl Shoot {
 
     /// Returns the plans that are exported: the designs or, if there are none, the plans.
     pub fn designs(&self) -> std::borrow::Cow<'_, [Plan]> {
-        match self.designs.is_empty() {
-            true => self.plans.iter().map(|planned| planned.plan.clone()).collect(),
-            false => self.designs.as_slice().into(),
+        if self.designs.is_empty() {
+            self.plans.iter().map(|planned| planned.plan.clone()).collect()
+        } else {
+            self.designs.as_slice().into()
         }
     }
 }
@@ -64,9 +65,10 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     plan.edit(|plan| {
         for (channel, levels) in &mut plan.lights {
             // A channel is either a lamp or one color of a lamp.
-            match lamps.contains(channel) {
-                true => levels.clone_from(&lit),
-                false => extend_color(levels, &lit, &commanded),
+            if lamps.contains(channel) {
+                levels.clone_from(&lit)
+            } else {
+                extend_color(levels, &lit, &commanded)
             }
         }
         plan.lit.clear();

@@ -94,7 +94,7 @@ impl Shoot {
         let n_drones = recordings.len();
         let (mut flights, mut trace) = (Vec::new(), LightTrace::default());
         let (mut problems, mut end_s) = (Vec::new(), 0.0_f64);
-        // 1. 1. The lamps of all drones, numbered if there are several, are combined in one trace.
+        // 1. The lamps of all drones, numbered if there are several, are combined in one trace.
         for (drone, recording) in recordings.into_iter().enumerate() {
             let number = (n_drones > 1).then_some(DroneIndex(drone));
             let mut lamps = match recording {
@@ -120,13 +120,13 @@ impl Shoot {
             }
         }
         problems.extend(self.problems_of_strokes());
-        // 2. 2. The camera frames the writing, and the light meter sets the exposure.
+        // 2. The camera frames the writing, and the light meter sets the exposure.
         let bounds_m = self.bounds_m(&flights, &trace)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&trace, &mut camera, options, photo);
         check_camera_position(&trace, bounds_m, &camera, &options.framing)?;
-        // 3. 3. The light in the camera's view is searched for problems, obstacles first.
+        // 3. The light in the camera's view is searched for problems, obstacles first.
         let is_framed = matches!(options.framing, Framing::Word(_));
         problems.extend(problems::outside(&trace, bounds_m, &camera, is_framed));
         let lamps = problems::writing(&flights, &trace, &self.scene.light);
@@ -187,11 +187,11 @@ impl Shoot {
         let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
         let lit = samples.filter(|sample| sample.level > 0.0);
         let light_m = bounds(lit.map(|sample| [sample.position_m.x, sample.position_m.z]));
-        match has_extent(light_m) {
-            true => Ok(light_m),
-            // `strokes` returns the error that the scene contains no word.
-            false => Ok(self.scene.strokes()?.bounds_m()),
+        if has_extent(light_m) {
+            return Ok(light_m);
         }
+        // `strokes` returns the error that the scene contains no word.
+        Ok(self.scene.strokes()?.bounds_m())
     }
 }
 

@@ -376,10 +376,7 @@ impl Shoot {
         });
         let recordings = std::mem::take(&mut self.recordings);
         let (recordings, reader) = rayon::join(
-            || match recordings.is_empty() {
-                true => self.record(watch),
-                false => Ok(recordings),
-            },
+            || if recordings.is_empty() { self.record(watch) } else { Ok(recordings) },
             || self.reader(),
         );
         let (recordings, reader) = (recordings?, reader?);

@@ -41,7 +41,7 @@ pub(super) fn plan(
     check: &DesignCheck<'_>,
 ) -> Result<Vec<Planned>> {
     let lamps = in_drawing_colors(&scene.light, scene, Some(strokes));
-    // 1. 1. The designs and, in parallel, the step responses of the closed loop are computed.
+    // 1. The designs and, in parallel, the step responses of the closed loop are computed.
     let trajectory_clock = Some(scene.trajectory_clock());
     let options = PlanOptions { trajectory_clock, ..scene.plan.clone() };
     let is_inverse = scene.plan.reference == ReferenceKind::Inverse;
@@ -53,12 +53,12 @@ pub(super) fn plan(
     check(&designs)?;
     let responses = responses?;
     let planned = designs.into_par_iter().map(|design| {
-        // 2. 2. The reference that is sent to the drone is derived.
+        // 2. The reference that is sent to the drone is derived.
         let plan = match &responses {
             None => design,
             Some(responses) => leading_reference(scene, design, responses)?,
         };
-        // 3. 3. The light commands are timed by a flight of that reference.
+        // 3. The light commands are timed by a flight of that reference.
         match scene.plan.light_clock {
             LightClock::Setpoint => {
                 Ok(Planned { plan: with_color_channels(plan, &lamps), ends: Vec::new() })
@@ -77,9 +77,10 @@ pub(super) fn plan(
 fn leading_reference(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
     check_cost(&design, responses)?;
     let inverse = inverse(&design, responses);
-    let reference = match scene.controller.kind.follows_reference() {
-        true => design,
-        false => feedforward(&design, &inverse),
+    let reference = if scene.controller.kind.follows_reference() {
+        design
+    } else {
+        feedforward(&design, &inverse)
     };
     let mut flight = rehearse(scene, &reference)?;
     // The mean error of real flights, which the simulation lacks, is corrected as well.
@@ -103,10 +104,16 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
             continue;
         }
         for (color, channel) in channels.iter().enumerate() {
-            let levels = letters.iter().zip(&lit).map(|(letter, lit)| match lit {
-                false => 0.0,
-                true if lamp == RING.name => f64::from(light.ring_rgb_of(*letter)[color]) / 255.0,
-                true => f64::from(light.wrgb_of(*letter)[color]) / 255.0,
+            let levels = letters.iter().zip(&lit).map(|(letter, is_lit)| {
+                if !is_lit {
+                    return 0.0;
+                }
+                let byte = if lamp == RING.name {
+                    light.ring_rgb_of(*letter)[color]
+                } else {
+                    light.wrgb_of(*letter)[color]
+                };
+                f64::from(byte) / 255.0
             });
             let levels = levels.collect();
             plan.edit(|plan| plan.lights.insert((*channel).to_owned(), levels));
@@ -154,10 +161,8 @@ pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
 /// Moves a plan's light commands so that the light begins and ends with the strokes of a simulated
 /// or real flight of the plan.
 pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
-    let between = match scene.controller.kind.follows_reference() {
-        true => Between::Design,
-        false => Between::Held,
-    };
+    let between =
+        if scene.controller.kind.follows_reference() { Between::Design } else { Between::Held };
     let (plan, ends) = time_lights(plan, flight, &lamp_timing(lamps), between)?;
     Ok(Planned { plan: with_color_channels(plan, lamps), ends })
 }

@@ -132,7 +132,7 @@ impl Shoot {
     ) -> Result<Shot> {
         let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
         let scene = &self.scene;
-        // 1. 1. The film is exposed and developed.
+        // 1. The film is exposed and developed.
         if let Some(format) = self.format {
             format.check([camera.width_px, camera.height_px])?;
         }
@@ -144,7 +144,7 @@ impl Shoot {
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
         photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
-        // 2. 2. Reading, encoding and the search for problems run in parallel.
+        // 2. Reading, encoding and the search for problems run in parallel.
         let (digests, tracking) = (OnceLock::new(), OnceLock::new());
         let (read, (file, exposed)) = rayon::join(
             || self.read(reader, &photo, &camera, &flights, &tracking),
@@ -156,7 +156,7 @@ impl Shoot {
             },
         );
         let ((mut verdict, marks), file) = (read?, file?);
-        // 3. 3. Obstacles affect the verdict on the letters.
+        // 3. Obstacles affect the verdict on the letters.
         add_exposure_problem(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
             film: film.filter(|_| self.keeps_film),

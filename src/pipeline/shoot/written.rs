@@ -34,9 +34,10 @@ pub(super) fn fit_to_plans(
     // The longer side determines the scale. If the other side disagrees, the word is another.
     let [[width_m, height_m], [plan_width_m, plan_height_m]] =
         [word_m, plan_m].map(|[left, bottom, right, top]| [right - left, top - bottom]);
-    let (size_m, scale) = match width_m > height_m {
-        true => (width_m, plan_width_m / width_m),
-        false => (height_m, plan_height_m / height_m),
+    let (size_m, scale) = if width_m > height_m {
+        (width_m, plan_width_m / width_m)
+    } else {
+        (height_m, plan_height_m / height_m)
     };
     let error_m =
         (plan_width_m - scale * width_m).abs().max((plan_height_m - scale * height_m).abs());

@@ -185,14 +185,14 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     }
     // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points, because
     // one of the plans may lack an approach to a letter.
-    let apart_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
+    let each_way_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
         let nearest_m = from.iter().map(|p| {
             let to_each_m = to.iter().map(|q| (p - q).norm());
             (to_each_m.fold(f64::MAX, f64::min), 1.0)
         });
         weighted_quantile(&mut nearest_m.collect::<Vec<_>>(), 0.9).unwrap_or(0.0)
     });
-    let apart_m = apart_m[0].max(apart_m[1]);
+    let apart_m = each_way_m[0].max(each_way_m[1]);
     if apart_m <= MAX_LETTERS_APART_M {
         return Ok(());
     }

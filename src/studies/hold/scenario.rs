@@ -132,9 +132,10 @@ fn drain(options: &mut SimOptions) {
     let (mut low_v, mut high_v) = (0.0, full_v);
     for _ in 0..BISECTIONS {
         let middle_v = 0.5 * (low_v + high_v);
-        match lift_n(battery, middle_v, current_a) < wanted_n {
-            true => low_v = middle_v,
-            false => high_v = middle_v,
+        if lift_n(battery, middle_v, current_a) < wanted_n {
+            low_v = middle_v
+        } else {
+            high_v = middle_v
         }
     }
     let tenth_v = (full_v - low_v) / 10.0;

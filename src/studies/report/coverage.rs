@@ -65,8 +65,8 @@ struct Map<'a> {
 impl<'a> Map<'a> {
     /// Creates the map at its place below the title and to the right of the axis.
     fn new(grid: &'a Coverage) -> Self {
-        let errors_m = grid.errors_m();
-        let color_ends_m = errors_m.first().zip(errors_m.get(errors_m.len() * 95 / 100));
+        let sorted_m = grid.errors_m();
+        let color_ends_m = sorted_m.first().zip(sorted_m.get(sorted_m.len() * 95 / 100));
         let [right_m, top_m] = [&grid.x_m, &grid.z_m].map(|places_m| places_m[places_m.len() - 1]);
         let extent_m = Rect::new(grid.x_m[0], grid.z_m[0], right_m, top_m);
         let window = Window {

@@ -302,9 +302,10 @@ pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     let decade = libm::floor(libm::log10((range.end - range.start) / most));
     for step in [1.0, 2.0, 5.0, 10.0] {
         // Ticks are an integer · times / parts, so that tenths are rounded only once.
-        let [times, parts] = match decade < 0.0 {
-            true => [step, libm::pow(10.0, -decade)],
-            false => [step * libm::pow(10.0, decade), 1.0],
+        let [times, parts] = if decade < 0.0 {
+            [step, libm::pow(10.0, -decade)]
+        } else {
+            [step * libm::pow(10.0, decade), 1.0]
         };
         let first = (range.start * parts / times - 1e-9).ceil();
         let n = (range.end * parts / times + 1e-9).floor() - first + 1.0;

@@ -142,15 +142,17 @@ fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     for (is_vertical, [low_m, high_m]) in [(true, [x0, x1]), (false, [y0, y1])] {
         let mut line_m = (low_m / grid_m).ceil() * grid_m + 0.0; // never -0
         while line_m <= high_m {
-            let ends_m = match is_vertical {
-                true => [(line_m, y0), (line_m, y1)],
-                false => [(x0, line_m), (x1, line_m)],
+            let ends_m = if is_vertical {
+                [(line_m, y0), (line_m, y1)]
+            } else {
+                [(x0, line_m), (x1, line_m)]
             };
             let ends = ends_m.map(|end_m| window.px(end_m.into()));
             canvas.line(ends, Pen { dashed: line_m != 0.0, ..Pen::new(GRAY, 0.5) });
-            let (label, anchor) = match is_vertical {
-                true => (Vec2::new(0.0, 16.0), Anchor::Middle),
-                false => (Vec2::new(-6.0, 4.0), Anchor::End),
+            let (label, anchor) = if is_vertical {
+                (Vec2::new(0.0, 16.0), Anchor::Middle)
+            } else {
+                (Vec2::new(-6.0, 4.0), Anchor::End)
             };
             canvas.text(line_m.to_string(), ends[0] + label, anchor, CAP_PX, BLACK);
             line_m += grid_m;

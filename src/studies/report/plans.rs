@@ -45,9 +45,10 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
             continue;
         }
         let pen = Pen::new(color, LIT_PX);
-        let name = match range_m_s.end.is_finite() {
-            true => format!("below {:.2} m/s", range_m_s.end),
-            false => format!("to {fastest_m_s:.2} m/s"),
+        let name = if range_m_s.end.is_finite() {
+            format!("below {:.2} m/s", range_m_s.end)
+        } else {
+            format!("to {fastest_m_s:.2} m/s")
         };
         legend.push((name, pen));
         curves.push(Curve { pen, pieces });

@@ -157,9 +157,10 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
     // If no focus distance is set, the lens is focused on the word's plane.
     let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
-    let focus = match focus_m < INFINITY_M {
-        true => format!("{focus_m:.2} m, by hand"),
-        false => "infinity, by hand".to_owned(),
+    let focus = if focus_m < INFINITY_M {
+        format!("{focus_m:.2} m, by hand")
+    } else {
+        "infinity, by hand".to_owned()
     };
     let [focal_mm, sensor_mm] = [camera.focal_length_m, camera.sensor_width_m].map(|m| 1e3 * m);
     let (opens_s, open_s) = (camera.shutter_open_s, camera.shutter_close_s - camera.shutter_open_s);
