@@ -1,8 +1,8 @@
 //! A Python script that flies a plan with cflib, switches its lights and records the flight.
 //!
-//! The script is `cflib.py`. The plan enters as one JSON text in a string literal, so that no word
-//! becomes code. The script sends positions or full states (position, velocity and acceleration)
-//! over the radio, or starts a compressed trajectory on board.
+//! The script is `cflib.py`. The plan is inserted as one JSON text in a string literal, so that no
+//! word can become code. The script sends positions or full states (position, velocity and
+//! acceleration) by radio, or starts a compressed trajectory on board.
 
 use std::collections::BTreeMap;
 
@@ -25,21 +25,21 @@ use noctograph_plan::Plan;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::{ControllerKind, Law};
 
-/// Template of the script. Placeholders: `@DATA@` for the plan, `@LOG@`, `@OPTIONAL@` and `@WATCH@`
-/// for the log variables, and `@CFLIB@` for the oldest cflib.
+/// Template of the script. The template's placeholders are `@DATA@` for the plan, `@LOG@`,
+/// `@OPTIONAL@` and `@WATCH@` for the log variables, and `@CFLIB@` for the oldest supported cflib.
 const SCRIPT: &str = include_str!("cflib.py");
 /// Template of the launcher for several drones, with `@SCRIPTS@` for the names of their scripts.
 const LAUNCHER: &str = include_str!("launcher.py");
 
-/// Shortest time between two setpoints over the radio, s.
+/// Minimum time between two setpoints sent by radio, s.
 const MIN_INTERVAL_S: f64 = 0.02;
-/// Redundant setpoints move by less than this, m.
+/// Maximum distance between setpoints of which one is redundant, m.
 const SAME_M: f64 = 2e-5;
-/// Flight after the last light command, s.
+/// Duration of the flight after the last light command, s.
 pub(super) const AFTERGLOW_S: f64 = 0.2;
-/// Number of the Kalman filter for `stabilizer.estimator` (firmware `estimator.h`).
+/// Number of the Kalman filter in `stabilizer.estimator` (firmware `estimator.h`).
 pub(super) const KALMAN_ESTIMATOR: u32 = 2;
-/// Last byte of the radio address of a drone as it is sold.
+/// Last byte of the radio address of a drone as sold.
 const FACTORY_ADDRESS: usize = 0xE7;
 /// Tolerance for rounded times, s.
 const TIME_ROUNDING_S: f64 = 1e-6;
@@ -47,20 +47,20 @@ const TIME_ROUNDING_S: f64 = 1e-6;
 settings! {
     /// What a script sends while the drone writes.
     pub enum Mode {
-        /// Positions, as the plan sends them.
+        /// Positions, as in the plan.
         "position" => Position,
         /// Position, velocity and acceleration of the design.
         "full-state" => FullState,
-        /// The start of a compressed trajectory on board.
+        /// The command that starts a compressed trajectory on board.
         "trajectory" => Trajectory,
     }
 }
 
-/// Returns the script for one drone, counted from 0. `first_start_s` is the time at which the first
-/// of all drones starts its trajectory, by the plans' clock.
+/// Returns the script for one drone, counted from 0. `first_start_s` is the time, by the plans'
+/// clock, at which the first of all drones starts its trajectory.
 pub(super) fn script(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<String> {
     let data = script_data(job, drone, first_start_s)?;
-    // JSON text, encoded as a JSON string, is also a Python string literal.
+    // A JSON text that is encoded as a JSON string is also a Python string literal.
     let literal = serde_json::to_string(&ascii(&data)).expect("text is serializable");
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
@@ -80,7 +80,7 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
     let stretch = Stretch::new(plan)?;
     let lights = commands(plan, job.light)?;
     let setpoints_end_s = end_s(plan, &stretch, &lights);
-    // A script that sends setpoints works without a trajectory. It refuses that mode.
+    // A script that sends setpoints works without a trajectory, and refuses that mode.
     let (trajectory, refusal) = trajectory_data(job, drone, &stretch, first_start_s)?;
     let mut refused = job.refused.to_vec();
     match refusal {
@@ -90,10 +90,10 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
     }
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
-    // The digest of the file that `noctograph plan` writes, so that a log finds its plan.
+    // By the digest of the file that `noctograph plan` writes, a log finds its plan.
     let mut csv = Vec::new();
     plan.write_csv(&mut csv).expect("memory takes it");
-    // When the shutter is closed, the script sets the lamps back.
+    // The script resets the lamps when the shutter is closed.
     let lamps = preparation(plan, job.light)?;
     let lamp_names: Vec<String> = lamps.iter().map(|(name, _)| name.clone()).collect();
     let mut parameters = vec![("stabilizer.estimator".to_owned(), KALMAN_ESTIMATOR)];
@@ -129,14 +129,15 @@ fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value>
     }))
 }
 
-/// Returns the radio address of a drone: the factory's for a single drone, else by its number.
+/// Returns the radio address of a drone: the factory's address for a single drone, otherwise an
+/// address with the drone's number.
 fn uri(job: &Job<'_>, drone: usize) -> String {
     let last_byte = if job.plans.len() > 1 { drone + 1 } else { FACTORY_ADDRESS };
     format!("radio://0/80/2M/E7E7E7E7{last_byte:02X}")
 }
 
-/// Returns the script's data for a flight on board, and the error if the drone cannot fly it. Its
-/// bytes are then empty.
+/// Returns the script's data for a flight on board. If the drone cannot fly it, the data contains
+/// no bytes, and the error is returned as well.
 fn trajectory_data(
     job: &Job<'_>,
     drone: usize,
@@ -155,10 +156,11 @@ fn trajectory_data(
         Ok(bytes) => (bytes, None),
         Err(error) => (Vec::new(), Some(error)),
     };
+    // The bytes of a refused flight are empty, so that it contains no heading to turn to.
     let data = json!({
         "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
         "start_bytes": START_BYTES,
-        "turns": bytes.get(YAW_BYTES) != Some(&[0; 2]),
+        "turns": bytes.get(YAW_BYTES).is_some_and(|yaw| yaw != [0; 2]),
         "start_s": zero_s(first_start_s),
         "lights": command_rows(&lights),
         "timing": timing_data(plan, &lights),
@@ -167,8 +169,8 @@ fn trajectory_data(
     Ok((data, refusal))
 }
 
-/// Returns the ring's timing memory and the light changes that it plays. `None` if another lamp is
-/// lit or the memory is too small.
+/// Returns the ring's timing memory and the light changes that it plays. Returns `None` if another
+/// lamp is lit or if the memory is too small.
 fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     let timing = timing(plan, lights).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES)?;
     let entries = timing.entries.iter().map(|(units, [r, g, b])| json!([units, r, g, b]));
@@ -176,12 +178,12 @@ fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
     Some(json!({ "entries": Vec::from_iter(entries), "changes": Vec::from_iter(changes) }))
 }
 
-/// Returns the trajectory of a drone's letters for its memory. Refuses a plan for another clock and
-/// a flight that is not safe.
+/// Returns the trajectory of a drone's letters for its memory. Refuses a plan made for another
+/// clock, and a flight that is not safe.
 fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     if job.trajectory_clock != 1.0 {
         let wanted = "1 for a trajectory on board";
-        let hint = "plan with 1: the script finds the clock of the drone";
+        let hint = "plan with 1, because the script finds the clock of the drone";
         return Err(Error::input("plan.trajectory_clock", job.trajectory_clock, wanted, hint));
     }
     let (plan, release) = (&job.plans[drone], job.sim.vehicle.firmware);
@@ -205,7 +207,7 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     let variance_m2 = safety::variance_m2(checks.positioning);
     let battery = checks.batteries.get(drone).copied().flatten();
     let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
-    // The fence is outside the volume that was checked, in whole micrometers.
+    // The fence is outside the checked volume, and its corners are in whole micrometers.
     let [low_m, high_m] = checks.volume_m;
     let fence_m = [low_m.map(|m| m - safety::FENCE_M), high_m.map(|m| m + safety::FENCE_M)]
         .map(|corner_m| corner_m.map(|m| (1e6 * m).round() / 1e6));
@@ -233,8 +235,8 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     })
 }
 
-/// Returns the decks that a flight needs: the name of each, and the parameters of the group `deck`
-/// of which one is 1 if it is fitted (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`,
+/// Returns the decks that a flight needs. Each has a name, and the parameters of the group `deck`
+/// of which one is 1 if the deck is attached (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`,
 /// `ledring12.c`, `color_led_deck.c`).
 fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
     let positioning_parameters = match positioning {
@@ -244,7 +246,7 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
         Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
         Positioning::Gnss => vec!["bcGTGPS"],
     };
-    // A lamp deck counts once, although it may have several channels.
+    // A lamp deck is listed once, although it may have several channels.
     let mut decks = vec![("positioning", positioning_parameters)];
     for channel in plan.lamps().filter_map(|(name, _)| Channel::named(name)) {
         let (name, parameters) = channel.deck;
@@ -255,7 +257,7 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
     decks
 }
 
-/// Returns the corners of the rectangle around all letters, from the lower left counterclockwise.
+/// Returns the corners of the rectangle around all letters, counterclockwise from the lower left.
 /// Empty if the plans have no letters. All letters are in one plane of constant y.
 fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints);
@@ -265,7 +267,7 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
-/// Returns the number of a controller in the firmware (`controller.h`). `None` if it lacks it.
+/// Returns the number of a controller in the firmware (`controller.h`), or `None` if it lacks it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind.law() {
         Law::Cascade => Some(1),
@@ -279,17 +281,17 @@ fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let letters_s = stretch.start_s() + stretch.duration_s();
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
     let last_airborne = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
-    // The run-out may reach beyond the plan's landing. The lights are waited for in any case.
+    // The run-out may extend beyond the plan's landing. The lights are waited for anyway.
     letters_s.min(last_airborne.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
 }
 
-/// True if a plan's setpoints are far enough apart to be sent one by one.
+/// Returns true if a plan's setpoints are far enough apart to be sent one by one.
 pub(super) fn fits_the_radio(plan: &Plan) -> bool {
     setpoints(plan, f64::INFINITY).is_ok_and(|rows| !rows.is_empty())
 }
 
-/// True if setpoint `to` is redundant after `from`: it sends the same position, or its position is
-/// on the path that `from` begins.
+/// Returns true if setpoint `to` is redundant after `from`, because it sends the same position, or
+/// because its position is on the path that `from` begins.
 fn continues(plan: &Plan, from: usize, to: usize) -> bool {
     let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
     let sends_same = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
@@ -297,8 +299,8 @@ fn continues(plan: &Plan, from: usize, to: usize) -> bool {
 }
 
 /// Returns the setpoints to send in the air until `end_s`, each as `[time, position sent, velocity,
-/// acceleration]`. Omits redundant ones that come sooner than [`MIN_INTERVAL_S`] after another, and
-/// refuses others that do.
+/// acceleration]`. Omits redundant setpoints that follow another one sooner than
+/// [`MIN_INTERVAL_S`], and refuses other setpoints that do.
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
@@ -310,7 +312,7 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
             kept.push(row);
             continue;
         };
-        // Two setpoints closer than the radio can send: drop the redundant one.
+        // If two setpoints are closer than the radio can send, the redundant one is dropped.
         let previous_row = kept[kept.len() - 1];
         let previous = &plan.setpoints[previous_row];
         let earlier_row = kept.len().checked_sub(2).map(|index| kept[index]);
@@ -319,7 +321,7 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
         } else if !continues(plan, previous_row, row) || setpoint.letter != previous.letter {
             let (hz, time_s) = (1.0 / interval_s, previous.time_s);
             return Err(Error::infeasible(
-                format!("{hz:.0} setpoints a second at {time_s:.2} s, the radio carries 50"),
+                format!("{hz:.0} setpoints per second at {time_s:.2} s, but the radio carries 50"),
                 "raise plan.setpoint_interval_s, or fly a trajectory on board",
             ));
         }
@@ -346,7 +348,7 @@ mod tests {
     use noctograph_sim::SimOptions;
     use noctograph_sim::sensors::Positioning;
 
-    /// The script of NO under a word, and the data in it.
+    /// Returns the script of NO under a word, and the data in it.
     fn exported(word: &str, checks: &Checks) -> (String, Plan, Value) {
         exported_with(word, checks, &PlanOptions::even(), &LightOptions::default())
     }
@@ -457,9 +459,9 @@ mod tests {
         let letters: String = letters.iter().map(|byte| format!("{byte:02x}")).collect();
         let (before, after) = hex.split_once(&letters[16..letters.len() - 6]).unwrap();
         assert_eq!((before.len() / 2, &after[after.len() - 10..]), (59, "1000000000"));
-        // `exported` has another drone begin at 0 s of the plan's time: this one waits.
+        // In `exported` another drone begins at 0 s of the plan's time, so that this drone waits.
         assert_eq!(trajectory["start_s"], -7.0);
-        // The hover lasts until 3 s after the script has landed.
+        // The hover lasts until 3 s after the script's landing.
         let stretch = Stretch::new(&plan).unwrap();
         let over_s =
             trajectory["end_s"].as_f64().unwrap() - stretch.start_s() - stretch.duration_s();
@@ -491,7 +493,7 @@ mod tests {
             let rows = setpoints(&plan, 9.0)?;
             Ok(rows.iter().map(|row| row[0].as_f64().unwrap()).collect())
         }
-        // Straight on at 1 m/s, a corner at 1.01 s, straight on.
+        // The setpoints go straight at 1 m/s, turn at 1.01 s, and go straight again.
         let [a, b, c] =
             [setpoint(0.5, 0.5, 1.0), setpoint(1.0, 1.0, 1.0), setpoint(1.01, 1.01, -1.0)];
         let d = setpoint(1.5, 0.52, -1.0);
@@ -593,7 +595,8 @@ mod tests {
             first["start_m"],
             json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
         );
-        // Unsafe as a trajectory, and not to be asked for. So is a plan for a slow clock.
+        // The flight is unsafe as a trajectory, which must not be requested. A plan for a slow
+        // clock must not be requested as a trajectory either.
         let refused = |data: &Value| data["refused"]["trajectory"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
         let slow =

@@ -1,15 +1,15 @@
-//! Compressed trajectory of the Crazyflie: Bézier curves of whole millimeters and milliseconds.
+//! Compressed trajectory of the Crazyflie: Bézier curves with whole millimeters and milliseconds.
 //!
 //! Values are rounded to the nearest, and durations are differences of rounded times, so that
-//! neither positions nor times drift. (cflib's `CompressedSegment` truncates both: the same NOOR is
-//! off by 6 mm and ends 16 ms early.) A piece is the cubic through position and velocity of the
-//! design at both ends.
+//! neither positions nor times drift. (cflib's `CompressedSegment` truncates both, so that the same
+//! NOOR is off by 6 mm and ends 16 ms early.) A piece is the cubic through position and velocity of
+//! the design at both ends.
 //!
-//! Form (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16
-//! (x, y, z in mm, yaw in 0.1°), the pieces, and three zero bytes. A piece is a byte with two bits
-//! an axis (x, y, z, yaw from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the duration
-//! as uint16 in ms, and for each axis in turn 0, 1, 3 or 7 further control points as int16. The
-//! first control point of a piece is the last of the piece before.
+//! Format (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16
+//! (x, y, z in mm, yaw in 0.1°), the pieces, and three zero bytes. A piece consists of a byte with
+//! two bits per axis (x, y, z, yaw from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the
+//! duration as uint16 in ms, and for each axis in turn 0, 1, 3 or 7 further control points as
+//! int16. The first control point of a piece is the last one of the previous piece.
 
 use std::f64::consts::TAU;
 
@@ -21,29 +21,29 @@ use noctograph_core::crazyflie::{Feature, Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
-/// Longest piece: the largest uint16, in s.
+/// Maximum duration of a piece: the largest uint16, in s.
 const MAX_PIECE_S: f64 = 65.535;
-/// Largest coordinate: the largest int16, in m.
+/// Maximum coordinate: the largest int16, in m.
 const MAX_COORDINATE_M: f64 = 32.767;
-/// Largest error of an axis that is stored as a constant, m.
+/// Maximum error of an axis that is stored as a constant, m.
 const CONSTANT_M: f64 = 0.0005;
-/// Largest error of an axis that is stored as a line, m.
+/// Maximum error of an axis that is stored as a line, m.
 const LINEAR_M: f64 = 0.0008;
-/// Bytes of a position and a heading, with which a trajectory begins.
+/// Number of bytes of the position and the heading with which a trajectory begins.
 const START_SIZE: usize = 8;
-/// Bytes of a piece that is cubic on three axes.
+/// Number of bytes of a piece that is cubic on three axes.
 const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 
-/// Bytes that end a trajectory.
+/// Bytes at the end of a trajectory.
 const END: [u8; 3] = [0; 3];
 
-/// Bytes that end a trajectory without a goal: a line along z of zero duration, which makes the
-/// firmware divide by zero. Its commander then gives no more setpoints
-/// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later. At
-/// [`END`] the drone would hover for ever. Releases since 2023.11 do so.
+/// Bytes at the end of a trajectory without a goal: a line along z of zero duration, which makes
+/// the firmware divide by zero. The commander then gives no more setpoints
+/// (`crtp_commander_high_level.c`, "invalid eval"), and the watchdog stops the motors 2 s later.
+/// With [`END`] the drone would hover forever. Releases since 2023.11 behave in this way.
 const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
 
-/// Offsets of the take-off position in the bytes of a flight: of x, and of y.
+/// Offsets of the take-off position in the bytes of a flight, for x and for y.
 pub(super) const START_BYTES: [[usize; 4]; 2] = [[0, 28, 30, 32], [2, 42, 44, 46]];
 
 /// Offsets of the heading in the bytes of a flight.
@@ -53,13 +53,13 @@ pub(super) const YAW_BYTES: std::ops::Range<usize> = 6..8;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Compressed {
     pub(super) pieces: Vec<Piece>,
-    /// Heading throughout, in tenths of a degree.
+    /// Constant heading in tenths of a degree.
     pub(super) yaw: i16,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Piece {
-    /// The first control point, which is the end of the piece before, mm.
+    /// First control point, which is the end of the previous piece, mm.
     pub(super) start_mm: [i16; 3],
     pub(super) duration_ms: u16,
     /// Control points of each axis after the first one, mm: none for a constant, the end for a
@@ -72,9 +72,9 @@ impl Compressed {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a plan without letters, and for a heading that the release misreads.
-    /// [`Error::Infeasible`] for a plan beyond ±32.767 m, with setpoints more than 65.535 s apart,
-    /// or longer than the memory.
+    /// Returns [`Error::Input`] for a plan without letters, and for a heading that the release
+    /// misreads. Returns [`Error::Infeasible`] for a plan beyond ±32.767 m, with setpoints more
+    /// than 65.535 s apart, or longer than the memory.
     pub fn encode(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
         check_heading(release, plan.yaw_rad)?;
         let stretch = Stretch::new(plan)?;
@@ -83,7 +83,7 @@ impl Compressed {
         if bytes <= TRAJECTORY_MEMORY_BYTES {
             return Ok(trajectory);
         }
-        // The error names the letters that fit, before a run-out of one more piece.
+        // The error names the letters that fit, if one more piece for the run-out follows them.
         let (mut used, mut until_s) = (START_SIZE + END.len() + MAX_PIECE_BYTES, 0.0);
         for piece in &trajectory.pieces {
             used += piece.n_bytes();
@@ -99,8 +99,8 @@ impl Compressed {
         Err(stretch.too_long(until_s, &needs, hint))
     }
 
-    /// Encodes a stretch within `tolerance_m` of its design, for a memory of any size. Refuses one
-    /// that exceeds the numbers of the format.
+    /// Encodes a stretch within `tolerance_m` of its design, for a memory of any size. Refuses a
+    /// stretch that exceeds the numbers of the format.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
         let start_mm = millimeters(&stretch.setpoints[0].position_m);
@@ -117,7 +117,7 @@ impl Compressed {
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            // Two bits for each axis: 0, 1 or 3 further control points have the codes 0, 1 and 2.
+            // Two bits encode each axis: 0, 1 or 3 further control points are the codes 0, 1 and 2.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
@@ -132,8 +132,8 @@ impl Compressed {
     /// motors. The script lands `over_s` after the end of the trajectory. Refuses a flight that
     /// exceeds the memory.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
-        // Take-off and path, the letters without their start and end, hover and landing.
-        let mut bytes = millimeters(&timeline.before[0].1).map(i16::to_le_bytes).concat();
+        // The bytes are take-off and path, the letters without start and end, hover and landing.
+        let mut bytes = millimeters(&timeline.before[0].position_m).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
         let letters = self.to_bytes();
@@ -153,12 +153,12 @@ impl Compressed {
         Ok(bytes)
     }
 
-    /// Returns the duration in whole milliseconds, s.
+    /// Returns the duration, which is a whole number of milliseconds, in s.
     pub fn duration_s(&self) -> f64 {
         self.polynomials().iter().map(|piece| piece.duration_s).sum()
     }
 
-    /// Returns the pieces as polynomials of time.
+    /// Returns the pieces as polynomials in time.
     pub(super) fn polynomials(&self) -> Vec<Polynomials> {
         self.pieces.iter().map(Piece::polynomials).collect()
     }
@@ -169,14 +169,13 @@ impl Compressed {
         [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
     }
 
-    /// Returns the pieces as Bézier curves: duration in s, and four control points in m.
+    /// Returns the pieces as Bézier curves, each with its duration (s) and four control points (m).
     pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
         self.pieces.iter().map(|piece| (piece.polynomials().duration_s, piece.curve_m())).collect()
     }
 }
 
-/// Returns the four control points of an axis as a cubic, mm. Those of a constant or a line are
-/// evenly spaced.
+/// Returns the four control points of an axis as a cubic, mm. In a line they are evenly spaced.
 fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
     match points_mm {
@@ -187,7 +186,7 @@ fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
 
 /// Returns the coefficients of an axis in ascending powers of time, in m and s.
 fn polynomial(start_mm: i16, points_mm: &[i16], duration_s: f64) -> [f64; 8] {
-    // From the Bernstein basis to powers of t/T, then to powers of t.
+    // The Bernstein basis is converted to powers of t/T, and then to powers of t.
     let [a, b, c, d] = control_mm(start_mm, points_mm).map(|mm| mm / 1000.0);
     let unit = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
     let (t, t2) = (duration_s, duration_s * duration_s);
@@ -195,7 +194,7 @@ fn polynomial(start_mm: i16, points_mm: &[i16], duration_s: f64) -> [f64; 8] {
 }
 
 impl Piece {
-    /// Returns the number of bytes on board.
+    /// Returns the number of bytes of the piece on board.
     fn n_bytes(&self) -> usize {
         3 + 2 * self.axes.iter().map(Vec::len).sum::<usize>()
     }
@@ -220,7 +219,7 @@ impl Piece {
 }
 
 /// Returns the piece between setpoints `from` and `to`. Each axis has the simplest form that is
-/// near enough to the design: a constant, a line or a cubic.
+/// close enough to the design: a constant, a line or a cubic.
 fn piece(
     stretch: &Stretch,
     [from, to]: [usize; 2],
@@ -234,7 +233,7 @@ fn piece(
     let duration_s = f64::from(duration_ms) / 1000.0;
     let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let axes = [0, 1, 2].map(|axis| {
-        // A constant or a line, if the design is near enough.
+        // A constant or a line is used if it is close enough to the design.
         let end_mm = round_mm(end.position_m[axis]);
         let forms = [(Vec::new(), CONSTANT_M), (vec![end_mm], LINEAR_M)];
         let simple = forms.into_iter().find(|(points_mm, tolerance_m)| {
@@ -244,7 +243,7 @@ fn piece(
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
         });
-        // Else a cubic Hermite piece: its inner control points are v T/3 from its rounded ends.
+        // Otherwise it is a cubic Hermite piece, with inner control points v T/3 from its ends.
         let third_s = duration_s / 3.0;
         let [from_start_m, to_end_m] = [start, end].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [
@@ -261,8 +260,8 @@ fn piece(
     Piece { start_mm, duration_ms, axes }
 }
 
-/// Moves the inner control points `b` and `c` of a cubic by at most a millimeter each, so that the
-/// acceleration at its ends is least. Returns them with the end.
+/// Moves the inner control points `b` and `c` of a cubic by at most a millimeter each, to minimize
+/// the acceleration at its ends. Returns them with the end.
 fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> [i16; 3] {
     let [near_b, near_c] = [b, c].map(|mm| [mm, mm.saturating_sub(1), mm.saturating_add(1)]);
     let cubics = near_b.into_iter().flat_map(|b| near_c.map(|c| [b, c, end_mm]));
@@ -289,7 +288,7 @@ fn check_range(stretch: &Stretch) -> Result<()> {
                 format!(
                     "a compressed trajectory reaches to ±{MAX_COORDINATE_M} m, the plan to {far_m} m"
                 ),
-                "write nearer to the origin, or smaller",
+                "write closer to the origin, or smaller",
             ));
         }
     }
@@ -302,7 +301,8 @@ fn tenths_of_degrees(yaw_rad: f64) -> i16 {
     (10.0 * yaw_rad.to_degrees()).round() as i16
 }
 
-/// True if a release flies the heading of a compressed trajectory. Older releases only fly 0.
+/// Returns true if a release flies the heading of a compressed trajectory. Older releases only fly
+/// a heading of 0.
 pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
     release.has(&Feature::HEADING) || tenths_of_degrees(yaw_rad) == 0
 }
@@ -312,7 +312,7 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     if flies_heading(release, yaw_rad) {
         return Ok(());
     }
-    // Older releases use ten times the stored number as radians.
+    // Older releases interpret ten times the stored number as radians.
     let (stored, since) = (f64::from(tenths_of_degrees(yaw_rad)), Feature::HEADING.since.name());
     let flown_turns = 10.0 * stored / TAU;
     let actual = format!(
@@ -329,9 +329,9 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     Err(Error::input("vehicle.firmware", actual, wanted, hint))
 }
 
-/// Appends the bytes of a segment from rest to rest. An axis that moves is of degree 7: four
+/// Appends the bytes of a segment from rest to rest. An axis that moves is of degree 7, with four
 /// control points at its start and four at its end. A long hover becomes several pieces. A segment
-/// of 0 ms is omitted, since a duration of 0 ends a trajectory.
+/// of 0 ms is omitted, because a duration of 0 ends a trajectory.
 fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
     let mut remaining_ms = (1e3 * segment.duration_s).round() as u32;
@@ -342,7 +342,7 @@ fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
         bytes.extend(piece_ms.to_le_bytes());
         for axis in segment.axes {
             let [from_mm, to_mm] = ends_mm.map(|end_mm| end_mm[*axis]);
-            // The first control point is the end of the piece before.
+            // The first control point is the end of the previous piece.
             let points_mm = [[from_mm; 3].as_slice(), &[to_mm; 4]].concat();
             bytes.extend(points_mm.into_iter().flat_map(i16::to_le_bytes));
         }
@@ -377,7 +377,7 @@ mod tests {
         plan(&strokes, &PlanOptions::even()).unwrap()
     }
 
-    /// Largest speed and acceleration, sampled every ms.
+    /// Returns the maximum speed and acceleration, sampled every ms.
     fn sampled(trajectory: &Compressed) -> [f64; 2] {
         #[expect(clippy::cast_possible_truncation, reason = "a minute")]
         let n = (trajectory.duration_s() * 1000.0) as u32;
@@ -444,7 +444,7 @@ mod tests {
             acceleration_m_s2: Vector3::zeros(),
             letter: Some(0),
         };
-        // At rest, then 0.1 m to the right at 0.2 m/s. z rises by 3 mm in a jump at the end.
+        // From rest, the drone moves 0.1 m to the right at 0.2 m/s. At the end, z jumps by 3 mm.
         let setpoints = vec![
             setpoint(1.0, 0.0, 0.2, 0.5),
             setpoint(1.5, 0.1, 0.0, 0.5),
@@ -469,7 +469,7 @@ mod tests {
         assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
     }
 
-    /// A drone that takes off at (0.2, 0.3) m, and then writes for 1 s.
+    /// Returns the plan of a drone that takes off at (0.2, 0.3) m, and then writes for 1 s.
     fn beside() -> Plan {
         let setpoint = |time_s, position_m: [f64; 3], vx, letter| Setpoint {
             time_s,
@@ -487,7 +487,7 @@ mod tests {
         Plan::made(PlanData { setpoints, ..PlanData::default() })
     }
 
-    /// The flight of [`beside`] whose drone waits for a time before it writes.
+    /// Returns the flight of [`beside`] for a drone that waits for a time before it writes.
     fn flight_of_beside(waits_s: f64) -> (Timeline, Vec<u8>) {
         let (plan, stretch) = (beside(), Stretch::new(&beside()).unwrap());
         let trajectory = Compressed::encode(Release::MODELED, &plan, 0.0001).unwrap();
@@ -613,7 +613,7 @@ mod tests {
             let stretch = Stretch::new(&plan).unwrap();
             let worst_m = checked_m(&stretch, &trajectory.polynomials());
             let [max_m_s, max_m_s2] = stretch.limits();
-            // The end of a piece is off by half a millisecond at most.
+            // The end of a piece is off by at most half a millisecond.
             let late_m = 0.0005 * max_m_s;
             proptest::prop_assert!(worst_m <= tolerance_m + 0.0005 + late_m, "{} m", worst_m);
             let [v, a] = sampled(&trajectory);
@@ -645,7 +645,7 @@ mod tests {
         let bytes = Compressed::encode(Release::MODELED, &plan, 0.002).unwrap().to_bytes();
         let trajectory = decoded(&bytes);
         let stretch = Stretch::new(&plan).unwrap();
-        // De Casteljau's way from point to point, which `motion` does not go.
+        // De Casteljau's algorithm evaluates the curve independently of `motion`.
         fn on_curve(mut points: Vec<Vector3<f64>>, share: f64) -> Vector3<f64> {
             while points.len() > 1 {
                 points = points.windows(2).map(|pair| pair[0].lerp(&pair[1], share)).collect();

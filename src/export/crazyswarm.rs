@@ -1,11 +1,11 @@
-//! Crazyswarm2: a CSV of polynomials for each drone, `crazyflies.yaml` and a Python script.
+//! Exports to Crazyswarm2: a polynomial CSV for each drone, `crazyflies.yaml`, a Python script.
 //!
-//! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads to the drone's
-//! memory with an offset in pieces. The script follows Crazyswarm2's Python interface
-//! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`.
-//! It judges the drones by the facts of the check ([`super::safety`]), through the topics that
-//! `crazyflies.yaml` asks the server for: pose, status and a custom one. The server reads no value
-//! of a parameter by default, so the operator is asked for decks and the firmware's release.
+//! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads it to the drone's
+//! memory with an offset in pieces. The script uses Crazyswarm2's Python interface
+//! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`. The script judges
+//! the drones by the facts of the check ([`super::safety`]), through the topics that
+//! `crazyflies.yaml` requests from the server: pose, status and a custom one. By default the server
+//! reads no parameter values, so that the operator is asked for decks and the firmware's release.
 
 use serde_json::json;
 
@@ -26,14 +26,14 @@ use noctograph_plan::Plan;
 /// Template of the script, with `@DATA@` for the checks and the drones' data.
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
-/// Variables of the script's own topic, in its order: 24 of the 26 bytes of a block.
+/// Variables of the script's custom topic, in its order, which take 24 of the 26 bytes of a block.
 const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
 /// Returns all files for Crazyswarm2. Refuses drones and controllers that it cannot fly.
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let (controller, platform) = firmware(job)?;
-    // A trajectory and an entry for each drone. All trajectories start together.
+    // Each drone gets a trajectory and an entry. All trajectories start together.
     let first_start_s = earliest_s(job.plans)?;
     let mut files = per_drone(job, "csv", |drone, plan| {
         let stretch = Stretch::new(plan)?;
@@ -61,7 +61,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         "critical_v": CRITICAL_BATTERY_V,
         "fence_m": FENCE_M,
         "wrong_s": WRONG_S,
-        // Same as the firmware's setpoint timeout.
+        // The time is that of the firmware's setpoint timeout.
         "silent_s": MOTORS_STOP_S,
         "slow_clock": SLOW_CLOCK,
         "last_slow_release": Feature::CLOCK.last_without().name(),
@@ -74,14 +74,15 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Returns the firmware's number of the scene's controller, and the drone. Refuses others than the
-/// firmware's, and a plan for another clock.
+/// Returns the firmware's number of the scene's controller, and the kind of drone. Refuses
+/// controllers and drones that the firmware does not support, and a plan for another clock.
 fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
-    // Lamps are timed for the flight under the scene's controller, so no other may fly it.
+    // Lamps are timed for the flight under the scene's controller, which no other may therefore
+    // fly.
     let Some(controller) = firmware_controller(kind) else {
         let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
-        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
+        let hint = "choose one of these, or fly your own controller with the script for cflib";
         return Err(Error::input("controller.kind", kind.name(), wanted, hint));
     };
     let Some(platform) = job.checks.platform else {
@@ -90,14 +91,14 @@ fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
         return Err(Error::input("preset", drone, "a Crazyflie", hint));
     };
     if clock != 1.0 {
-        let hint = "plan with 1: the script paces the trajectory by the firmware's release";
+        let hint = "plan with 1, because the script paces the trajectory by the firmware's release";
         return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
     }
     Ok((controller, platform))
 }
 
-/// Returns the time at which a drone lands, all letters flown and all lamps off, by the plan's
-/// clock, s.
+/// Returns the time, by the plan's clock, at which a drone lands after all letters are flown and
+/// all lamps are off, s.
 fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
     let dark_s = job.trajectory_lights(drone)?.last().map_or(0.0, |last| last.time_s);
     Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
@@ -149,7 +150,7 @@ fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
         Platform::Crazyflie2 => "cf21",
         Platform::Brushless => "cf21bl",
     };
-    // One entry for each robot, then their type, then what holds for all of them.
+    // The entries of the robots are followed by their type, and by what applies to all of them.
     let mut text = "fileversion: 3\nrobots:\n".to_owned();
     for (drone, plan) in job.plans.iter().enumerate() {
         let start_m = plan.setpoints[0].position_m;

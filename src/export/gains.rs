@@ -1,14 +1,14 @@
-//! Gains of a scene's controller for the firmware: parameters, or a table in C.
+//! Exports the gains of a scene's controller for the firmware, as parameters or as a table in C.
 //!
 //! - `geometric`: parameters of two controllers that are the same for small angles. `ctrlLee.*`
-//!   (firmware `controller_lee.c`) has torques (N m per rad) for the scene's angular accelerations.
-//!   `ctrlMel.*` (`controller_mellinger.c`) has forces (N per m) and, for the attitude, motor
-//!   commands per twice the sine of the error. Its derivative of the body rate, which the scene
-//!   lacks, is 0.
+//!   (firmware `controller_lee.c`) uses torques (N m per rad) in place of the scene's angular
+//!   accelerations. `ctrlMel.*` (`controller_mellinger.c`) uses forces (N per m) and, for the
+//!   attitude, motor commands per twice the sine of the error. Mellinger's gain for the derivative
+//!   of the body rate, which the scene lacks, is 0.
 //! - `pid`: the gains of the firmware's cascade (`posCtlPid`, `velCtlPid`, `pid_attitude`,
 //!   `pid_rate`), which the scene flies.
-//! - `lqr` and its variants: the matrix as a C header for a custom controller, such as that of the
-//!   AE483 course.
+//! - `lqr` and its variants: the matrix as a C header for a custom controller, such as the AE483
+//!   course's.
 
 use nalgebra::DMatrix;
 use serde_json::{Map, json};
@@ -61,8 +61,9 @@ fn mellinger(sim: &SimOptions) -> Parameters {
         gains.push(("kd", axis, mass_kg * k.k_velocity));
         gains.push(("ki", axis, mass_kg * k.k_position_integral));
     }
-    // Commands per torque: half of a roll command goes to each of four motors on its lever, a yaw
-    // command to each in full (`power_distribution_quadrotor.c`).
+    // `roll` and `yaw` are commands per unit torque: half of a roll command goes to each of the
+    // four motors at its lever arm, and all of a yaw command to each
+    // (`power_distribution_quadrotor.c`).
     let command = vehicle.motor_max / 65_535.0;
     let roll = 1.0 / (2.0 * vehicle.arm_m * vehicle.k_f_n * command);
     let yaw = 1.0 / (4.0 * vehicle.k_m_n_m * command);
@@ -105,13 +106,13 @@ fn object(parameters: Parameters) -> Map<String, serde_json::Value> {
     parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
 }
 
-/// Returns `gains.json` with firmware parameters, or `gains.h` for a state feedback. Refuses other
-/// controllers.
+/// Returns `gains.json` with parameters, or `gains.h` for a state feedback. Refuses others.
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let kind = sim.controller.kind;
     let json = match kind.law() {
         Law::Geometric => json!({
-            // Numbers of the controllers in the firmware (`controller.h`).
+            // `stabilizer.controller` is the number of a controller in the firmware
+            // (`controller.h`).
             "lee": { "stabilizer.controller": 5, "parameters": object(lee(sim)) },
             "mellinger": { "stabilizer.controller": 2, "parameters": object(mellinger(sim)) },
         }),
@@ -124,7 +125,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
         Law::StateFeedback { by_thrust_map: true, .. } | Law::Own => {
             let wanted = "a controller with a gain matrix (lqr, lqr-feedforward, lqr-integral), or \
                           one of the firmware's (pid, geometric)";
-            let hint = "no table of gains holds what it does";
+            let hint = "no table of gains can describe this controller";
             return Err(Error::input("controller.kind", kind.name(), wanted, hint));
         }
     };
@@ -180,7 +181,7 @@ mod tests {
     #[test]
     fn mellingers_gains_ask_for_the_same_thrust_and_torques_as_lees() {
         let mut sim = SimOptions::default();
-        // A command of the firmware's asks for two of the scene's.
+        // A command of the firmware corresponds to two of the scene's.
         let command = 2.0;
         sim.vehicle.motor_max = command * 65_535.0;
         fn by_name(parameters: Parameters) -> std::collections::BTreeMap<String, f64> {
@@ -190,7 +191,8 @@ mod tests {
         let vehicle = &sim.vehicle;
         let force = mellinger["ctrlMel.kp_z"] * 0.01;
         assert!((force - lee["ctrlLee.mass"] * lee["ctrlLee.Kpos_Pz"] * 0.01).abs() < 1e-12);
-        // The torque of motors that get the command for an error of 0.1 rad, by their levers.
+        // The expected value is the torque of motors at their lever arms, commanded for an error of
+        // 0.1 rad.
         let error = 2.0 * libm::sin(0.1);
         let roll = mellinger["ctrlMel.kR_xy"] * error;
         let torque = 4.0 * (command * roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;
@@ -198,7 +200,7 @@ mod tests {
         assert!((torque / want - 1.0).abs() < 1e-12, "{torque} N m instead of {want} N m");
         let torque = 4.0 * command * mellinger["ctrlMel.kw_z"] * vehicle.k_m_n_m;
         assert!((torque / lee["ctrlLee.Kw_z"] - 1.0).abs() < 1e-12, "{torque} N m s");
-        // Of the size of the firmware's own 70 000, 20 000 and 132 000.
+        // The gains are of the size of the firmware's own 70 000, 20 000 and 132 000.
         assert!((10_000.0..100_000.0).contains(&(command * mellinger["ctrlMel.kR_xy"])));
         assert!((120_000.0..140_000.0).contains(&(command * mellinger["ctrlMel.massThrust"])));
     }

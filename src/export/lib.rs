@@ -1,11 +1,12 @@
-//! Export: plans become files that drones and other programs read.
+//! Export: converts plans to files for drones and other programs.
 //!
 //! Products in: [`Plan`]s with the lamps, the controller and the camera of their scene. Product
-//! out: [`File`]s, one module for each format. SI units and radians up to the last line of each.
+//! out: [`File`]s, with one module for each format. Each module uses SI units and radians until it
+//! writes the numbers.
 //!
 //! A trajectory on board flies from a run-up before the first letter to a run-out after the last
-//! one. Scripts upload it with take-off, the path there and a landing. Other files have only the
-//! letters. [`flown`] is the plan of such a flight, decoded from what was exported.
+//! one. Scripts upload it with take-off, the path to the run-up, and a landing. Other files contain
+//! only the letters. [`flown`] is the plan of such a flight, decoded from what was exported.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -44,9 +45,9 @@ use safety::Checks;
 use timeline::{earliest_s, zero_s};
 
 settings! {
-    /// Form of exported files.
+    /// Format of exported files.
     pub enum Format {
-        /// Python script for cflib: flies, switches the lights and records the log.
+        /// Python script for cflib, which flies, switches the lights and records the log.
         "cflib" => Cflib,
         /// Compressed trajectory of the Crazyflie (bytes).
         "compressed" => Compressed,
@@ -54,50 +55,50 @@ settings! {
         "poly4d" => Poly4d,
         /// Trajectories, crazyflies.yaml and a script for Crazyswarm2.
         "crazyswarm2" => Crazyswarm2,
-        /// Show of Skybrush with the photographer's camera.
+        /// Skybrush show with the photographer's camera.
         "skyc" => Skyc,
         /// Show for viewers of drone shows.
         "vviz" => Vviz,
-        /// Gains of the controller: firmware parameters (JSON) or a table in C.
+        /// Gains of the controller, as firmware parameters (JSON) or as a table in C.
         "gains" => Gains,
         /// Log configurations for cfclient and the µSD card.
         "log-config" => LogConfig,
     }
 }
 
-/// Plans to export, with the scene's options that the files depend on.
+/// Plans to export, with the scene's options on which the files depend.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
-    /// One plan for each drone.
+    /// Plans, one for each drone.
     pub plans: &'a [Plan],
     /// Flights of the exported trajectories ([`flown`]), with the lights timed on them. Empty if
-    /// the format has no trajectory ([`Format::trajectory`]) or it does not fit.
+    /// the format has no trajectory ([`Format::trajectory`]) or if the trajectories do not fit.
     pub flown: &'a [Plan],
-    /// Reason not to fly the exported plans. Scripts quote it.
+    /// Reason not to fly the exported plans, which scripts quote.
     pub unsafe_because: Option<&'a str>,
     /// The word, for names and titles.
     pub word: &'a str,
-    /// Lamps.
+    /// Lamps of the drones.
     pub light: &'a LightOptions,
-    /// Drone and controller.
+    /// Options of the drone and its controller.
     pub sim: &'a SimOptions,
-    /// The photographer's camera.
+    /// Camera of the photographer.
     pub camera: &'a Camera,
-    /// Largest distance of a trajectory from the design, m.
+    /// Maximum distance of a trajectory from the design, m.
     pub tolerance_m: f64,
-    /// Mode of the script for cflib, if the operator names none.
+    /// Mode of the script for cflib, if the operator chooses none.
     pub mode: Mode,
-    /// Names of other modes that the script must refuse, and the reasons.
+    /// Names of other modes that the script must refuse, with the reasons.
     pub refused: &'a [(&'static str, String)],
     /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
-    /// The facts behind the checks of the flights.
+    /// Facts on which the checks of the flights are based.
     pub checks: &'a Checks,
 }
 
 impl Format {
-    /// Returns the form and the allowed length of the trajectory in this format's files. `None` if
-    /// they send setpoints or fly no drone.
+    /// Returns the form and the allowed length of the trajectory in this format's files, or `None`
+    /// if they send setpoints or fly no drone.
     pub fn trajectory(self, mode: Mode) -> Option<(Form, Length)> {
         match self {
             Self::Cflib if mode != Mode::Trajectory => None,
@@ -108,36 +109,37 @@ impl Format {
         }
     }
 
-    /// Returns what the files cannot be used for. `None` if that is obvious.
+    /// Returns a note on what the files cannot be used for, or `None` if that is obvious.
     pub fn note(self) -> Option<&'static str> {
         match self {
             Self::Skyc => Some(
-                "for viewers: lights and places are of one clock, in true seconds, and colors are \
-                 a screen's. No lamp of a Crazyflie is driven by it as it stands: headlights and \
+                "for viewers: lights and positions are on one clock, in true seconds, and colors are \
+                 a screen's. It cannot drive the lamps of a Crazyflie as it is: headlights and \
                  the color LED deck have no part in Skybrush's light program, and a trajectory on \
                  board is 1.2 % slow up to and with firmware 2026.08. Fly the script for cflib.",
             ),
             Self::Vviz => Some(
-                "for viewers: no drone is flown and no lamp is driven by it; lights and places are \
-                 of one clock, and colors are a screen's.",
+                "for viewers: it flies no drone and drives no lamp. Lights and positions are \
+                 on one clock, and colors are a screen's.",
             ),
             _ => None,
         }
     }
 
-    /// True if its files fly a drone.
+    /// Returns true if the files of this format fly a drone.
     pub fn flies(self) -> bool {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
-    /// True if its files contain only the letters' trajectory, which begins and ends in the air.
+    /// Returns true if the files contain only the letters' trajectory, which begins and ends in the
+    /// air.
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)
     }
 }
 
 impl Job<'_> {
-    /// Returns the number of a drone in file names, from 1: empty for a single drone.
+    /// Returns the number of a drone in file names, counted from 1, or nothing for a single drone.
     fn number_suffix(&self, drone: usize) -> String {
         if self.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() }
     }
@@ -154,16 +156,18 @@ impl Job<'_> {
     }
 }
 
-/// Returns JSON text in which all characters outside ASCII are escaped. A typed word may contain
-/// invisible ones, or ones that reverse the line (U+202E), and the operator reads the script.
+/// Returns JSON text in which all characters outside ASCII are escaped. The operator reads the
+/// script, and a typed word may contain characters that are invisible, or that reverse the line
+/// (U+202E).
 fn ascii(json: &Value) -> String {
     // JSON escapes UTF-16 code units, of which a character has one or two.
     let mut units = [0; 2];
     let mut text = String::new();
     for c in json.to_string().chars() {
-        match c.is_ascii() && c != '\x7f' {
-            true => text.push(c),
-            false => text.extend(c.encode_utf16(&mut units).iter().map(|u| format!("\\u{u:04x}"))),
+        if c.is_ascii() && c != '\x7f' {
+            text.push(c)
+        } else {
+            text.extend(c.encode_utf16(&mut units).iter().map(|u| format!("\\u{u:04x}")))
         }
     }
     text
@@ -177,14 +181,14 @@ fn with_caution(job: &Job<'_>, script: String) -> String {
     format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n{rest}", visible(reason))
 }
 
-/// Returns a text with blanks for control characters, and invisible characters escaped.
+/// Returns a text with control characters replaced by blanks, and invisible ones escaped.
 fn visible(text: &str) -> String {
     let mut output = String::new();
     for c in text.chars() {
         match c {
             _ if c.is_control() => output.push(' '),
             _ if c.is_ascii() || c.is_alphanumeric() => output.push(c),
-            // Rust escapes characters that do not print.
+            // Rust escapes characters that are not printable.
             _ if c.escape_debug().len() == 1 => output.push(c),
             _ => output.extend(c.escape_unicode()),
         }
@@ -195,9 +199,9 @@ fn visible(text: &str) -> String {
 /// An exported file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
-    /// Its name, without a folder.
+    /// Name of the file without a folder.
     pub name: String,
-    /// Its content.
+    /// Contents of the file.
     pub bytes: Vec<u8>,
 }
 
@@ -211,8 +215,9 @@ impl File {
 ///
 /// # Errors
 ///
-/// [`noctograph_core::error::Error::Input`] for plans without letters and lamps that the format
-/// does not know, [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
+/// Returns [`noctograph_core::error::Error::Input`] for plans without letters, and for lamps that
+/// the format does not support. Returns [`noctograph_core::error::Error::Infeasible`] for plans
+/// that do not fit the format.
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
@@ -233,12 +238,11 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     }
 }
 
-/// Returns the heights above the floor at which the trajectory of a plan's letters begins and
-/// ends, m.
+/// Returns the heights above the floor at which a plan's trajectory of letters begins and ends, m.
 ///
 /// # Errors
 ///
-/// As [`export`].
+/// Returns the errors of [`export`].
 pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
     let stretch = pieces::Stretch::new(plan)?;
     Ok([0, stretch.last()].map(|index| stretch.setpoints[index].position_m.z))
@@ -247,16 +251,16 @@ pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
 /// Trajectory memory on board that a plan needs, and the formats that can fly it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory {
-    /// Bytes as a compressed trajectory, of [`TRAJECTORY_MEMORY_BYTES`].
+    /// Number of bytes as a compressed trajectory, out of [`TRAJECTORY_MEMORY_BYTES`].
     pub bytes: usize,
     /// True if the release flies the heading of a compressed trajectory.
     pub flies_heading: bool,
-    /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
+    /// Number of pieces as polynomials, out of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
-    /// Names of the formats in which the plan fits: a trajectory fits the memory on board, and a
-    /// script's setpoints fit the radio.
+    /// Names of the formats that the plan fits. A trajectory must fit the memory on board, and a
+    /// script's setpoints must fit the radio.
     pub formats: Vec<&'static str>,
-    /// True if it fits in all of them.
+    /// True if the plan fits all formats.
     pub fits_all: bool,
 }
 
@@ -264,7 +268,7 @@ pub struct Memory {
 ///
 /// # Errors
 ///
-/// As [`compressed::Compressed::encode`], but for length and heading.
+/// Returns the errors of [`compressed::Compressed::encode`], except those about length and heading.
 pub fn memory(release: Release, plan: &Plan) -> Result<Memory> {
     let flies_heading = compressed::flies_heading(release, plan.yaw_rad);
     let (stretch, tolerance_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
@@ -294,13 +298,13 @@ fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Letters without a Unicode decomposition, each followed by its spelling in ASCII.
+/// Letters without a Unicode decomposition, each followed by its ASCII spelling.
 const SPELLED: &str = "ŁL łl ØO øo ĐD đd ıi ßss ẞSS ÆAE æae ŒOE œoe ÞTh";
-/// Most characters of a file name before its extension.
+/// Maximum number of characters in a file name before its extension.
 const MAX_STEM: usize = 32;
 
-/// Returns the file name for a word, without an extension: its letters and digits in ASCII, without
-/// accents. A word with none of them gives `drawing`.
+/// Returns the file name for a word, without an extension. The name consists of the word's letters
+/// and digits in ASCII, without accents. A word that contains none of them gives `drawing`.
 pub fn stem(word: &str) -> String {
     // NFKD separates accents from their letters.
     let mut stem = String::new();
@@ -319,8 +323,8 @@ pub fn stem(word: &str) -> String {
     }
 }
 
-/// Returns one file for each drone: `encode` makes its bytes from the drone's index and plan. The
-/// name contains the drone's number if there are several.
+/// Returns one file for each drone. `encode` makes its bytes from the drone's index and plan. The
+/// name contains the drone's number if there are several drones.
 fn per_drone(
     job: &Job<'_>,
     extension: &str,
@@ -333,12 +337,12 @@ fn per_drone(
     files.collect()
 }
 
-/// Returns the largest distance of a format's trajectories from the planned paths, m. `None` if the
-/// format has no trajectories.
+/// Returns the maximum distance of a format's trajectories from the planned paths, m, or `None` if
+/// the format has no trajectories.
 ///
 /// # Errors
 ///
-/// As [`export`].
+/// Returns the errors of [`export`].
 pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
     let Some((form, _)) = format.trajectory(job.mode) else { return Ok(None) };
     let release = job.sim.vehicle.firmware;

@@ -1,11 +1,11 @@
-//! Light commands as firmware parameters.
+//! Converts lights to commands that set firmware parameters.
 //!
-//! Lamps listen to parameters: deck lamps to those of [`CHANNELS`], a custom lamp to the one in its
-//! row of the emitter table. The firmware shows a change at its next tick of 50 ms. Plans on the
-//! light's clock are sent early by the radio delay and half a tick.
+//! Lamps are controlled by parameters: deck lamps by those of [`CHANNELS`], a custom lamp by the
+//! parameter in its row of the emitter table. The firmware shows a change at its next tick of 50
+//! ms. Plans on the light's clock are sent early by the radio delay plus half a tick.
 //!
-//! A ring with few changes can play them from its timing memory (`Timing`) on the clock of a
-//! trajectory on board. A late packet then delays none of them.
+//! A ring with few changes can play them from its timing memory (`Timing`), by the clock of a
+//! trajectory on board, so that no late packet delays them.
 
 use nalgebra::Vector3;
 
@@ -18,14 +18,14 @@ use noctograph_core::lamps::{
 use noctograph_core::srgb::{encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz};
 use noctograph_plan::Plan;
 
-/// `led.bitmask` with the board's own LEDs dark.
+/// Value of `led.bitmask` at which the board's own LEDs are dark.
 const BOARD_DARK: u32 = 128;
 /// Parameter that is 1 if the color LED deck corrects its brightness, as [`COLOR_LED`] sets it.
 const BRIGHTNESS_CORRECTION: &str = "colorLedBot.brightCorr";
 
-/// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase,
-/// and on a slow clock. An entry between two ticks is never shown, and the end of the list leaves
-/// the LEDs as they are (`timeMemEffect`, `ledring12.c`).
+/// Number of units of the last, dark entry of a timing memory. 80 ms contain a tick of the ring at
+/// every phase, even on a slow clock. An entry between two ticks is never shown, and the LEDs stay
+/// as they are at the end of the list (`timeMemEffect`, `ledring12.c`).
 const LAST_UNITS: u64 = 2;
 
 /// One light command.
@@ -35,7 +35,7 @@ pub struct Command {
     pub time_s: f64,
     /// Firmware parameter.
     pub parameter: String,
-    /// Its value.
+    /// Value of the parameter.
     pub value: u32,
     /// Light channel of the plan.
     pub channel: String,
@@ -46,14 +46,14 @@ pub struct Command {
 /// The parameter that a light channel of a plan sets.
 struct Target<'a> {
     parameter: &'a str,
-    /// Channels of the color, for a deck that has any.
+    /// Color channels of the deck. Empty for a lamp without colors.
     colors: &'static [&'static str],
-    /// Value at full level: 1 for a pin, any for a custom lamp.
+    /// Value at full level: 1 for a pin, any value for a custom lamp.
     most: u32,
 }
 
 impl<'a> Target<'a> {
-    /// Finds the parameter of a channel: a deck's, or a custom lamp's. Refuses other channels.
+    /// Finds the parameter of a channel, of a deck or a custom lamp. Refuses others.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -72,7 +72,7 @@ impl<'a> Target<'a> {
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
         #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
         let (value, level) = match (self.colors.len(), self.most) {
-            // A pin is on at any level above 0. A deck's color has the last of the four bytes.
+            // A pin is on at any level above 0. A deck's color is in the last of four bytes.
             (0, 1) => (u32::from(level > 0.0), level.ceil()),
             (0, most) => ((f64::from(most) * level.clamp(0.0, 1.0)).round() as u32, level),
             (n, _) => (packed(&wrgb[4 - n..], level), level),
@@ -92,8 +92,9 @@ pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     }))
 }
 
-/// Returns the color of a lamp at setpoint `row` in white, red, green and blue: from the plan's
-/// color channels if it has them, else the color of the letter. A ring has no white.
+/// Returns the color of a lamp at setpoint `row` in white, red, green and blue. The color comes
+/// from the plan's color channels if there are any, and otherwise from the color of the letter. A
+/// ring has no white.
 fn color(
     plan: &Plan,
     channel: &str,
@@ -104,7 +105,7 @@ fn color(
     let [r, g, b] = options.ring_rgb_of(letter);
     let letter_wrgb = if channel == RING.name { [0, r, g, b] } else { options.wrgb_of(letter) };
     let colors = Channel::named(channel).map_or(&[][..], |channel| channel.colors);
-    // The channels are the last of the four bytes.
+    // The channels correspond to the last of the four bytes.
     std::array::from_fn(|k| {
         let name = (k + colors.len()).checked_sub(4).and_then(|k| colors.get(k));
         let levels = name.and_then(|name| plan.lights.get(*name));
@@ -118,11 +119,12 @@ fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Returns a command for each change of a plan's lights, in order of time. They are dark at first.
+/// Returns a command for each change of a plan's lights, in order of time. The lights are initially
+/// dark.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a channel that no deck listens to.
+/// Returns [`Error::Input`] for a channel that no deck has.
 pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let mut commands = Vec::new();
     let (letters, fixtures) = (noctograph_plan::light_letters(plan), options.fixtures());
@@ -146,23 +148,26 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 ///
 /// # Errors
 ///
-/// As [`commands`].
+/// Returns the errors of [`commands`].
 pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let fixtures = options.fixtures();
     let targets = plan.lamps().map(|(channel, _)| (channel, Target::new(channel, &fixtures)));
     targets.map(|(channel, target)| Ok(target?.command(0.0, channel, 0.0, [0; 4]))).collect()
 }
 
-/// Returns the parameters to set before the flight: the plan's lamps ready and dark, others off.
+/// Returns the parameters to set before the flight, by which the plan's lamps are ready and dark,
+/// and others are off.
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
     for Channel { name, ready, idle, .. } in &CHANNELS {
         let is_fitted = |lamp: &Fixture| lamp.drive.channel() == Some(*name);
-        let settings = match plan.lights.contains_key(*name) {
-            true => *ready,
-            false if fixtures.iter().any(is_fitted) => *idle,
-            false => &[],
+        let settings = if plan.lights.contains_key(*name) {
+            *ready
+        } else if fixtures.iter().any(is_fitted) {
+            *idle
+        } else {
+            &[]
         };
         parameters.extend(settings.iter().map(|(name, value)| ((*name).to_owned(), *value)));
     }
@@ -170,7 +175,7 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
         let correction = parameters.iter_mut().find(|(name, _)| name == BRIGHTNESS_CORRECTION);
         correction.into_iter().for_each(|(_, value)| *value = 0);
     }
-    // Then the custom lamps that the plan lights, and those that it does not light.
+    // The custom lamps that the plan lights are followed by those that it does not light.
     let mut custom = dark(plan, options)?;
     custom.retain(|command| Channel::named(&command.channel).is_none());
     parameters.extend(custom.into_iter().map(|command| (command.parameter, command.value)));
@@ -182,12 +187,12 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     Ok(parameters)
 }
 
-/// Returns the number of entries that a plan's lights need in the ring's timing memory. `None` if
-/// the ring is not the only lamp, never lit, or not dark in the end.
+/// Returns the number of entries that a plan's lights need in the ring's timing memory. Returns
+/// `None` if the ring is not the only lamp, is never lit, or is not dark at the end.
 ///
 /// # Errors
 ///
-/// As [`commands`].
+/// Returns the errors of [`commands`].
 pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usize>> {
     Ok(timing(plan, &commands(plan, options)?).map(|timing| timing.entries.len()))
 }
@@ -195,25 +200,24 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
 /// Lights that the timing memory of a ring plays (`ring.effect` 17), from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Duration in units of 40 ms, and color rounded by the memory, of each entry. The last is
-    /// dark.
+    /// Duration of each entry in units of 40 ms, and its rounded color. The last entry is dark.
     pub(super) entries: Vec<(u8, [u8; 3])>,
     /// Time in the plan, s, and level of each change that is played.
     pub(super) changes: Vec<(f64, f64)>,
 }
 
-/// Returns the timing memory, of any length, for a plan that lights only the ring. `None` for other
-/// lamps, without commands, and if the ring is not dark in the end.
+/// Returns the timing memory, of any length, for a plan that lights only the ring. Returns `None`
+/// for other lamps, without commands, and if the ring is not dark at the end.
 pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (first, last) = (commands.first()?, commands.last()?);
     if !plan.lamps().map(|(channel, _)| channel).eq([RING.name]) || last.value != 0 {
         return None;
     }
-    // Times in units since the first change.
+    // Times are counted in units since the first change.
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
     for (index, command) in commands.iter().enumerate() {
         changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
-        // A change that is shorter than the unit lasts one unit. The next ones are shortened.
+        // A change that is shorter than a unit lasts for one unit. The next ones are shortened.
         let (until_s, least_units) = match commands.get(index + 1) {
             Some(next) => (next.time_s, 1),
             None => (command.time_s, LAST_UNITS),
@@ -222,7 +226,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
         let planned = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
         let [_, r, g, b] = command.value.to_be_bytes();
         let (until, color) = (planned.max(played + least_units), ring_memory_rgb([r, g, b]));
-        // A long color needs several entries.
+        // A color that lasts longer needs several entries.
         while played < until {
             let units = (until - played).min(MAX_RING_TIMING);
             entries.push((u8::try_from(units).expect("at most 255"), color));
@@ -233,27 +237,27 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
 }
 
 /// Returns the sRGB color in which a screen shows a command's light: its hue at full scale, times
-/// its level. The bytes of a lamp cannot be used, since they drive dies that are far brighter than
-/// a screen: red that writes is 3 of 255, which a show would display as black.
+/// its level. The bytes of the command cannot be used, because they drive dies that are far
+/// brighter than a screen: a red that writes is 3 of 255, which a show would display as black.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let deck = Channel::named(&command.channel).filter(|channel| !channel.colors.is_empty());
-    // With corrected levels the dies are equally bright and the bytes are sRGB.
+    // With corrected levels, all dies are equally bright and the bytes are sRGB levels.
     let is_corrected =
         deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
+    // The value of a deck has a byte for each die, of which the last die has the lowest byte. Both
+    // are therefore paired from the end. Any other lamp has all dies fully on.
+    let low_bytes_first = deck.map_or([u8::MAX; 4], |_| command.value.to_le_bytes());
     let mut light = Vector3::zeros();
     for lamp in lamps_on(&command.channel, options) {
-        // A deck's last bytes drive its dies. Any other lamp has all of them on.
-        let drives = deck.map_or([u8::MAX; 4], |_| command.value.to_be_bytes());
-        let drives = drives.into_iter().rev().chain(std::iter::repeat(u8::MAX));
+        let drives = low_bytes_first.into_iter().chain(std::iter::repeat(u8::MAX));
         for (drive, die) in drives.zip(lamp.dies.iter().rev()) {
             let drive = f64::from(drive) / 255.0;
-            let linear = match is_corrected {
-                true => linear_from_encoded(drive),
-                false => die.intensity_cd * drive,
-            };
+            let linear =
+                if is_corrected { linear_from_encoded(drive) } else { die.intensity_cd * drive };
             light += Vector3::from(rgb_from_xyz(xyz(die.chromaticity))) * linear;
         }
     }
+    // Colors outside the screen's gamut have negative channels, which are clipped.
     let light = light.map(|channel: f64| channel.max(0.0));
     let most = light.max();
     if most <= 0.0 {
@@ -379,7 +383,7 @@ mod tests {
                 [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
             {
                 let shown = screen_rgb(&deck_command(channel, 1.0, wrgb), &options);
-                // Dies that are farther out than the screen's, and few steps of their drives.
+                // The dies' gamut exceeds the screen's, and their drives have few steps.
                 for (actual, wanted) in shown.iter().zip(srgb) {
                     let error = f64::from(*actual) - f64::from(wanted);
                     assert!(error.abs() <= 4.0, "{channel}: {shown:?} instead of {srgb:?}");
@@ -417,7 +421,7 @@ mod tests {
         assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);
         let [white, ..] = screen("color-led", 1.0, [255, 0, 0, 0]);
         let [half, ..] = screen("color-led", 0.5, [255, 0, 0, 0]);
-        // D65 to four digits is white to a level.
+        // White is D65 to four digits, which is exact to one level.
         assert!(white == 255 && half.abs_diff(188) <= 1, "half the light is level 188: {half}");
     }
 
@@ -430,7 +434,8 @@ mod tests {
             plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s));
             timing(&plan, &commands(&plan, &options).unwrap())
         };
-        // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s. Drift does not add up.
+        // From 1.01 s on the ring is lit for 2.02 s, dark for 1.01 s, and at half level for 1.01 s.
+        // The drift does not accumulate.
         let played = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
         let (on, dark, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
         assert_eq!(played.entries, [(51, on), (25, dark), (25, half), (2, dark)]);
@@ -446,9 +451,9 @@ mod tests {
         assert_eq!(timing("headlights", &many[..9], 1.0), None, "a pin is not in the memory");
     }
 
-    /// Colors of the ring at each of its ticks, as the firmware plays a timing memory from its
-    /// first tick on: `clock` is the rate of its microseconds, `phase_s` the time to the second
-    /// tick.
+    /// Returns the colors of the ring at each of its ticks when the firmware plays a timing memory
+    /// from its first tick on. `clock` is the rate of its microseconds, and `phase_s` the time to
+    /// the second tick.
     fn shown(entries: &[(u8, [u8; 3])], phase_s: f64, clock: f64, ticks: u32) -> Vec<[u8; 3]> {
         let ms = |time_s: f64| (1e3 * clock * time_s + 1e-6).floor();
         let (mut entry, mut began_ms, mut color) = (0, 0.0, [0; 3]);

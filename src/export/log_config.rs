@@ -1,8 +1,7 @@
-//! Variables to log in a flight, which [`crate::logs`] reads: for cfclient, for the µSD card and
-//! for the script.
+//! Variables to log in a flight, which [`crate::logs`] reads: for cfclient, µSD card and script.
 //!
 //! Formats: log configurations of cfclient (`cfclient/configs/log/*.json`), and `config.txt` of the
-//! µSD deck (firmware documentation, "Micro SD card deck"). A radio block holds 26 bytes.
+//! µSD deck (firmware documentation, "Micro SD card deck"). A radio block can contain 26 bytes.
 
 use serde_json::json;
 
@@ -24,13 +23,13 @@ pub(super) const BLOCKS: [Block; 5] = [
     ("motors", "motor.m1 motor.m2 motor.m3 motor.m4 pm.vbat"),
 ];
 
-/// Blocks of the AE483 course's observer.
+/// Blocks of variables of the AE483 course's observer.
 pub(super) const OBSERVER_BLOCKS: [Block; 1] = [(
     "observer",
     "ae483log.o_x ae483log.o_y ae483log.o_z ae483log.psi ae483log.theta ae483log.phi",
 )];
 
-/// Blocks that the exported script checks on the ground and in the air.
+/// Blocks of variables that the exported script checks on the ground and in the air.
 pub(super) const WATCH_BLOCKS: [Block; 2] = [
     (
         "where",
@@ -39,13 +38,13 @@ pub(super) const WATCH_BLOCKS: [Block; 2] = [
     ("state", "stateEstimate.yaw stateEstimate.pitch stateEstimate.roll pm.vbat supervisor.info"),
 ];
 
-/// Returns the type with which a variable is logged.
+/// Returns the type in which a variable is logged.
 fn kind(variable: &str) -> &'static str {
     let is_short = variable.starts_with("motor.") || variable == "supervisor.info";
     if is_short { "uint16_t" } else { "float" }
 }
 
-/// Period of the radio's blocks, ms.
+/// Period of the blocks that are sent by radio, ms.
 const PERIOD_MS: u32 = 20;
 /// Rate of the µSD log, Hz.
 const CARD_HZ: u32 = 250;

@@ -1,6 +1,6 @@
-//! The flight of a trajectory on board as a plan, so that the simulator flies what was exported.
+//! Returns the flight of a trajectory on board as a plan, for the simulator to fly.
 //!
-//! Scripts upload one trajectory from the floor to the floor ([`Timeline`]), and land at its end.
+//! Scripts upload one trajectory from floor to floor ([`Timeline`]), and land at its end.
 
 use nalgebra::Vector3;
 
@@ -16,17 +16,17 @@ use noctograph_plan::{Plan, PlanData, Setpoint, conflict};
 
 /// Time between two setpoints of the plan, s, which is the period of the commander on board.
 const STEP_S: f64 = 0.01;
-/// Times closer than this are the same, s.
+/// Maximum difference between times that count as the same, s.
 const SAME_TIME_S: f64 = 1e-6;
-/// Steps of the differences for velocity and acceleration, and for the jerk, s. All points are then
-/// within a millisecond, since pieces end at whole milliseconds.
+/// Steps of the finite differences for velocity and acceleration, and for the jerk, s. All points
+/// are then within a millisecond, because pieces end at whole milliseconds.
 const DIFFERENCE_S: f64 = 5e-4;
 const JERK_DIFFERENCE_S: f64 = 1e-3 / 3.0;
 
 settings! {
-    /// A trajectory that is stored on board.
+    /// Form of a trajectory that is stored on board.
     pub enum Form {
-        /// Bézier curves of whole millimeters.
+        /// Bézier curves with whole millimeters.
         "compressed" => Compressed,
         /// Polynomials of degree 7.
         "poly4d" => Poly4d,
@@ -34,8 +34,8 @@ settings! {
 }
 
 impl Form {
-    /// Returns the default tolerance, m. It is larger for polynomials of degree 7, which need more
-    /// memory for the same distance from the design.
+    /// Returns the default tolerance, m. The tolerance is larger for polynomials of degree 7, which
+    /// need more memory for the same distance from the design.
     pub fn tolerance_m(self) -> f64 {
         match self {
             Self::Compressed => 0.002,
@@ -47,19 +47,20 @@ impl Form {
 /// Length that trajectories may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
-    /// Up to what the memory on board holds.
+    /// Up to the capacity of the memory on board.
     OnBoard,
     /// Any length, for drones with more memory.
     Any,
 }
 
 /// Returns the plans that a release flies with trajectories on board, which all start together.
-/// Time zero is the command to take off.
+/// Time zero is the take-off command.
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`], and [`Error::Infeasible`] if, with trajectories
-/// on board, a drone that hovers at its start is too near to the path of another.
+/// Returns the errors of [`Compressed::encode`] and [`Poly4d::fit`], and [`Error::Infeasible`] if,
+/// with trajectories on board, a drone that hovers at its start is too close to the path of another
+/// drone.
 pub fn flown(
     release: Release,
     plans: &[Plan],
@@ -73,7 +74,7 @@ pub fn flown(
         flown_alone(plan, first_start_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
-    // The plans have no drones that wait in the air, so the distances are checked again.
+    // In the plans no drone waits in the air, so that the distances are checked again.
     let mut pairs =
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
     let near = pairs.find_map(|(a, b)| conflict(a, b)).filter(|_| length == Length::OnBoard);
@@ -88,18 +89,18 @@ pub fn flown(
     ))
 }
 
-/// Checks that the memory on board holds the trajectories of plans, and that a release flies them.
+/// Checks that the memory on board is large enough for the trajectories of plans, and that a
+/// release can fly them.
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`].
+/// Returns the errors of [`Compressed::encode`] and [`Poly4d::fit`].
 pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f64) -> Result<()> {
     let fits = |plan| pieces(release, plan, form, tolerance_m, Length::OnBoard).map(drop);
     plans.iter().try_for_each(fits)
 }
 
-/// Returns the pieces of a plan's trajectory. Refuses a plan that does not fit the form or
-/// `length`.
+/// Returns the pieces of a plan's trajectory. Refuses one that does not fit.
 pub(super) fn pieces(
     release: Release,
     plan: &Plan,
@@ -120,7 +121,7 @@ pub(super) fn pieces(
 }
 
 /// Returns the plan that a drone flies with a trajectory on board, regardless of other drones.
-/// `trajectory_m` gives the trajectory's position by the time since its start.
+/// `trajectory_m` returns the trajectory's position at a time since its start.
 fn flown_alone(
     plan: &Plan,
     first_start_s: f64,
@@ -132,7 +133,8 @@ fn flown_alone(
     let lit = plan.lit();
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     for time_s in sample_times_s(plan, &timeline) {
-        // Lights and letter are those of the last setpoint of the plan. Before it, lights are dark.
+        // Lights and letter are those of the plan's last setpoint. Before the first one, they are
+        // dark.
         let plan_time_s = time_s + timeline.zero_s + SAME_TIME_S;
         let row = plan.setpoints.partition_point(|s| s.time_s <= plan_time_s).checked_sub(1);
         out.lit.push(row.map_or(0.0, |row| lit[row]));
@@ -152,7 +154,7 @@ fn flown_alone(
 
 /// Returns the times of a flown plan: even steps, and the times at which its plan changes lights.
 fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
-    let end_s = timeline.after[1].0;
+    let end_s = timeline.after[1].time_s;
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let steps = (end_s / STEP_S).ceil() as u32;
     let mut times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();
@@ -165,8 +167,9 @@ fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
 
 /// Returns position, velocity, acceleration and jerk of a path at `time_s`, in m and s.
 fn derivatives(time_s: f64, position_m: impl Fn(f64) -> Vector3<f64>) -> [Vector3<f64>; 4] {
-    // Forward differences, since a piece may begin here: v to the second order, (4b - 3a - c) / 2h,
-    // a as (a - 2b + c) / h², the jerk as the third difference.
+    // Forward differences are used, because a piece may begin here. The velocity is (4b - 3a - c) /
+    // 2h, which is of second order, the acceleration (a - 2b + c) / h², and the jerk the third
+    // difference.
     let [h, k] = [DIFFERENCE_S, JERK_DIFFERENCE_S];
     let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h].map(&position_m);
     let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0].map(|step| position_m(time_s + step * k));
@@ -184,7 +187,7 @@ mod tests {
         plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
     }
 
-    /// A plan that begins later and farther to the right.
+    /// Returns a plan that begins later and farther to the right.
     fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
         let mut plan = plan.clone();
         plan.edit(|plan| {
@@ -200,7 +203,7 @@ mod tests {
         flown(Release::MODELED, plans, Form::Compressed, 0.002, Length::OnBoard).unwrap()
     }
 
-    /// The setpoint of a plan at a time.
+    /// Returns the index of a plan's setpoint at a time.
     fn setpoint_at(plan: &Plan, time_s: f64) -> usize {
         plan.setpoints.partition_point(|s| s.time_s <= time_s + 1e-6) - 1
     }
@@ -220,7 +223,7 @@ mod tests {
                 assert!(off_m_s <= 0.3, "{off_m_s} m/s at {} s", pair[0].time_s);
                 mean_off_m_s += off_m_s / plan.setpoints.len() as f64;
             }
-            // Within a piece they agree: an acceleration of the other sign is 8 mm/s off.
+            // Within a piece they agree. An acceleration with the wrong sign would be 8 mm/s off.
             assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
         }
     }
@@ -238,7 +241,7 @@ mod tests {
                 n += f64::from(u8::from(changed.norm() > 0.01));
             }
             changes.sort_by(f64::total_cmp);
-            // Within a piece.
+            // The changes are compared within a piece.
             let most = changes[changes.len() * 8 / 10];
             assert!(most < 2e-3 && n > 100.0, "{most} m/s2, {n}");
         }

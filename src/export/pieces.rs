@@ -1,9 +1,9 @@
-//! Pieces of a trajectory: a plan's design path as polynomials of time.
+//! Pieces of a trajectory: the design path of a plan as polynomials in time.
 //!
-//! A plan has a setpoint every few hundredths of a second, too many for a drone's memory. Both
-//! trajectory forms of the Crazyflie take longer pieces: [`super::compressed`] cubics, and
-//! [`super::poly4d`] polynomials of degree 7. [`pieces`] finds them greedily: each is the longest
-//! that keeps to the design and to its limits.
+//! A plan has a setpoint every few hundredths of a second, which are too many for a drone's memory.
+//! The two trajectory forms of the Crazyflie use longer pieces: cubics ([`super::compressed`]), and
+//! polynomials of degree 7 ([`super::poly4d`]). [`pieces`] finds them greedily: each is the longest
+//! that stays close to the design and within its limits.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -13,27 +13,27 @@ use nalgebra::Vector3;
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::{Plan, Setpoint};
 
-/// Least number of times between two setpoints at which a piece is compared with the design, and
-/// the longest interval between them, s. A run-up is 0.5 s without a setpoint.
+/// Minimum number of times between two setpoints at which a piece is compared with the design, and
+/// the maximum interval between these times, s. A run-up of 0.5 s contains no setpoint.
 const CHECKS_PER_SETPOINT: f64 = 4.0;
 const CHECK_INTERVAL_S: f64 = 0.02;
 
 /// Time in which a trajectory accelerates from rest to the speed of the first letter, and brakes
-/// from the speed of the last one, s. It takes 0.4 m/s² at 0.2 m/s.
+/// from the speed of the last one, s. At 0.2 m/s this is an acceleration of 0.4 m/s².
 const RUN_S: f64 = 0.5;
 
-/// Largest speed and acceleration of a piece at the times of comparison, relative to those of the
-/// design. Between these times they are up to a twentieth over.
+/// Maximum speed and acceleration of a piece at the times of comparison, relative to those of the
+/// design. Between these times they exceed the design's by up to a twentieth.
 const OVER_LIMITS: f64 = 1.04;
 
-/// Step of the drone's evaluator, s (`stabilizer.c`).
+/// Time step of the drone's evaluator, s (`stabilizer.c`).
 const STEP_S: f64 = 0.001;
 
-/// Largest number of times that the search goes back, before a piece may exceed the limits.
+/// Maximum number of times that the search backtracks before a piece may exceed the limits.
 const RETRIES: u32 = 200;
 
-/// The part of a plan that flies as a trajectory: a run-up from rest, all letters, and a run-out to
-/// rest. Take-off and landing are separate commands.
+/// The part of a plan that is flown as a trajectory: a run-up from rest, all letters, and a run-out
+/// to rest. Take-off and landing are separate commands.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) setpoints: Vec<Setpoint>,
@@ -53,10 +53,11 @@ impl Stretch {
             let hint = "plan a word, not only a take-off";
             return Err(Error::input("plan", "no letter", "setpoints that write a letter", hint));
         };
-        // The last stroke ends at the setpoint after the last one of a letter.
+        // The last stroke ends at the setpoint after the last lettered one.
         let end = (last + 1).min(plan.setpoints.len() - 1);
         let (start, stop) = (&plan.setpoints[first], &plan.setpoints[end]);
-        // Constant acceleration over RUN_S to the speed of the first letter, and from the last's.
+        // The acceleration is constant over RUN_S, up to the speed of the first letter, and down
+        // from that of the last one.
         let run_up = Setpoint {
             time_s: start.time_s - RUN_S,
             position_m: start.position_m - start.velocity_m_s * (RUN_S / 2.0),
@@ -108,8 +109,8 @@ impl Stretch {
         self.setpoints[index].time_s - self.start_s()
     }
 
-    /// Returns the acceleration just before a setpoint, m/s². It differs from the setpoint's at the
-    /// ends of run-up and run-out, where it jumps.
+    /// Returns the acceleration just before a setpoint, m/s². This acceleration differs from the
+    /// setpoint's at the ends of run-up and run-out, where the acceleration jumps.
     pub(super) fn acceleration_before_m_s2(&self, index: usize) -> Vector3<f64> {
         match self.last() - index {
             1 => self.stop_m_s2,
@@ -127,15 +128,15 @@ impl Stretch {
         setpoint.design_m(plan_time_s.max(setpoint.time_s))
     }
 
-    /// Returns the largest speed of the design, m/s, and its largest acceleration, m/s².
+    /// Returns the maximum speed of the design, m/s, and its maximum acceleration, m/s².
     pub(super) fn limits(&self) -> [f64; 2] {
         let speeds = self.setpoints.iter().map(|s| s.velocity_m_s.norm());
         let accelerations = self.setpoints.iter().map(|s| s.acceleration_m_s2.norm());
         [speeds.fold(0.0, f64::max), accelerations.fold(0.0, f64::max)]
     }
 
-    /// Returns the largest distance of a trajectory from the design at any of the drone's
-    /// milliseconds, m. It occurs between the times of comparison, just before a setpoint.
+    /// Returns the maximum distance of a trajectory from the design at any of the drone's
+    /// milliseconds, m. The maximum occurs between the times of comparison, just before a setpoint.
     pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
         let (mut worst_m, mut start_s) = (0.0, 0.0);
         for piece in pieces {
@@ -151,8 +152,8 @@ impl Stretch {
         worst_m
     }
 
-    /// Returns the error for a trajectory that needs more than the drone's memory, with the number
-    /// of letters that end before `until_s`. `needs` says how much memory it needs.
+    /// Returns the error for a trajectory that exceeds the drone's memory, with the number of
+    /// letters that end before `until_s`. `needs` states the memory that it needs.
     pub(super) fn too_long(&self, until_s: f64, needs: &str, hint: &str) -> Error {
         let [begun, total] = [until_s, f64::INFINITY].map(|until_s| {
             let flown = self.setpoints.iter().filter(|s| s.time_s - self.start_s() < until_s);
@@ -164,7 +165,7 @@ impl Stretch {
     }
 
     /// Returns the times at which a piece from one setpoint to another is compared with the design,
-    /// s since the start.
+    /// in s since the start.
     pub(super) fn check_times_s(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
         (from..to).flat_map(move |index| {
             let (start_s, end_s) = (self.time_s(index), self.time_s(index + 1));
@@ -180,7 +181,7 @@ impl Stretch {
 /// Coefficients of an axis in ascending powers of the time in s.
 pub(super) type Polynomial = [f64; 8];
 
-/// Motion of a piece: a polynomial of the time since its start for each axis.
+/// Motion of a piece: a polynomial in the time since its start for each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Polynomials {
     pub(super) duration_s: f64,
@@ -188,12 +189,13 @@ pub(super) struct Polynomials {
 }
 
 impl Polynomials {
-    /// Returns the motion from rest to rest without jerk at the ends that the firmware uses for
+    /// Returns the motion from rest to rest, without jerk at its ends, that the firmware uses for
     /// take-off and landing (`pptraj.c`, `poly7_nojerk`).
     pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
         let path_m = to_m - from_m;
         let axes = [0, 1, 2].map(|axis| {
-            // The smoothstep 35 s⁴ - 84 s⁵ + 70 s⁶ - 20 s⁷ of s = t/T. `scale` is T to each power.
+            // The polynomial is the smoothstep 35 s⁴ - 84 s⁵ + 70 s⁶ - 20 s⁷ with s = t/T. `scale`
+            // is T to the power of each term.
             let mut scale = 1.0;
             let mut polynomial = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0].map(|factor| {
                 let coefficient = path_m[axis] * factor / scale;
@@ -208,7 +210,7 @@ impl Polynomials {
 
     /// Returns position, velocity and acceleration at `t` s since the start, in m and s.
     pub(super) fn evaluate(&self, t: f64) -> [Vector3<f64>; 3] {
-        // Horner's scheme for the value, the first derivative and half the second one.
+        // Horner's scheme gives the value, the first derivative and half of the second derivative.
         let axes = self.axes.map(|c| {
             c.iter().rev().fold([0.0; 3], |[p, v, a], c| [p * t + c, v * t + p, a * t + v])
         });
@@ -218,7 +220,7 @@ impl Polynomials {
 }
 
 /// Returns position, velocity and acceleration of consecutive pieces at a time since their start.
-/// After the last one the drone rests at its end.
+/// After the last piece the drone rests at its end.
 pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
     let (mut since_start_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
     for piece in pieces {
@@ -231,21 +233,21 @@ pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
     end
 }
 
-/// Rounding of a piece's numbers to those of its form.
+/// Method by which a piece's numbers are rounded to those of its form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rounding {
-    /// To the nearest.
+    /// To the nearest number.
     Nearest,
-    /// To the neighbors with the least acceleration.
+    /// To those neighboring numbers with the least acceleration.
     Gentlest,
 }
 
-/// Divides a stretch into pieces, greedily with backtracking. Each is the longest that stays within
-/// `tolerance_m` of the design, within `max_piece_s`, and within the speed and acceleration of the
-/// design. If no piece can follow it, a shorter one replaces it.
+/// Divides a stretch into pieces, greedily with backtracking. Each piece is the longest that stays
+/// within `tolerance_m` of the design, within `max_piece_s`, and within the speed and acceleration
+/// of the design. If no piece can follow it, a shorter one replaces it.
 ///
-/// `piece` makes the piece between two setpoints after the previous pieces. If the design states no
-/// acceleration, only the distance decides, and a piece to the next setpoint is always accepted.
+/// `piece` makes the piece between two setpoints after the previous pieces. If the design contains
+/// no acceleration, only the distance decides, and a piece to the next setpoint is always accepted.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
@@ -266,11 +268,12 @@ pub(super) fn pieces<P>(
     while choice.start < stretch.last() {
         let mut end = fit.longest(&mut choice, &pieces);
         if end.is_none() {
-            (stuck_start, retries) = match choice.start > stuck_start {
-                true => (choice.start, 1),
-                false => (stuck_start, retries + 1),
+            (stuck_start, retries) = if choice.start > stuck_start {
+                (choice.start, 1)
+            } else {
+                (stuck_start, retries + 1)
             };
-            // Back to the last piece that can be shorter. Those after it are made again.
+            // The search returns to the last piece that can be shorter, and remakes later ones.
             if retries <= RETRIES
                 && let Some((index, shorter_end)) = fit.backtrack(&mut choices, &pieces)
             {
@@ -279,7 +282,7 @@ pub(super) fn pieces<P>(
                 end = Some(shorter_end);
             }
         }
-        // The retries are used up: the piece with the least effort, over the limits or not.
+        // After the last retry, the least effort is used, even if beyond the limits.
         let next = end.map(|end| (end, Rounding::Nearest));
         let next = next.or_else(|| fit.gentlest(choice.start, &pieces));
         let (end, rounding) = next.expect("the next setpoint");
@@ -291,16 +294,16 @@ pub(super) fn pieces<P>(
     pieces
 }
 
-/// The first setpoint of a piece, and the setpoints at which it may end that were not tried yet.
+/// The first setpoint of a piece, and the setpoints not yet tried as its end.
 struct Choice {
     start: usize,
     untried_ends: Range<usize>,
 }
 
-/// Motion of the piece between two setpoints after the previous pieces.
+/// Function that returns the motion of the piece between two setpoints after the previous pieces.
 type Motion<'a, P> = dyn Fn(usize, usize, &[P], Rounding) -> Polynomials + 'a;
 
-/// Conditions on the pieces of a stretch.
+/// Conditions for the pieces of a stretch.
 struct Fit<'a, P> {
     stretch: &'a Stretch,
     limits: [f64; 2],
@@ -310,7 +313,7 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    /// True if a piece between two setpoints is short enough, and near enough to the design.
+    /// Returns true if a piece between two setpoints is short and close enough to the design.
     fn is_near(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> bool {
         let motion = (self.motion)(from, to, previous, rounding);
         let start_s = self.stretch.time_s(from);
@@ -321,13 +324,13 @@ impl<P> Fit<'_, P> {
             })
     }
 
-    /// Returns the setpoint at which the longest piece from `from` that is near enough ends.
+    /// Returns the end of the longest piece from `from` that is close enough to the design.
     fn farthest(&self, from: usize, previous: &[P]) -> usize {
         let last = self.stretch.last();
         gallop(from + 1, last, |to| self.is_near(from, to, previous, Rounding::Nearest))
     }
 
-    /// Returns the largest speed or acceleration of a piece relative to the design's.
+    /// Returns the maximum speed or acceleration of a piece relative to the design's.
     fn effort(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> f64 {
         let motion = (self.motion)(from, to, previous, rounding);
         let [max_m_s, max_m_s2] = self.limits;
@@ -340,8 +343,8 @@ impl<P> Fit<'_, P> {
         efforts.fold(0.0, f64::max)
     }
 
-    /// Returns the ends that a piece from a setpoint may have: only the farthest if the design
-    /// states no acceleration.
+    /// Returns the possible ends of a piece from a setpoint: only the farthest one if the design
+    /// contains no acceleration.
     fn choice(&self, start: usize, previous: &[P]) -> Choice {
         if start == self.stretch.last() {
             return Choice { start, untried_ends: 0..0 };
@@ -351,8 +354,8 @@ impl<P> Fit<'_, P> {
         Choice { start, untried_ends: nearest..farthest + 1 }
     }
 
-    /// Returns the end of the longest piece that keeps to the limits. Removes it and those beyond
-    /// it from the choice. `None` if no piece does.
+    /// Returns the end of the longest piece that stays within the limits, or `None` if no piece
+    /// does. Removes this end and those beyond it from the choice.
     fn longest(&self, choice: &mut Choice, previous: &[P]) -> Option<usize> {
         let (start, rounding) = (choice.start, Rounding::Nearest);
         choice.untried_ends.rfind(|end| {
@@ -369,8 +372,8 @@ impl<P> Fit<'_, P> {
             .find_map(|index| Some((index, self.longest(&mut choices[index], &pieces[..index])?)))
     }
 
-    /// Returns end and rounding of the piece with the least effort among those near enough. A piece
-    /// to the next setpoint is always accepted.
+    /// Returns the end and the rounding of the piece with the least effort among those that are
+    /// close enough. A piece to the next setpoint is always accepted.
     fn gentlest(&self, from: usize, previous: &[P]) -> Option<(usize, Rounding)> {
         let candidates = (from + 1..=self.farthest(from, previous))
             .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));
@@ -384,10 +387,10 @@ impl<P> Fit<'_, P> {
     }
 }
 
-/// Galloping search (Bentley and Yao 1976): returns the largest number up to `last` that fits, if
-/// all below it do. `first` always fits.
+/// Returns the largest number up to `last` that fits, by a galloping search (Bentley and Yao 1976),
+/// if all numbers below it fit. `first` always fits.
 fn gallop(first: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
-    // Doubles the step until a number does not fit, then halves it.
+    // The step is doubled until a number does not fit, and then halved.
     let (mut good, mut step) = (first, 1);
     while good + step <= last && fits(good + step) {
         good += step;

@@ -1,13 +1,13 @@
 //! Polynomials of degree 7: the Crazyflie's uncompressed trajectory, and the CSV of
 //! `uav_trajectories` and Crazyswarm2.
 //!
-//! Form on board (firmware `pptraj.h`, `struct poly4d`): 33 float32 a piece: 8 coefficients each of
-//! x, y, z and yaw in ascending powers of the time in s, then the duration in s. The CSV has the
-//! same 33 numbers with the duration first (`uav_trajectory.py` of Crazyswarm2 skips one line of
-//! header).
+//! Format on board (firmware `pptraj.h`, `struct poly4d`): 33 float32 per piece, which are 8
+//! coefficients each of x, y, z and yaw in ascending powers of the time in s, followed by the
+//! duration in s. The CSV contains the same 33 numbers with the duration first (`uav_trajectory.py`
+//! of Crazyswarm2 skips one header line).
 //!
 //! A piece is the quintic through position, velocity and acceleration of the design at both ends,
-//! and two further coefficients, of `t³(T − t)³` and `t⁴(T − t)³`, by least squares.
+//! plus two coefficients, of `t³(T − t)³` and `t⁴(T − t)³`, by least squares.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -18,11 +18,11 @@ use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
-/// Bytes of a piece on board.
+/// Number of bytes of a piece on board.
 const PIECE_BYTES: usize = 33 * 4;
-/// Most pieces that the trajectory memory holds.
+/// Maximum number of pieces in the trajectory memory.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
-/// Shortest segment that becomes a piece, s. The first drone does not hover before its letters.
+/// Minimum duration of a segment that becomes a piece, s. The first drone of a fleet has no hover.
 const LEAST_SEGMENT_S: f64 = 1e-3;
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -31,18 +31,18 @@ const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poly4d {
     pub(super) pieces: Vec<Polynomials>,
-    /// Heading throughout.
+    /// Constant heading.
     yaw_rad: f64,
 }
 
 impl Poly4d {
-    /// Fits the letters of a plan within `tolerance_m` of its design, in as many pieces as the
-    /// drone's memory holds. The error's hint depends on the release.
+    /// Fits the letters of a plan within `tolerance_m` of its design, in as many pieces as fit into
+    /// the drone's memory. The error's hint depends on the release.
     ///
     /// # Errors
     ///
-    /// [`noctograph_core::error::Error::Input`] for a plan without letters,
-    /// [`noctograph_core::error::Error::Infeasible`] for one that takes more.
+    /// Returns [`noctograph_core::error::Error::Input`] for a plan without letters, and
+    /// [`noctograph_core::error::Error::Infeasible`] for a plan that needs more memory.
     pub fn fit(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
         let trajectory = Self::fit_any_length(plan, tolerance_m)?;
@@ -50,16 +50,15 @@ impl Poly4d {
         if n <= MAX_PIECES {
             return Ok(trajectory);
         }
-        // The error names the letters that fit, and the other formats.
+        // The error names the number of letters that fit, and the other formats.
         let fitting = &trajectory.pieces[..MAX_PIECES - 1];
         let until_s = fitting.iter().map(|piece| piece.duration_s).sum();
         let n_bytes = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
         let needs = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
-        let other = match flies_heading(release, plan.yaw_rad) {
-            true => {
-                format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
-            }
-            false => "send setpoints over the radio (script for cflib)".to_owned(),
+        let other = if flies_heading(release, plan.yaw_rad) {
+            format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
+        } else {
+            "send setpoints over the radio (script for cflib)".to_owned()
         };
         let hint = format!("{other}, or accept a larger distance from the design");
         Err(stretch.too_long(until_s, &needs, &hint))
@@ -69,7 +68,7 @@ impl Poly4d {
     ///
     /// # Errors
     ///
-    /// [`noctograph_core::error::Error::Input`] for a plan without letters.
+    /// Returns [`noctograph_core::error::Error::Input`] for a plan without letters.
     pub fn fit_any_length(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
         let next = |from, to, _: &[Polynomials], _| fit(&stretch, from, to);
@@ -77,11 +76,11 @@ impl Poly4d {
         Ok(Self { pieces, yaw_rad: plan.yaw_rad })
     }
 
-    /// Returns the flight from take-off to landing. Refuses one that exceeds the memory. The script
-    /// lands `over_s` after the end of the trajectory.
+    /// Returns the flight from take-off to landing. Refuses a flight that exceeds the memory. The
+    /// script lands `over_s` after the end of the trajectory.
     ///
-    /// Afterwards the firmware stops the motors: the last piece is NaN, so that the commander on
-    /// board gives no more setpoints (`crtp_commander_high_level.c`, "invalid eval") and the
+    /// The firmware stops the motors after the flight: the last piece is NaN, so that the commander
+    /// on board gives no more setpoints (`crtp_commander_high_level.c`, "invalid eval") and the
     /// watchdog ends the flight 2 s later.
     pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
         let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
@@ -116,7 +115,7 @@ impl Poly4d {
         numbers.flat_map(|number| (number as f32).to_le_bytes()).collect()
     }
 
-    /// Returns the CSV of `uav_trajectories`, with the digits that each number needs.
+    /// Returns the CSV of `uav_trajectories`, with as many digits as each number needs.
     pub fn to_csv(&self) -> String {
         let rows = self.pieces.iter().map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
@@ -135,15 +134,14 @@ fn segment_pieces(segments: &[Segment]) -> Vec<Polynomials> {
         .collect()
 }
 
-/// Returns a polynomial with the same value at all times.
+/// Returns a polynomial that is constant in time.
 fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// Returns the piece between setpoints `from` and `to`: their quintic, and two coefficients by
-/// least squares.
+/// Returns the piece between two setpoints: their quintic, plus two least-squares coefficients.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
-    // The quintic Hermite interpolation between both ends.
+    // The piece begins as the quintic Hermite interpolation between both ends.
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
     let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let arrival_m_s2 = stretch.acceleration_before_m_s2(to);
@@ -153,11 +151,11 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
         quintic(ends, duration_s)
     });
     let mut piece = Polynomials { duration_s, axes: quintics };
-    // Least squares of the residuals by the normal equations, whose matrix is the same on all axes.
+    // The residuals are fitted by normal equations, whose matrix is the same for all axes.
     let (mut normal_matrix, mut right_sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
     for time_s in stretch.check_times_s(from, to) {
         let t = time_s - stretch.time_s(from);
-        // Two basis functions that vanish at both ends with two derivatives, scaled to about 1.
+        // Two basis functions, scaled to about 1, vanish at both ends with two derivatives.
         let (s, rest) = (t / duration_s, 1.0 - t / duration_s);
         let bump = 64.0 * s * s * s * rest * rest * rest;
         let row = Vector2::new(bump, bump * (2.0 * s - 1.0));
@@ -167,7 +165,7 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
             right_sides[axis] += row * residual_m[axis];
         }
     }
-    // With too few times the matrix is singular, and the quintic is kept.
+    // If there are too few times, the matrix is singular, and the quintic is kept.
     if let Some(inverse) = normal_matrix.try_inverse() {
         for (axis, right_side) in piece.axes.iter_mut().zip(right_sides) {
             add_bumps(axis, inverse * right_side, duration_s);
@@ -179,8 +177,8 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
 /// Returns the quintic Hermite polynomial of duration `t` with position, velocity and acceleration
 /// `p, v, a` at the start and `q, w, b` at the end.
 fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
-    // Errors at the end of a motion with constant acceleration: position d, velocity e/t,
-    // acceleration f/t².
+    // A motion with constant acceleration would miss the end by the position d, the velocity e/t
+    // and the acceleration f/t².
     let d = q - p - v * t - 0.5 * a * t * t;
     let e = (w - v - a * t) * t;
     let f = (b - a) * t * t;
@@ -197,12 +195,13 @@ fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
     ]
 }
 
-/// Adds `64 s³(1−s)³ (c₀ + c₁(2s − 1))` with s = t/T to a polynomial of t.
+/// Adds `64 s³(1−s)³ (c₀ + c₁(2s − 1))` with s = t/T to a polynomial in t.
 fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
-    // s³(1−s)³ = s³ − 3s⁴ + 3s⁵ − s⁶, and 2s⁴(1−s)³ − s³(1−s)³ = −s³ + 5s⁴ − 9s⁵ + 7s⁶ − 2s⁷.
+    // The terms are s³(1−s)³ = s³ − 3s⁴ + 3s⁵ − s⁶, and 2s⁴(1−s)³ − s³(1−s)³ = −s³ + 5s⁴ − 9s⁵ +
+    // 7s⁶ − 2s⁷.
     let even = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0, 0.0];
     let odd = [0.0, 0.0, 0.0, -1.0, 5.0, -9.0, 7.0, -2.0];
-    // The duration to the power of each coefficient.
+    // `scale` is the duration to the power of each coefficient.
     let mut scale = 1.0;
     for ((coefficient, even), odd) in axis.iter_mut().zip(even).zip(odd) {
         *coefficient += 64.0 * (c.x * even + c.y * odd) / scale;
@@ -225,7 +224,7 @@ mod tests {
         let (plan, stretch) =
             (plan.as_ref().unwrap(), Stretch::new(plan.as_ref().unwrap()).unwrap());
         let one = Poly4d::fit(Release::MODELED, plan, 0.005).unwrap();
-        // It starts 2 s after another drone of its fleet.
+        // The drone starts 2 s after another drone of its fleet.
         let timeline = Timeline::new(plan, &stretch, stretch.start_s() - 2.0, one.ends_m());
         let all = one.clone().flight(&timeline, 0.5).unwrap();
         assert_eq!(all.pieces.len(), 3 + one.pieces.len() + 3);
@@ -317,7 +316,7 @@ mod tests {
         }
     }
 
-    /// The pieces whose bytes the firmware was given, and its answers.
+    /// Returns the bytes given to the firmware, its responses, and their trajectory.
     fn recorded_pieces() -> (Vec<u8>, Vec<Row>, Poly4d) {
         let (bytes, rows) = read(include_str!("recorded/poly4d.txt"));
         let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));

@@ -1,7 +1,7 @@
 //! Safety: limits of the checks before and during a flight. `check`, the exported scripts and
 //! `docs/fly.md` use the same numbers.
 //!
-//! Firmware: `crazyflie-firmware`, release 2026.08, unless another is named.
+//! Firmware references are to `crazyflie-firmware`, release 2026.08, unless named.
 
 use serde::Serialize;
 
@@ -10,39 +10,39 @@ use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
 
-/// Tolerance for objects outside the room, m: rooms are typed to the decimeter, and a station on
-/// the wall is measured to some centimeters. More would let an origin at a wall of a small room
-/// pass.
+/// Tolerance for objects outside the room, m: the size of a room is given to the decimeter, and a
+/// station on the wall is measured to some centimeters. A larger tolerance would accept an origin
+/// at a wall of a small room.
 pub const FRAME_M: f64 = 0.15;
-/// Largest distance of the drone from the plan's start before take-off, m. Farther away, its path
+/// Maximum distance of the drone from the plan's start before take-off, m. Farther away, its path
 /// to the first letter is not the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
-/// Least distance of people from a flight, m, however slow it is: an arm's length, and a step back
-/// (an assumption).
+/// Minimum distance of people from any flight, m: an arm's length and a step back (assumed).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
-/// Largest difference of the heading from the plan's before take-off, rad: 10°. It moves the light
-/// of headlights sideways by its sine. A drone turned to another axis is 90° off.
+/// Maximum difference of the heading from the plan's before take-off, rad: 10°. The difference
+/// moves the light of headlights sideways by its sine. A drone that points along another axis is
+/// 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
-/// Largest roll and pitch before take-off, rad: 5°. A drone on an edge or a cable has more.
+/// Maximum roll and pitch before take-off, rad: 5°. A drone on an edge or a cable exceeds them.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
-/// Largest error of the drone's position at a corner of the canvas, m.
+/// Maximum error of the drone's position at a corner of the canvas, m.
 pub const CORNER_M: f64 = 0.02;
-/// Distance of the script's fence from the volume that `check` keeps the plan in, m: half of what
-/// the volume keeps from a room's walls.
+/// Distance of the script's fence from the volume in which `check` keeps the plan, m: half of the
+/// distance between the volume and a room's walls.
 pub const FENCE_M: f64 = 0.1;
-/// Largest distance of the estimated position from the setpoint, m. The PID cascade trails by 0.56
-/// s, 0.45 m at 0.8 m/s.
+/// Maximum distance of the estimated position from the setpoint, m. The PID cascade lags by 0.56 s,
+/// which is 0.45 m at 0.8 m/s.
 pub const MAX_POSITION_ERROR_M: f64 = 0.8;
-/// Speed of landing, m/s: slow enough for the ground effect not to throw the drone back up.
+/// Speed of landing, m/s, which is slow enough for the ground effect not to push the drone back up.
 pub const SINK_M_S: f64 = 0.3;
-/// Time for which a limit has to be exceeded in the air before the script lands, s, so that one bad
+/// Time for which a limit must be exceeded in the air before the script lands, s, so that one bad
 /// sample does not end a flight. The firmware levels out a drone without commands after the same
 /// time ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
-/// Least voltage at rest if the scene's drone has no battery, V: a Crazyflie's cell is then charged
-/// to some 28 %, and a flight of a word should begin with more.
+/// Minimum voltage at rest if the scene's drone has no battery, V. A Crazyflie's cell is then
+/// charged to about 28 %, and the flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
-/// Variance of a coordinate whose position is lost in the air, relative to a settled one.
+/// Variance of a coordinate at which the position is lost in the air, relative to the settled one.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
 /// all platforms).
@@ -51,10 +51,10 @@ pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). A shorter sag, as at
 /// take-off, does not count.
 pub const LOW_BATTERY_S: f64 = 5.0;
-/// Oldest cflib that has what the script uses: arming requests, and commands of protocol 8.
+/// Oldest cflib with everything that the script uses: arming requests, and protocol 8.
 pub const OLDEST_CFLIB: &str = "0.1.27";
 
-/// A drone as its firmware names it, with the limits that the firmware has for it.
+/// Kind of drone, as named by its firmware, which determines the firmware's limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Platform {
     /// Crazyflie 2.0, 2.1 and 2.1+, with or without the thrust upgrade kit.
@@ -64,7 +64,7 @@ pub enum Platform {
 }
 
 impl Platform {
-    /// Returns the names with which the firmware may identify itself (`platform_cf2.c`,
+    /// Returns the names by which the firmware may identify itself (`platform_cf2.c`,
     /// `platform_cf21bl.c`).
     pub fn names(self) -> &'static [&'static str] {
         match self {
@@ -83,12 +83,13 @@ impl Platform {
     }
 }
 
-/// Returns the largest variance of an estimated coordinate that counts as settled, m².
+/// Returns the maximum variance of an estimated coordinate that counts as settled, m².
 ///
-/// Lighthouse: 3 cm, the limit of Bitcraze's examples (cflib, `autonomous_sequence.py`). The filter
-/// settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a second,
-/// and the filter's process noise of 0.5 m/s² in a millisecond make 3.4 cm with anchors all around,
-/// and two to three times as much beside them: it would never settle within 3 cm.
+/// Lighthouse: 3 cm, the limit in Bitcraze's examples (cflib, `autonomous_sequence.py`). The filter
+/// settles at 1 mm. Ultra-wideband: 10 cm. With two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 per
+/// second, and the filter's process noise of 0.5 m/s² in a millisecond, the filter settles at 3.4
+/// cm if the anchors are all around, and at two to three times as much next to them. Its estimate
+/// would never settle within 3 cm.
 pub fn variance_m2(positioning: Positioning) -> f64 {
     match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => 1e-3,
@@ -96,8 +97,8 @@ pub fn variance_m2(positioning: Positioning) -> f64 {
     }
 }
 
-/// True if a voltage is never below `low_v` for [`LOW_BATTERY_S`] without interruption. `voltages`
-/// are times and voltages.
+/// Returns true if a voltage is never below `low_v` for [`LOW_BATTERY_S`] without interruption.
+/// `voltages` are times and voltages.
 fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     let mut low_since_s = None;
     for (time_s, voltage_v) in voltages {
@@ -112,7 +113,7 @@ fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     true
 }
 
-/// Resolution of the least charge: a hundredth of a percent.
+/// Number of steps in which the minimum charge is resolved: hundredths of a percent.
 const CHARGE_STEPS: u32 = 10_000;
 /// Tolerance for rounded voltages, V.
 const VOLTAGE_ROUNDING_V: f64 = 1e-9;
@@ -122,18 +123,18 @@ const VOLTAGE_ROUNDING_V: f64 = 1e-9;
 pub struct Battery {
     /// Voltage at rest with the charge of the scene, V.
     pub rest_v: f64,
-    /// Least voltage at rest with which the flight stays above the firmware's limit, V. `None` if
+    /// Minimum voltage at rest with which the flight stays above the firmware's limit, V. `None` if
     /// not even a full battery suffices.
     pub least_rest_v: Option<f64>,
-    /// Greatest drop below the voltage at rest during the flight, V.
+    /// Maximum drop below the voltage at rest during the flight, V.
     pub sag_v: f64,
 }
 
 impl Battery {
-    /// Returns the voltages of a simulated flight. `None` if the scene's drone has no battery.
+    /// Returns the voltages of a simulated flight, or `None` if the scene's drone has no battery.
     ///
-    /// Currents are computed from the flight's voltages. They give the voltages of the same flight
-    /// from any other charge.
+    /// The currents are computed from the flight's voltages. The currents determine the voltages of
+    /// the same flight from any other charge.
     pub fn new(options: &BatteryOptions, flight: &Flight, low_v: f64) -> Option<Self> {
         if options.capacity_ah <= 0.0 || options.resistance_ohm <= 0.0 {
             return None;
@@ -145,7 +146,7 @@ impl Battery {
             return None;
         }
         let least_frac = least_charge_frac(options, &loads(options, &voltages), low_v);
-        // At rest the battery only supplies the idle current.
+        // At rest, the battery only supplies the idle current.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let rest_v = options.open_circuit_v(options.charge_frac) - idle_v;
         let lowest_v = voltages.iter().map(|(_, v)| *v).fold(f64::INFINITY, f64::min);
@@ -156,7 +157,7 @@ impl Battery {
         })
     }
 
-    /// True if the battery lasts through the flight with the charge of the scene.
+    /// Returns true if the battery lasts through the flight with the charge of the scene.
     pub fn lasts(&self) -> bool {
         self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - VOLTAGE_ROUNDING_V)
     }
@@ -167,7 +168,7 @@ struct Load {
     time_s: f64,
     /// Charge used since the start, as a fraction of the capacity.
     used_frac: f64,
-    /// Voltage drop at the inner resistance.
+    /// Voltage drop across the internal resistance.
     drop_v: f64,
 }
 
@@ -177,7 +178,7 @@ fn loads(options: &BatteryOptions, voltages: &[(f64, f64)]) -> Vec<Load> {
     let loads = voltages.iter().map(|(time_s, voltage_v)| {
         let open_v = options.open_circuit_v((options.charge_frac - used_frac).max(0.0));
         let drop_v = open_v - voltage_v;
-        // I = U/R, and the charge is its integral over time, in seconds of an ampere hour.
+        // The current is I = U/R, and the charge is its integral over time, with 3600 s per hour.
         let current_a = drop_v / options.resistance_ohm;
         used_frac += current_a * (time_s - previous_s) / (3600.0 * options.capacity_ah);
         previous_s = *time_s;
@@ -186,8 +187,8 @@ fn loads(options: &BatteryOptions, voltages: &[(f64, f64)]) -> Vec<Load> {
     loads.collect()
 }
 
-/// Returns the least charge from which the battery lasts under the loads, by binary search, as a
-/// fraction of the capacity. `None` if a full battery does not last.
+/// Returns the minimum charge from which the battery lasts under the loads, by binary search, as a
+/// fraction of the capacity. Returns `None` if a full battery does not last.
 fn least_charge_frac(options: &BatteryOptions, loads: &[Load], low_v: f64) -> Option<f64> {
     let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);
     while low < high {
@@ -205,15 +206,15 @@ fn least_charge_frac(options: &BatteryOptions, loads: &[Load], low_v: f64) -> Op
     least_frac
 }
 
-/// Facts of a flight's checks that exported files contain.
+/// Facts about a flight's checks that exported files contain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checks {
-    /// The drone. `None` if its firmware is not Bitcraze's.
+    /// Kind of drone. `None` if its firmware is not Bitcraze's.
     pub platform: Option<Platform>,
-    /// Positioning of the drones.
+    /// Positioning system of the drones.
     pub positioning: Positioning,
-    /// Least and greatest x, y, z of the volume in which `check` keeps the plans, within the room
-    /// if there is one.
+    /// Minimum and maximum x, y, z of the volume in which `check` keeps the plans, which is within
+    /// the room if there is one.
     pub volume_m: [[f64; 3]; 2],
     /// Width, depth and height of the room. `None` if the scene has no room.
     pub room_m: Option<[f64; 3]>,
@@ -221,12 +222,12 @@ pub struct Checks {
     pub batteries: Vec<Option<Battery>>,
     /// SHA-256 of the printed scene.
     pub scene_sha256: String,
-    /// The scene (TOML), which goes with the log.
+    /// The scene (TOML), which is written to the log.
     pub scene_toml: String,
 }
 
-/// Returns the table of all checks for `docs/fly.md`, in the order in which they are made. Its
-/// columns: the check, the program that makes it, its limit, and the source.
+/// Returns the table of all checks for `docs/fly.md`, in the order in which they are made. The
+/// table's columns are the check, the program that makes it, its limit, and the source.
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
     let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
@@ -235,7 +236,7 @@ pub fn table() -> String {
     let corner = 100.0 * CORNER_M;
     let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
     let [oldest, slow, heading] = releases.map(Release::name);
-    // Numbers are those of the code, so that the page cannot differ.
+    // The numbers are those of the code, so that the page cannot differ.
     format!(
         "\
 | what is checked | by | limit | from |
@@ -279,7 +280,7 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
 
-    /// A flight of a short word from a charge, and if the battery lasts by the table's rule.
+    /// Returns a flight of a short word from a charge, and true if the battery lasts.
     fn flown(charge_frac: f64) -> (Battery, bool) {
         let mut options = SimOptions::default();
         options.battery.capacity_ah = 0.25;
@@ -321,7 +322,8 @@ mod tests {
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
         let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
         let battery = Battery::new(&options, &flight, low_v).unwrap();
-        // It may be low for the last 5 s: at 55 s, 3.7 V at no load, where the curve is steep.
+        // The voltage may be low for the last 5 s, from 55 s on: 3.7 V without load, on the steep
+        // curve.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let least_frac = 0.1 * (low_v + drop_v - 3.0) / (3.78 - 3.0) + spent_frac(55.0);
         let least_v = options.open_circuit_v(least_frac) - idle_v;

@@ -1,7 +1,7 @@
-//! Skybrush: `.skyc` shows, with the photographer's camera.
+//! Exports Skybrush shows (`.skyc`), with the photographer's camera.
 //!
-//! Format: the JSON schema of `.skyc` (`@skybrush/file-formats-doc`). Coordinates are ours in
-//! meters. Lights are programs of Skybrush's light player in steps of 20 ms.
+//! Format: the JSON schema of `.skyc` (`@skybrush/file-formats-doc`). Coordinates are the plan's,
+//! in meters. Lights are programs for Skybrush's light player, in steps of 20 ms.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -10,33 +10,33 @@ use serde_json::{Value, json};
 use super::compressed::Compressed;
 use super::lights::{commands, screen_rgb};
 use super::pieces::Stretch;
-use super::timeline::{Timeline, earliest_s};
+use super::timeline::{Rest, Timeline, earliest_s};
 use super::zip::zip;
 use super::{File, Job, ascii, stem};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_plan::{MIN_HORIZONTAL_M, Plan};
 
-/// Steps of a light program per second.
+/// Rate of the steps of a light program.
 const LIGHT_HZ: f64 = 50.0;
-/// Shortest segment of a trajectory, s. The first drone of a fleet does not wait for its turn.
+/// Minimum duration of a trajectory's segment, s. The first drone does not wait for its turn.
 const MIN_SEGMENT_S: f64 = 1e-6;
-/// Room above the drones in the show's altitude limit, m.
+/// Distance between the drones and the show's altitude limit, m.
 const HEADROOM_M: f64 = 0.5;
 // Commands of a light program.
 const END: u8 = 0;
 const COLOR: u8 = 4;
 const BLACK: u8 = 6;
 const WHITE: u8 = 7;
-/// Width of the film that Skybrush's focal lengths are for, mm.
+/// Width of the film to which Skybrush's focal lengths refer, mm.
 const FILM_MM: f64 = 36.0;
 
-/// Returns the `.skyc` file of a job: a zip archive with `show.json`.
+/// Returns the `.skyc` file of a job, which is a zip archive with `show.json`.
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let first_start_s = earliest_s(job.plans)?;
     let drones =
         job.plans.iter().enumerate().map(|(index, plan)| drone(job, index, plan, first_start_s));
-    // No drone exceeds the limits of the show's validation.
+    // The limits of the show's validation are those that no drone exceeds.
     let setpoints = job.plans.iter().flat_map(|plan| &plan.setpoints);
     let level_m_s = setpoints.clone().map(|s| s.velocity_m_s.xy().norm());
     let vertical_m_s = setpoints.clone().map(|s| s.velocity_m_s.z.abs());
@@ -60,32 +60,32 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// Returns a segment from rest to rest that ends at `time_s`. Its control points are its ends.
-fn segment(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
-    match from == to {
-        true => json!([time_s, to.as_slice(), []]),
-        false => json!([time_s, to.as_slice(), [from.as_slice(), to.as_slice()]]),
-    }
+/// Returns a segment from rest to rest, whose control points are its ends. A segment without motion
+/// has none.
+fn segment(from_m: Vector3<f64>, to: Rest) -> Value {
+    let to_m = to.position_m;
+    let control_m = if from_m == to_m { vec![] } else { vec![from_m.as_slice(), to_m.as_slice()] };
+    json!([to.time_s, to_m.as_slice(), control_m])
 }
 
-/// Returns a drone of a Skybrush show: trajectory, lights and home.
+/// Returns a drone of a Skybrush show, with trajectory, lights and home.
 fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result<Value> {
     let stretch = Stretch::new(plan)?;
     let trajectory = Compressed::of_any_length(&stretch, job.tolerance_m)?;
     let [first_m, last_m] = trajectory.ends_m();
     let timeline = Timeline::new(plan, &stretch, first_start_s, [first_m, last_m]);
-    let home_m = timeline.before[0].1;
-    // The trajectory as Bézier curves: to the first letter, the letters, a hover and the landing.
+    let home_m = timeline.before[0].position_m;
+    // The trajectory's Bézier curves are the path to the letters, letters, a hover and the landing.
     let mut points = vec![json!([0.0, home_m.as_slice(), []])];
-    let segments = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > MIN_SEGMENT_S);
-    points.extend(segments.map(|ends| segment(ends[0].1, ends[1].0, ends[1].1)));
-    let mut time_s = timeline.before[3].0;
+    let segments =
+        timeline.before.windows(2).filter(|ends| ends[1].time_s - ends[0].time_s > MIN_SEGMENT_S);
+    points.extend(segments.map(|ends| segment(ends[0].position_m, ends[1])));
+    let mut time_s = timeline.before[3].time_s;
     for (duration_s, [_, b, c, d]) in trajectory.curves() {
         time_s += duration_s;
         points.push(json!([time_s, d.as_slice(), [b.as_slice(), c.as_slice()]]));
     }
-    points.push(segment(last_m, timeline.after[0].0, last_m));
-    points.push(segment(last_m, timeline.after[1].0, timeline.after[1].1));
+    points.extend(timeline.after.map(|rest| segment(last_m, rest)));
     // Lights are timed on the flight of the trajectory.
     let lights = commands(&job.flown[index], job.light)?;
     let colors: Vec<(f64, [u8; 3])> =
@@ -95,16 +95,16 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
         "settings": {
             "name": format!("Drone {}", index + 1),
             "home": home_m.as_slice(),
-            "landAt": timeline.after[1].1.as_slice(),
+            "landAt": timeline.after[1].position_m.as_slice(),
             "trajectory": { "version": 1, "points": points, "takeoffTime": 0.0 },
             "lights": { "version": 1, "data": BASE64_STANDARD.encode(program(&colors)) },
-            // Degrees clockwise from above, from the x axis of the show.
+            // The heading is in degrees, clockwise from above, from the x axis of the show.
             "yawControl": { "version": 1, "setpoints": [[0.0, -plan.yaw_rad.to_degrees()]] },
         },
     }))
 }
 
-/// Encodes the light program of a drone, which is dark at first. Each change is a time since the
+/// Encodes the light program of a drone, which is initially dark. Each change is a time since the
 /// take-off command in s, and the color from then on.
 fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
@@ -113,7 +113,7 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
         let step = (time_s * LIGHT_HZ).round() as u64;
         colors.push((step, *color));
     }
-    // A color lasts until the next. Of several in one step the last one counts.
+    // A color lasts until the next one. Of several colors in one step, the last one is used.
     let mut bytes = Vec::new();
     for (index, &(from, color)) in colors.iter().enumerate() {
         let until = colors.get(index + 1).map_or(from + 1, |next| next.0);
@@ -131,8 +131,8 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     bytes
 }
 
-/// Appends a number in bytes of seven bits, the lowest first. The highest bit of a byte is set if
-/// another one follows.
+/// Appends a number in bytes of seven bits, with the lowest first. The highest bit of a byte is set
+/// if another byte follows.
 fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     while value > 127 {
         bytes.push((value & 127) as u8 | 128);
@@ -142,9 +142,9 @@ fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// Returns the photographer's camera. Without a rotation Skybrush's looks along -z with +y up.
+/// Returns the photographer's camera. Unrotated, Skybrush's looks along -z with +y up.
 fn camera(camera: &Camera) -> Value {
-    // This program's camera looks along +z with y down.
+    // The camera of this program looks along +z with y down.
     let world_from_camera = camera.camera_from_world.transpose()
         * nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
     let rotation = Rotation3::from_matrix_unchecked(world_from_camera);
@@ -174,8 +174,8 @@ mod tests {
     #[test]
     fn skybrushs_own_player_shows_the_colors() {
         let bytes = program(&[(3.0, [255; 3]), (6.0, [128; 3]), (9.0, [0; 3])]);
-        // skybrush.js, packages/show-format/src/lights.ts (17b0cb7), run by Node.js 20: it reads
-        // all 15 bytes, and shows these colors.
+        // skybrush.js, packages/show-format/src/lights.ts (17b0cb7), run by Node.js 20, reads all
+        // 15 bytes and shows these colors.
         let played = [6, 150, 1, 7, 150, 1, 4, 128, 128, 128, 150, 1, 6, 1, 0];
         assert_eq!(bytes, played);
     }

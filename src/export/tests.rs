@@ -1,6 +1,6 @@
-//! Tests of trajectories: random plans, and recorded answers of outside programs to our files.
+//! Tests of trajectories with random plans, and with recorded responses of other programs.
 //!
-//! A recorded file has comment lines (`#`) with the program and its version, a line `bytes` in
+//! A recorded file contains comment lines (`#`) with the program and its version, a line `bytes` in
 //! hexadecimal, and rows of the time in s with position, velocity and acceleration in m and s.
 
 use nalgebra::Vector3;
@@ -24,10 +24,10 @@ use noctograph_plan::{Plan, PlanData, PlanOptions, Setpoint, plan};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::{ControllerKind, SimOptions};
 
-/// A time, and position, velocity and acceleration at it.
+/// A time, and the position, velocity and acceleration at this time.
 pub(super) type Row = (f64, [Vector3<f64>; 3]);
 
-/// The bytes that the program was given, and its answers.
+/// Returns the bytes that the program was given, and its responses.
 pub(super) fn read(text: &str) -> (Vec<u8>, Vec<Row>) {
     let mut bytes = Vec::new();
     let mut rows = Vec::new();
@@ -45,7 +45,7 @@ pub(super) fn read(text: &str) -> (Vec<u8>, Vec<Row>) {
     (bytes, rows)
 }
 
-/// A trajectory from its bytes.
+/// Decodes a trajectory from its bytes.
 pub(super) fn decoded(bytes: &[u8]) -> Compressed {
     let int16 = |offset: usize| i16::from_le_bytes([bytes[offset], bytes[offset + 1]]);
     let (mut start_mm, yaw, mut offset) = ([0, 2, 4].map(int16), int16(6), 8);
@@ -66,8 +66,8 @@ pub(super) fn decoded(bytes: &[u8]) -> Compressed {
     Compressed { pieces, yaw }
 }
 
-/// Compares our evaluation with the recorded answers, within the single precision of the programs:
-/// of a time of 35 s it is 4 µs, in which a drone flies 1 µm.
+/// Compares this program's evaluation with the recorded responses, within the single precision of
+/// the other programs. At a time of 35 s this precision is 4 µs, in which a drone flies 1 µm.
 pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     for (time_s, want) in rows {
         let answer = motion(pieces, *time_s);
@@ -78,13 +78,13 @@ pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     }
 }
 
-/// Largest distance of a trajectory from the design at the times at which pieces are checked, m.
+/// Returns the maximum distance of a trajectory from the design at the times of comparison, m.
 pub(super) fn checked_m(stretch: &Stretch, pieces: &[Polynomials]) -> f64 {
     let off_m = |t: f64| (motion(pieces, t)[0] - stretch.position_m(t)).norm();
     stretch.check_times_s(0, stretch.last()).map(off_m).fold(0.0, f64::max)
 }
 
-/// Random plans of sine waves about (1, 1, 1) m, for tests.
+/// Returns random plans of sine waves about (1, 1, 1) m for tests.
 pub(super) fn waves() -> impl Strategy<Value = Plan> {
     let shape =
         (uniform3(0.2..0.6_f64), uniform3(0.02..1.0_f64), uniform3(0.0..std::f64::consts::TAU));
@@ -125,7 +125,7 @@ fn a_name_keeps_its_letters_in_the_name_of_a_file() {
     }
 }
 
-/// What is done with a job of plans of the word I, which Lee's controller flies.
+/// Calls `act` with a job for plans of the word I, which Lee's controller flies.
 fn with_job<T>(plans: &[Plan], flown: &[Plan], act: impl FnOnce(Job<'_>) -> T) -> T {
     let mut sim = SimOptions::default();
     sim.controller.kind = ControllerKind::Geometric;
@@ -155,7 +155,7 @@ fn with_job<T>(plans: &[Plan], flown: &[Plan], act: impl FnOnce(Job<'_>) -> T) -
     })
 }
 
-/// The plan of a word, which is written 1.5 m to the right and 3 s later for each drone before.
+/// Returns the plan of a word. Each drone writes 1.5 m to the right of the last, 3 s later.
 fn planned(word: &str, drone: u32) -> Plan {
     let strokes = write(word, &LetterOptions::default()).unwrap();
     let mut plan = plan(&strokes, &PlanOptions::even()).unwrap();
@@ -168,7 +168,7 @@ fn planned(word: &str, drone: u32) -> Plan {
     plan
 }
 
-/// A plan of setpoints, each with its time, place and velocity and the level of the headlights.
+/// Returns a plan of setpoints with time, position, velocity and level of the headlights.
 fn lit(rows: &[(f64, [f64; 3], [f64; 3], f64)]) -> Plan {
     let setpoint =
         |&(time_s, place_m, velocity_m_s, _): &(f64, [f64; 3], [f64; 3], f64)| Setpoint {
@@ -194,7 +194,7 @@ fn text(file: &File) -> &str {
     std::str::from_utf8(&file.bytes).unwrap()
 }
 
-/// The data in a script.
+/// Returns the data in a script.
 fn data(file: &File) -> Value {
     let line = text(file).lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
     let literal: String = serde_json::from_str(line.strip_suffix(')').unwrap()).unwrap();
@@ -266,7 +266,7 @@ fn crazyswarm2_gets_a_trajectory_of_each_drone_its_configuration_and_one_script(
         (&data["word"], &data["platform"]),
         (&json!("I"), &json!("Crazyflie 2.1 or Crazyflie 2.0"))
     );
-    // Ten times the variance that has settled.
+    // The limit is ten times the settled variance.
     assert_eq!([&data["variance_m2"], &data["lost_m2"]], [0.001, 0.01]);
     let first_s = Stretch::new(&plans[1]).unwrap().start_s();
     for (index, (plan, file)) in plans.iter().zip(&files).enumerate() {
@@ -287,12 +287,12 @@ fn crazyswarm2_gets_a_trajectory_of_each_drone_its_configuration_and_one_script(
         let lit_s = lights[0][0].as_f64().unwrap() - stretch.start_s();
         assert!((0.0..1.0).contains(&lit_s), "in the time of its plan: {lit_s} s");
         assert_eq!(drone["dark"], json!([["ring.headlightEnable", 0]]));
-        // It lands by itself 3 s after the script has.
+        // The drone lands by itself 3 s after the script's landing.
         let durations_s = text(file).lines().skip(1).map(|row| row.split_once(',').unwrap().0);
         let durations_s: Vec<f64> = durations_s.map(|text| text.parse().unwrap()).collect();
         let lasts_s: f64 = durations_s.iter().sum();
         let lands_s = number("end_s") - number("start_s") + 3.0;
-        // To 0.1 m below the floor at 0.3 m/s, and a second without a goal.
+        // The drone descends to 0.1 m below the floor at 0.3 m/s, then has no goal for 1 s.
         let down_s = (stretch.setpoints[stretch.last()].position_m.z + 0.1) / 0.3 + 1.0;
         assert!((lasts_s - lands_s - down_s).abs() < 0.02, "{lasts_s} {lands_s} {down_s}");
     }
@@ -308,7 +308,7 @@ fn a_skybrush_show_has_the_ways_the_limits_and_the_camera() {
         (export(Format::Skyc, &job).unwrap().remove(0), focal)
     });
     assert_eq!(file.name, "I.skyc");
-    // A stored entry: its head, its name and its content.
+    // A stored entry consists of its head, its name and its contents.
     let size = u32::from_le_bytes(file.bytes[18..22].try_into().unwrap()) as usize;
     let show: Value = serde_json::from_slice(&file.bytes[39..39 + size]).unwrap();
     assert_eq!(show["environment"]["cameras"][0]["focalLength"], focal);

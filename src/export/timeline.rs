@@ -1,8 +1,9 @@
 //! Timing of a flight with a trajectory on board, from take-off to landing.
 //!
-//! Take-off, the path to the first letter, a hover until the drone's turn, the letters, and a hover
-//! and a landing for a drone that hears nothing more. The script lands before that. Segments from
-//! rest to rest are polynomials of degree 7, as those of the firmware's high-level commander.
+//! The flight consists of take-off, the path to the first letter, a hover until the drone's turn,
+//! the letters, and a hover and a landing for a drone that loses its radio link. The script lands
+//! before that. Segments from rest to rest are polynomials of degree 7, like those of the
+//! firmware's high-level commander.
 
 use nalgebra::Vector3;
 
@@ -13,13 +14,15 @@ use noctograph_plan::Plan;
 
 /// Duration of the take-off, and of the path to the first letter, s, as in `cflib.py`.
 const TAKE_OFF_S: f64 = 3.5;
-/// Hover before the script lands, s.
+/// Duration of the hover before the script lands, s.
 const HOVER_S: f64 = 0.5;
-/// Hover after the time at which the script lands, s. Then the trajectory lands without it.
+/// Duration of the hover after the time at which the script lands, s, after which the trajectory
+/// lands without it.
 const WITHOUT_LINK_S: f64 = 3.0;
-/// Depth below the floor at which a landing without a script ends, m. It keeps the drone there.
+/// Depth below the floor at which a landing without a script ends, m. A goal below the floor keeps
+/// the drone on it.
 const BELOW_FLOOR_M: f64 = 0.1;
-/// Shortest landing, s.
+/// Minimum duration of a landing, s.
 const MIN_LAND_S: f64 = 2.0;
 
 /// Returns the time of the take-off command if the first trajectory starts at `first_start_s`, both
@@ -28,7 +31,7 @@ pub(super) fn zero_s(first_start_s: f64) -> f64 {
     first_start_s - 2.0 * TAKE_OFF_S
 }
 
-/// Returns the time at which the first of several trajectories starts, by the plans' clock, s.
+/// Returns the time, by the plans' clock, at which the first of several trajectories starts, s.
 pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
     let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
     Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
@@ -37,26 +40,35 @@ pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
 /// A motion from rest to rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
-    /// The axes that move.
+    /// Indices of the axes that move.
     pub(super) axes: &'static [usize],
     pub(super) duration_s: f64,
     pub(super) ends_m: [Vector3<f64>; 2],
 }
 
 const UP: &[usize] = &[2];
-/// Both axes, even if the ends are the same, since a drone beside the plan's start flies there.
+/// Both horizontal axes move even if the ends are the same, because a drone that is not exactly at
+/// the plan's start flies there.
 const LEVEL: &[usize] = &[0, 1];
 const HOVER: &[usize] = &[];
+
+/// A moment at which a drone is at rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rest {
+    /// Time since the take-off command, s.
+    pub(super) time_s: f64,
+    pub(super) position_m: Vector3<f64>,
+}
 
 /// Times and positions of a drone with a trajectory on board. Time zero is the take-off command.
 pub(super) struct Timeline {
     /// Time of the take-off command by the plan's clock, s.
     pub(super) zero_s: f64,
-    /// Times and positions of rest before the trajectory: on the floor, above it, at the first
-    /// letter, and at the trajectory's start.
-    pub(super) before: [(f64, Vector3<f64>); 4],
-    /// Times and positions of rest after it: at the end of a hover, and on the floor.
-    pub(super) after: [(f64, Vector3<f64>); 2],
+    /// Rests before the trajectory: on the floor, above it, at the first letter, and at the
+    /// trajectory's start.
+    pub(super) before: [Rest; 4],
+    /// Rests after the trajectory: at the end of a hover, and on the floor.
+    pub(super) after: [Rest; 2],
 }
 
 impl Timeline {
@@ -68,7 +80,7 @@ impl Timeline {
         first_start_s: f64,
         [first_m, last_m]: [Vector3<f64>; 2],
     ) -> Self {
-        // Straight up, level to the first letter, and a hover until the drone's turn.
+        // The drone flies straight up and level to the first letter, and hovers until its turn.
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
         let zero_s = zero_s(first_start_s);
@@ -78,12 +90,18 @@ impl Timeline {
         Self {
             zero_s,
             before: [
-                (0.0, Vector3::new(home_m.x, home_m.y, 0.0)),
-                (TAKE_OFF_S, above_m),
-                (2.0 * TAKE_OFF_S, first_m),
-                (start_s, first_m),
+                Rest { time_s: 0.0, position_m: Vector3::new(home_m.x, home_m.y, 0.0) },
+                Rest { time_s: TAKE_OFF_S, position_m: above_m },
+                Rest { time_s: 2.0 * TAKE_OFF_S, position_m: first_m },
+                Rest { time_s: start_s, position_m: first_m },
             ],
-            after: [(hover_s, last_m), (hover_s + land_s, Vector3::new(last_m.x, last_m.y, 0.0))],
+            after: [
+                Rest { time_s: hover_s, position_m: last_m },
+                Rest {
+                    time_s: hover_s + land_s,
+                    position_m: Vector3::new(last_m.x, last_m.y, 0.0),
+                },
+            ],
         }
     }
 
@@ -91,14 +109,15 @@ impl Timeline {
     pub(super) fn segments_before(&self) -> [Segment; 3] {
         [(0, UP), (1, LEVEL), (2, HOVER)].map(|(index, axes)| {
             let [from, to] = [self.before[index], self.before[index + 1]];
-            Segment { axes, duration_s: to.0 - from.0, ends_m: [from.1, to.1] }
+            let ends_m = [from.position_m, to.position_m];
+            Segment { axes, duration_s: to.time_s - from.time_s, ends_m }
         })
     }
 
     /// Returns the segments after the trajectory for a drone without a radio link: a hover and a
-    /// landing. With a link the script lands `over_s` after the trajectory's end, before them.
+    /// landing. With a link, the script lands before them, `over_s` after the trajectory's end.
     pub(super) fn segments_without_link(&self, over_s: f64) -> [Segment; 2] {
-        let last_m = self.after[0].1;
+        let last_m = self.after[0].position_m;
         let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
         let landing_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
         let hover_s = over_s.max(0.0) + WITHOUT_LINK_S;
@@ -108,28 +127,30 @@ impl Timeline {
         ]
     }
 
-    /// Returns the position at `time_s`, m. `trajectory_m` gives the trajectory's position by the
+    /// Returns the position at `time_s`, m. `trajectory_m` returns the trajectory's position at a
     /// time since its start.
     pub(super) fn position_m(
         &self,
         time_s: f64,
         trajectory_m: impl Fn(f64) -> Vector3<f64>,
     ) -> Vector3<f64> {
-        let start_s = self.before[3].0;
-        if (start_s..self.after[0].0).contains(&time_s) {
+        let start_s = self.before[3].time_s;
+        if (start_s..self.after[0].time_s).contains(&time_s) {
             return trajectory_m(time_s - start_s);
         }
-        // Before or after it the drone flies from rest to rest, or is at rest.
+        // Before and after the trajectory the drone flies from rest to rest, or is at rest.
         let rests: &[_] = if time_s < start_s { &self.before } else { &self.after };
         let segment = rests
             .windows(2)
-            .find(|segment| time_s < segment[1].0)
+            .find(|segment| time_s < segment[1].time_s)
             .unwrap_or(&rests[rests.len() - 2..]);
-        let [(from_s, from_m), (to_s, to_m)] = [segment[0], segment[1]];
-        if time_s >= to_s {
-            return to_m;
+        let (from, to) = (segment[0], segment[1]);
+        if time_s >= to.time_s {
+            return to.position_m;
         }
-        Polynomials::from_rest_to_rest([from_m, to_m], to_s - from_s).evaluate(time_s - from_s)[0]
+        let ends_m = [from.position_m, to.position_m];
+        Polynomials::from_rest_to_rest(ends_m, to.time_s - from.time_s)
+            .evaluate(time_s - from.time_s)[0]
     }
 }
 
@@ -157,6 +178,6 @@ mod tests {
         );
         let low = Timeline::new(&plan, &stretch, 0.0, [first_m, Vector3::new(0.0, 0.0, 0.2)]);
         assert_eq!(low.segments_without_link(0.0)[1].duration_s, 2.0, "no faster than any landing");
-        assert_eq!(low.after[1].0 - low.after[0].0, 2.0);
+        assert_eq!(low.after[1].time_s - low.after[0].time_s, 2.0);
     }
 }

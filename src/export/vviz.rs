@@ -1,10 +1,11 @@
-//! VVIZ 1.0, the interchange format of drone shows for viewing (Verge Aero, Finale 3D).
+//! Exports VVIZ 1.0, the interchange format for viewing drone shows (Verge Aero, Finale 3D).
 //!
-//! Steps of position in meters at 10 Hz from each drone's home, x to the right, y up and z forward,
-//! and a color for each frame of 20 Hz. Sources: docs.verge.aero ("VVIZ format") for the header and
-//! the axes, finale3d.com ("vviz file format") for the home and the steps, public exporters to
-//! Finale 3D for `Light`. `frames` of a color is left out: no document says if it counts from the
-//! color before or to the next one. One color a frame means the same in both readings.
+//! The file contains steps of position in meters at 10 Hz from each drone's home, with x to the
+//! right, y up and z forward, and a color for each frame at 20 Hz. Sources: docs.verge.aero ("VVIZ
+//! format") for the header and the axes, finale3d.com ("vviz file format") for the home and the
+//! steps, and public exporters to Finale 3D for `Light`. `frames` of a color is omitted, because no
+//! document states if it counts from the previous color or to the next one. One color per frame
+//! means the same in both interpretations.
 
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -14,16 +15,17 @@ use super::{File, Job, ascii, stem};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
-/// Positions and color frames per second.
+/// Rates of the positions and of the color frames.
 const POSITION_HZ: f64 = 10.0;
 const COLOR_HZ: f64 = 20.0;
-/// Positions are rounded to 0.1 mm.
+/// Number of rounding steps per meter, which makes 0.1 mm.
 const ROUNDING_PER_M: f64 = 1e4;
 
 /// Returns the `.vviz` file of a job. Refuses a plan with a heading.
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
-        let wanted = "0 for VVIZ: no document says from where and which way its headings turn";
+        let wanted =
+            "0 for VVIZ, because no document defines the zero and the sense of its headings";
         let hint = "export a show for Skybrush, which has headings, or plan with 0";
         return Err(Error::input("plan.yaw_rad", plan.yaw_rad, wanted, hint));
     }
@@ -54,9 +56,10 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
-/// Returns the steps of a drone from each sampled position to the next. The first is zero.
+/// Returns the steps of a drone from each sampled position to the next, beginning with a step of
+/// zero.
 fn steps(flown: &Plan) -> Vec<Value> {
-    // Differences of rounded positions, so that the rounding does not add up.
+    // The steps are differences of rounded positions, so that rounding errors do not accumulate.
     let positions_m = samples(flown, POSITION_HZ).map(|(_, position_m)| position_m);
     let rounded: Vec<_> =
         positions_m.map(|position_m| (position_m * ROUNDING_PER_M).map(f64::round)).collect();
@@ -69,7 +72,7 @@ fn steps(flown: &Plan) -> Vec<Value> {
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     let lights = commands(flown, job.light)?;
     let colors = samples(flown, COLOR_HZ).map(|(time_s, _)| {
-        // The nearest frame shows a change: within half a period.
+        // The nearest frame, within half a period, shows a change.
         let latest = lights.iter().rfind(|c| c.time_s <= time_s + 0.5 / COLOR_HZ);
         let [r, g, b] = latest.map_or([0; 3], |command| screen_rgb(command, job.light));
         json!({ "r": r, "g": g, "b": b })
@@ -77,7 +80,7 @@ fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     Ok(colors.collect())
 }
 
-/// Returns times and positions of a plan, sampled at `hz` until its end.
+/// Returns the times and positions of a plan, sampled at `hz` until its end.
 fn samples(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let n = (plan.duration_s() * hz).ceil() as u32;

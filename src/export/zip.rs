@@ -1,19 +1,19 @@
-//! Zip archives without compression: PKWARE's APPNOTE 6.3, stored entries with the date of 1980
-//! (the same files make the same bytes).
+//! Writes zip archives without compression (PKWARE's APPNOTE 6.3). Entries are stored with the date
+//! of 1980, so that the same files make the same bytes.
 
 use super::File;
 
-/// Returns a zip archive of files: for each a local header and its content, then the central
-/// directory and its end record.
+/// Returns a zip archive of files. Each file has a local header followed by its contents. The
+/// central directory and its end record come last.
 pub fn zip(files: &[File]) -> Vec<u8> {
     let (mut archive, mut directory) = (Vec::new(), Vec::new());
     for File { name, bytes: content } in files {
         let size = length(content.len());
         let offset = length(archive.len());
-        // Version 2.0, UTF-8 names, stored, midnight of 1 January 1980.
+        // The fields are: version 2.0, UTF-8 names, stored, and midnight of 1 January 1980.
         let mut header: Vec<u8> = [20_u16, 1 << 11, 0, 0, 33].map(u16::to_le_bytes).concat();
         header.extend([crc32fast::hash(content), size, size].map(u32::to_le_bytes).concat());
-        // Lengths of the name and of the extra field, which is empty.
+        // The last fields are the lengths of the name and of the extra field, which is empty.
         let name_length = u16::try_from(name.len()).expect("a short name");
         header.extend([name_length, 0].map(u16::to_le_bytes).concat());
         archive.extend(b"PK\x03\x04");
@@ -22,7 +22,7 @@ pub fn zip(files: &[File]) -> Vec<u8> {
         archive.extend(content);
         directory.extend(b"PK\x01\x02\x14\x00");
         directory.extend(&header);
-        // No comment, first disk, no attributes.
+        // There is no comment, the disk is the first one, and there are no attributes.
         directory.extend([0; 10]);
         directory.extend(offset.to_le_bytes());
         directory.extend(name.as_bytes());
@@ -34,7 +34,7 @@ pub fn zip(files: &[File]) -> Vec<u8> {
     archive
 }
 
-/// Returns a length as the archive stores it.
+/// Returns a length in the form in which the archive stores it.
 fn length(n: usize) -> u32 {
     u32::try_from(n).expect("an archive below 4 GiB")
 }

@@ -1,7 +1,7 @@
-//! Positions of N drones from ranges, from any start: the state is augmented by squares.
+//! Locates N drones from ranges, with any start: the state is augmented with squares and products.
 //!
-//! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as further states and known displacements `δ_i`,
-//! motion and squared ranges are linear:
+//! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as additional states and known displacements
+//! `δ_i`, motion and squared ranges are linear:
 //!
 //! ```text
 //! p_i ← p_i + δ_i     n_i ← n_i + 2 δ_iᵀ p_i + |δ_i|²
@@ -11,11 +11,13 @@
 //!
 //! so that a Kalman filter converges from any start, unless motion and anchors lie in one plane.
 //! [`Augmented::positions`] fits positions to this state by Gauss–Newton, weighted by its
-//! covariance, and hands over to [`Positions`]. [`locate_augmented`] starts at the middle of the
-//! anchors and hands over after five seconds. Later ranges do not improve earlier positions.
+//! covariance, and returns them as a [`Positions`] filter. [`locate_augmented`] starts at the
+//! middle of the anchors and switches to that filter after five seconds. Later ranges do not
+//! improve earlier positions.
 //!
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665. G.
-//! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
+//! Indiveri, G. Parlangeli, arXiv 1308.0517. The noise of a squared range has the variance 4d²σ² +
+//! 2σ⁴ and the mean σ².
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -28,23 +30,22 @@ use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
-/// Offsets of the starting points of Gauss–Newton along the least certain direction, in standard
-/// deviations.
+/// Offsets of Gauss–Newton's starts along the least certain direction, in standard deviations.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
 const HAND_OVER_S: f64 = 5.0;
-/// Random walk of the error in the known motion, m/√s, for velocities estimated on board.
+/// Random walk of the error in the known motion, m/√s, for velocities that are estimated on board.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
-/// Added cost of positions outside the room, larger than the cost of any fit inside.
+/// Cost that is added for positions outside the room, which exceeds the cost of any fit inside.
 const OUTSIDE_COST: f64 = 1e6;
-/// Least eigenvalue of the scaled covariance, which may be singular.
+/// Minimum eigenvalue of the scaled covariance, which may be singular.
 const LEAST_EIGENVALUE: f64 = 1e-13;
 
-/// The linear filter on positions and their products.
+/// Linear filter on positions, their squares and their products.
 #[derive(Clone, Debug)]
 pub struct Augmented {
     anchors_m: Vec<Vector3<f64>>,
     n: usize,
-    /// Positions, squares and products, relative to `origin_m`.
+    /// Mean and covariance of the state, relative to `origin_m`.
     normal: Normal,
     origin_m: Vector3<f64>,
 }
@@ -58,7 +59,8 @@ impl Augmented {
             starts_m.iter().map(|start| start - origin_m).collect();
         let positions_m = flattened(&positions_m);
         let variance = sigma_m * sigma_m;
-        // Moments of a normal distribution, with the second-order terms of squares and products.
+        // Mean and covariance are the moments of a normal distribution, with second-order terms of
+        // the products.
         let (mut state, jacobian) = (augmented(&positions_m), augmented_jacobian(&positions_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
@@ -73,8 +75,7 @@ impl Augmented {
     /// Moves the drones by `moved_m`, which has the variance `variance_m2` on each axis.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let (n, moved_m) = (self.n, flattened(moved_m));
-        // x ← F(δ) x + m(δ): squares and products change with the positions by the Jacobian of m
-        // at the displacement.
+        // x ← F(δ) x + m(δ): squares and products change by the Jacobian of m at the displacement.
         let motion = augmented_jacobian(&moved_m);
         let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();
@@ -86,12 +87,12 @@ impl Augmented {
         self.normal.covariance += &noise * noise.transpose() * variance_m2;
     }
 
-    /// Corrects the state by a range.
+    /// Corrects the state with a range.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
-        let variance = sigma_m * sigma_m;
-        // The squared range is linear in the state. Its noise has the mean σ².
-        let mut value = distance_m * distance_m - variance;
+        let variance_m2 = sigma_m * sigma_m;
+        // The squared range is linear in the state, and its noise has the mean σ².
+        let mut value = distance_m * distance_m - variance_m2;
         let jacobian = match link {
             Link::Anchor { drone, anchor } => {
                 let a = self.anchors_m[anchor];
@@ -104,7 +105,9 @@ impl Augmented {
                 Part::One(product(n, i, j), -2.0),
             ],
         };
-        let variance = 4.0 * distance_m * distance_m * variance + 2.0 * variance * variance;
+        // The variance of a squared range is 4 d² σ² + 2 σ⁴.
+        let variance =
+            4.0 * distance_m * distance_m * variance_m2 + 2.0 * variance_m2 * variance_m2;
         self.normal.correct(&Measurement { jacobian: &jacobian, value, variance }, |_| true);
     }
 
@@ -114,15 +117,15 @@ impl Augmented {
         (position_m, self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// Returns the filter of the positions that fit the state best, by Gauss–Newton. If motion and
+    /// Returns the filter of the positions that best fit the state, by Gauss–Newton. If motion and
     /// anchors lie in parallel planes, the mirror image behind the anchors has the same ranges, and
-    /// only `room` tells them apart.
+    /// only `room` distinguishes the two.
     pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
         let Normal { mean, covariance, .. } = &self.normal;
         let m = 3 * self.n;
-        // Residuals in standard deviations are W (x − m(p)).
+        // The residuals in standard deviations are W (x − m(p)).
         let whiten = whitening(covariance);
-        // Starts along the least certain direction of the positions, and at their mirror image.
+        // Fits start along the least certain direction of the positions, and at the mirror image.
         let position_covariance = covariance.view((0, 0), (m, m)).into_owned();
         let weakest = position_covariance.clone().symmetric_eigen();
         let k = weakest.eigenvalues.imax();
@@ -151,7 +154,8 @@ impl Augmented {
         Positions::with(anchors_m, Normal::new(positions_m, covariance_m2), gate_sigmas)
     }
 
-    /// Returns the positions mirrored at the anchors' middle, `along` the least certain direction.
+    /// Returns the positions mirrored at the anchors' middle, `along` being the least certain
+    /// direction.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
         let n_anchors = self.anchors_m.len().max(1) as f64;
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
@@ -169,7 +173,7 @@ impl Augmented {
     }
 }
 
-/// Returns `W` with `WᵀW` the inverse of a covariance, by the eigenvectors of its correlations.
+/// Returns a `W` for which `WᵀW` inverts a covariance, from eigenvectors of the correlations.
 fn whitening(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
     let scaled =
@@ -204,7 +208,8 @@ fn augmented(p: &DVector<f64>) -> DVector<f64> {
 fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
     let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
-    // Identity for the positions, ∂|p|² = 2pᵀ for a square, and the other position for a product.
+    // The Jacobian is the identity for the positions, ∂|p|² = 2pᵀ for a square, and the other
+    // position for a product.
     for i in 0..n {
         for axis in 0..3 {
             jacobian[(3 * n + i, 3 * i + axis)] = 2.0 * p[3 * i + axis];
@@ -217,7 +222,7 @@ fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     jacobian
 }
 
-/// Returns the number of positions, squares and products for `n` drones.
+/// Returns the total number of positions, squares and products for `n` drones.
 fn n_states(n: usize) -> usize {
     4 * n + n * (n - 1) / 2
 }
@@ -228,11 +233,13 @@ fn product(n: usize, i: usize, j: usize) -> usize {
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Locates drones by the linear filter of the augmented state, then by an extended Kalman filter.
+/// Locates drones with the linear filter of the augmented state then with an extended Kalman
+/// filter.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is not a distance, and for an unlisted drone or anchor.
+/// Returns [`Error::Input`] for a range that is not a distance, and for an unlisted drone or
+/// anchor.
 pub fn locate_augmented(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track],
@@ -261,7 +268,7 @@ pub fn locate_augmented(
             None => linear.advance(&moved_m, variance_m2),
             Some(positions) => positions.advance(&moved_m, variance_m2),
         }
-        // The linear filter has converged by now, and the extended one continues from it.
+        // The linear filter has converged by now, and the extended Kalman filter continues from it.
         if handed_over.is_none() && time_s >= hand_over_s {
             handed_over = Some(linear.positions(None, GATE_SIGMAS));
         }
@@ -290,7 +297,7 @@ mod tests {
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
-        // Two drones on figures in space, from starts 3 m off, which the filter does not trust.
+        // Two drones fly figures in space, from starts 3 m off, which the filter does not trust.
         let mut random = Random(5);
         let anchors_m = GEOMETRIES[0].1.map(Vector3::from);
         fn place(drone: usize, time_s: f64) -> Vector3<f64> {
@@ -314,8 +321,9 @@ mod tests {
         }
     }
 
-    /// How many of 60 starts, 5 m off over both drones, are within 25 cm after 20 s of writing: by
-    /// the linear filter, handed over in a room, or by only the extended Kalman filter.
+    /// Returns how many of 60 starts, with an error of 5 m over both drones, are within 25 cm after
+    /// 20 s of writing. `linear` selects the linear filter, which is handed over in a room, instead
+    /// of only the extended Kalman filter.
     fn converged(anchors_m: [[f64; 3]; 3], linear: bool, room: Option<&Room>) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
         let place = path();
@@ -373,7 +381,7 @@ mod tests {
             assert!(linear >= 59, "{name}: {linear} of 60");
             assert!(ekf < 55, "{name}: EKF {ekf} of 60");
         }
-        // Without the room, the mirror image behind the wall is as good.
+        // Without the room, the mirror image behind the wall fits equally well.
         let blind = converged(GEOMETRIES[1].1, true, None);
         assert!(blind < 59, "{blind}");
     }

@@ -1,9 +1,10 @@
 //! Localization of drones from ranges, independent of any controller.
 //!
-//! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. It only
-//! converges from near the true positions ([`fraction_left`], [`observability`]). [`Augmented`]
-//! converges from any start, and hands over to [`Positions`]. Both need the motion
-//! ([`locate_shared`], [`locate_augmented`]). [`locate`] needs only the ranges of a log.
+//! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. This
+//! observer only converges from starts close to the true positions ([`fraction_left`],
+//! [`observability`]). [`Augmented`] converges from any start, and continues as [`Positions`]. Both
+//! observers need the motion ([`locate_shared`], [`locate_augmented`]). [`locate`] only needs the
+//! ranges of a log.
 //!
 //! The filter that flies is the estimator `cooperative`.
 
@@ -45,7 +46,7 @@ pub enum Link {
         /// Index of the anchor.
         anchor: usize,
     },
-    /// Two drones, the lower index first.
+    /// Indices of two drones, with the lower index first.
     Drones(usize, usize),
 }
 
@@ -68,7 +69,7 @@ impl Link {
         }
     }
 
-    /// Returns the drones at the ends of this link.
+    /// Returns the drones at the ends of the link.
     pub fn drones(self) -> impl Iterator<Item = usize> {
         let (first, second) = match self {
             Self::Anchor { drone, .. } => (drone, None),
@@ -81,7 +82,7 @@ impl Link {
 impl std::fmt::Display for Link {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // The firmware and files from cfclient count anchors from 0.
+            // The firmware and cfclient files count anchors from 0.
             Self::Anchor { drone, anchor } => {
                 write!(f, "drone {} to anchor {} (distance{anchor})", drone + 1, anchor + 1)
             }
@@ -90,43 +91,43 @@ impl std::fmt::Display for Link {
     }
 }
 
-/// Longest range that can be a measurement: 10 km.
+/// Maximum range that can be a measurement: 10 km.
 const MOST_DISTANCE_M: f64 = 1e4;
 
-/// One range of a log.
+/// A single range of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeSample {
     /// Time of the measurement.
     pub time_s: f64,
-    /// Ends of the range.
+    /// The two ends of the range.
     pub link: Link,
     /// Measured distance.
     pub distance_m: f64,
 }
 
 impl RangeSample {
-    /// True if its numbers can be a measurement.
+    /// Returns true if the numbers can be a measurement.
     fn is_measurement(&self) -> bool {
         self.distance_m > 0.0 && self.distance_m < MOST_DISTANCE_M && self.time_s.is_finite()
     }
 }
 
-/// A box that holds all drones.
+/// A box that contains all drones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Room {
-    /// Its least coordinates.
+    /// Minimum coordinates of the box.
     pub low_m: Vector3<f64>,
-    /// Its greatest coordinates.
+    /// Maximum coordinates of the box.
     pub high_m: Vector3<f64>,
 }
 
 impl Room {
-    /// True if a position is inside.
+    /// Returns true if a position is inside the box.
     pub fn holds(&self, position_m: &Vector3<f64>) -> bool {
         (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&position_m[k]))
     }
 
-    /// True if all positions, three coordinates each, are inside.
+    /// Returns true if all positions, with three coordinates each, are inside the box.
     fn holds_all(&self, positions_m: &DVector<f64>) -> bool {
         positions_m
             .as_slice()
@@ -144,7 +145,7 @@ mod tests {
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{EvenStyle, PlanOptions, Style, fleet};
 
-    /// Each drone's own anchor, then the shared one.
+    /// Anchors in different geometries: each drone's own anchor, followed by the shared anchor.
     pub(super) const GEOMETRIES: [(&str, [[f64; 3]; 3]); 4] = [
         ("good", [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4]]),
         ("wall", [[-2.5, 2.5, 0.2], [2.5, 2.5, 0.4], [0.0, 2.5, 2.4]]),
@@ -160,17 +161,17 @@ mod tests {
         }
     }
 
-    /// The designs of two drones that write NOOR.
+    /// Returns the designed positions of two drones that write NOOR.
     pub(super) fn path() -> impl Fn(usize, f64) -> Vector3<f64> {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
-        // With the default hover, 58 of 60 starts are found from anchors in a line, not 59.
+        // With the default hover and anchors in a line, 58 of 60 starts converge instead of 59.
         let style = Style::Even(EvenStyle { hover_s: 0.5, ..EvenStyle::default() });
         let plans = fleet(&strokes, &PlanOptions { drones: 2, style, ..PlanOptions::even() });
         let plans = plans.unwrap();
         move |drone, time_s| plans[drone].design_m(time_s)
     }
 
-    /// Random numbers of a seed.
+    /// Random number generator with a seed.
     pub(super) struct Random(pub(super) u64);
 
     impl Random {
@@ -189,7 +190,7 @@ mod tests {
         }
     }
 
-    /// Anchors, motion along the word, and ranges of the five links in turn, 200 a second.
+    /// Returns anchors, motion along the word, and ranges of the five links in turn, at 200 Hz.
     pub(super) fn flight(sigma_m: f64) -> ([Vector3<f64>; 3], [Track; 2], Vec<RangeSample>) {
         let (anchors_m, place, mut random) =
             (GEOMETRIES[0].1.map(Vector3::from), path(), Random(3));

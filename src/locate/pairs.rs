@@ -1,16 +1,16 @@
-//! Ranges between drones, which both drones may log.
+//! Removes duplicates of ranges between drones, which both drones may log.
 
 use std::collections::BTreeMap;
 
 use super::{Link, RangeSample};
 
-/// Largest differences between two logs of one range, s and m: logs round to millimeters.
+/// Maximum differences between two logs of a range, in s and m: logs round to millimeters.
 const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 
 /// Returns the samples with each range between two drones only once. `Link::Drones(i, j)` is a
-/// range in the log of drone i. Its copy in the log of drone j is dropped if time and distance
-/// agree.
+/// range in the log of drone i. The copy of this range in the log of drone j is dropped if time and
+/// distance agree.
 pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     let mut first_logs: BTreeMap<(usize, usize), Vec<(f64, f64)>> = BTreeMap::new();
     for sample in samples {
@@ -24,7 +24,7 @@ pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     first_logs.values_mut().for_each(|ranges| ranges.sort_by(|a, b| a.0.total_cmp(&b.0)));
     let mut kept = Vec::new();
     for sample in samples {
-        // The other log has the same range within rounding of time and distance.
+        // The other log contains the same range if time and distance agree within rounding.
         let Link::Drones(i, j) = sample.link else {
             kept.push(*sample);
             continue;
@@ -49,7 +49,7 @@ pub(super) fn remove_before_both_logs(samples: &mut Vec<RangeSample>) {
             *begin_s = begin_s.min(sample.time_s);
         }
     }
-    // A pair is kept from the start of the later log on.
+    // The ranges of a pair are kept from the start of the later log on.
     samples.retain(|sample| {
         let mut begins_s = sample.link.drones().filter_map(|drone| begins_s.get(&drone));
         begins_s.all(|begin_s| sample.time_s >= *begin_s)

@@ -1,6 +1,6 @@
-//! The filter's pass over a log of ranges.
+//! Runs the filter over a log of ranges.
 //!
-//! State: position and velocity of each drone. The acceleration is white noise.
+//! The state contains position and velocity of each drone. The acceleration is white noise.
 
 use std::collections::BTreeMap;
 
@@ -10,13 +10,14 @@ use super::positions::{GATE_SIGMAS, range_jacobian};
 use super::{Link, LocateOptions, RangeSample};
 use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, product, variance_rate};
 
-/// Position and velocity of one drone.
+/// Number of states for position and velocity of one drone.
 pub(super) const STATES: usize = 6;
 
-/// Ranges closer in time than this belong to the same state.
+/// Maximum time between ranges that belong to the same state.
 pub(super) const STEP_S: f64 = 0.01;
 
-/// A drone whose first range comes this much after the log's first is on the ground until then.
+/// Minimum delay after the log's first range at which a drone's first range shows that the drone
+/// was on the ground until then.
 pub(super) const LATE_S: f64 = 0.25;
 
 /// Inputs of every pass over a log.
@@ -27,7 +28,8 @@ pub(super) struct Model<'a> {
     stands_until_s: Vec<f64>,
 }
 
-/// Normalized innovations squared of the accepted ranges, and the number of rejected ranges.
+/// Sum of the normalized innovations squared of accepted ranges, and numbers of accepted and
+/// rejected ones.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     pub(super) sum: f64,
@@ -36,7 +38,7 @@ pub(super) struct Innovations {
 }
 
 impl Innovations {
-    /// Adds a range's normalized innovation squared, or counts it as refused if that is `None`.
+    /// Adds a range's normalized innovation squared, or counts the range as refused if `None`.
     pub(super) fn record(&mut self, link: Link, nis: Option<f64>) {
         match nis {
             Some(nis) => (self.sum, self.accepted) = (self.sum + nis, self.accepted + 1),
@@ -44,13 +46,13 @@ impl Innovations {
         }
     }
 
-    /// Returns the mean normalized innovation squared, or `None` without an accepted range.
+    /// Returns the mean normalized innovation squared, or `None` if no range was accepted.
     pub(super) fn nis(&self) -> Option<f64> {
         (self.accepted > 0).then(|| self.sum / self.accepted as f64)
     }
 }
 
-/// The Kalman filter between two steps.
+/// State of the Kalman filter between two steps.
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
     pub(super) normal: Normal,
@@ -79,7 +81,7 @@ pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
 }
 
 impl<'a> Model<'a> {
-    /// Finds how long each drone is on the ground from its first range in `heard_s`.
+    /// Creates the model of a log. A drone is on the ground until a late first range in `heard_s`.
     pub(super) fn new(
         anchors_m: &'a [Vector3<f64>],
         heard_s: &[[f64; 2]],
@@ -119,7 +121,7 @@ impl<'a> Model<'a> {
         }
         let predicted = normal.clone();
         for sample in step {
-            // z = h(x₀) + H (x − x₀), linearized about x₀.
+            // The measurement is z = h(x₀) + H (x − x₀), linearized about x₀.
             let states = linearized_about.unwrap_or(normal.mean.as_slice());
             let (jacobian, expected_m) =
                 range_jacobian(sample.link, self.anchors_m, states, STATES);
@@ -132,15 +134,15 @@ impl<'a> Model<'a> {
         Step { time_s, transition, predicted, updated: normal.clone() }
     }
 
-    /// Returns the state's transition between two times, and the covariance of its noise. A drone
-    /// on the ground does not move.
+    /// Returns the transition of the state between two times, and the covariance of its noise. A
+    /// drone on the ground does not move.
     fn motion(&self, from_s: f64, to_s: f64) -> (Vec<Entry>, Vec<Entry>) {
         let (mut transition, mut noise) = (Vec::new(), Vec::new());
         let q = variance_rate(self.options.acceleration_m_s2_sqrt_hz);
         for (drone, until_s) in self.stands_until_s.iter().enumerate() {
             let span_s = (to_s - from_s.max(*until_s)).max(0.0);
-            // White acceleration of density q (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2):
-            // Q = q [t³/3, t²/2 | t²/2, t].
+            // The noise is that of a white acceleration with density q (Bar-Shalom, Li, Kirubarajan
+            // 2001, section 6.2.2): Q = q [t³/3, t²/2 | t²/2, t].
             for i in STATES * drone..STATES * drone + 3 {
                 transition.push((i, i + 3, span_s));
                 noise.push((i, i, q * span_s * span_s * span_s / 3.0));

@@ -1,14 +1,14 @@
-//! Positions of N drones from ranges and known motion: an extended Kalman filter.
+//! Extended Kalman filter for the positions of N drones from ranges and known motion.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::Link;
 use noctograph_sim::kalman::{Gate, Measurement, Normal, Part, product, toward};
 
-/// Standard deviations of its innovation beyond which a range is rejected.
+/// Maximum innovation of an accepted range, in standard deviations.
 pub(super) const GATE_SIGMAS: f64 = 4.0;
 
-/// Positions of N drones with their covariance: an extended Kalman filter on ranges.
+/// Extended Kalman filter on ranges, for the positions of N drones and their covariance.
 #[derive(Clone, Debug)]
 pub struct Positions {
     anchors_m: Vec<Vector3<f64>>,
@@ -37,8 +37,8 @@ impl Positions {
         }
     }
 
-    /// Corrects the positions by a range and returns its normalized innovation squared, or `None`
-    /// if the gate rejects it. After five rejections in a row a link is accepted again.
+    /// Corrects the positions with a range. Returns its normalized innovation squared, or `None` if
+    /// the gate rejects it. After five rejections in a row a link is accepted again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
         let states = self.normal.mean.as_slice();
         let (jacobian, expected_m) = range_jacobian(link, &self.anchors_m, states, 3);
@@ -49,8 +49,8 @@ impl Positions {
     }
 }
 
-/// Returns the Jacobian of a range by the states, and the range itself. A drone's position is the
-/// first three of every `stride` states.
+/// Returns the Jacobian of a range with respect to the states, and the range itself. A drone's
+/// position is in the first three of every `stride` states.
 pub(super) fn range_jacobian(
     link: Link,
     anchors_m: &[Vector3<f64>],
@@ -64,7 +64,7 @@ pub(super) fn range_jacobian(
     (ends.map(|(drone, along)| Part::Three(stride * drone, along)).collect(), length_m)
 }
 
-/// Returns the least and the greatest coordinates of the anchors.
+/// Returns the minimum and maximum coordinates of the anchors.
 pub(super) fn extent_m(anchors_m: &[Vector3<f64>]) -> [Vector3<f64>; 2] {
     let [low_m, high_m] = [f64::INFINITY, f64::NEG_INFINITY].map(Vector3::repeat);
     [anchors_m.iter().fold(low_m, |a, b| a.inf(b)), anchors_m.iter().fold(high_m, |a, b| a.sup(b))]

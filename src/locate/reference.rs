@@ -1,22 +1,22 @@
-//! Located positions and their ranges against a reference, such as motion capture.
+//! Compares located positions and their ranges with a reference, such as motion capture.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
-use super::residuals::spread_by_link;
+use super::residuals::{Spread, spread_by_link};
 use super::{Link, Located, RangeSample};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 
-/// The reference is not interpolated over longer gaps.
+/// Maximum gap over which the reference is interpolated.
 const LONGEST_GAP_S: f64 = 0.2;
 
-/// True positions of a drone, on another clock.
+/// True positions of a drone, measured with another clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Reference<'a> {
-    /// Positions.
+    /// Flight that contains the positions.
     pub flight: &'a Flight,
-    /// Seconds to add to its clock.
+    /// Seconds to add to the flight's clock.
     pub offset_s: f64,
 }
 
@@ -32,16 +32,16 @@ impl Reference<'_> {
     }
 }
 
-/// Error of a drone's located positions.
+/// Errors of a drone's located positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PositionError {
-    /// Root mean square on each axis.
+    /// Root mean square error on each axis.
     pub rmse_m: [f64; 3],
-    /// Root mean square of the distance.
+    /// Root mean square distance.
     pub rmse_3d_m: f64,
-    /// Mean normalized squared error over its three axes, `None` without a covariance.
+    /// Mean normalized squared error over the three axes. `None` without a covariance.
     pub nees: Option<f64>,
-    /// Number of positions compared.
+    /// Number of positions that were compared.
     pub samples: usize,
 }
 
@@ -49,7 +49,7 @@ pub struct PositionError {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if the two have no time in common.
+/// Returns [`Error::Input`] if the two have no time in common.
 pub fn position_error(
     located: &Located,
     drone: usize,
@@ -58,7 +58,7 @@ pub fn position_error(
     let (mut sum_of_squares, mut nees_sum, mut n_compared) = (Vector3::zeros(), 0.0, 0_u32);
     for k in located.heard(drone) {
         let Some(true_m) = reference.position_m(located.time_s[k]) else { continue };
-        // Squared error on each axis, and εᵀP⁻¹ε / 3 if there is a covariance.
+        // The errors are the squared error on each axis, and εᵀP⁻¹ε / 3 if there is a covariance.
         let error_m = located.position_m[drone][k] - true_m;
         sum_of_squares += error_m.component_mul(&error_m);
         if let Some(covariances) = located.covariance_m2.get(drone) {
@@ -80,16 +80,16 @@ pub fn position_error(
     })
 }
 
-/// Statistics of a link's range errors, measured minus true distance.
+/// Statistics of a link's range errors, which are the measured minus the true distance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkError {
-    /// Its name.
+    /// Name of the link.
     pub link: String,
-    /// Median: the bias, such as an antenna delay.
+    /// Median error, which is a bias, such as an antenna delay.
     pub median_m: f64,
-    /// Standard deviation about the median, from the median absolute deviation.
+    /// Standard deviation about the median, computed from the median absolute deviation.
     pub scatter_m: f64,
-    /// Number of ranges compared.
+    /// Number of ranges that were compared.
     pub ranges: usize,
 }
 
@@ -102,7 +102,7 @@ pub fn link_errors(
     let errors = samples.iter().filter_map(|sample| {
         let mut drones_m =
             sample.link.drones().map(|drone| references.get(drone)?.position_m(sample.time_s));
-        // A link goes from a drone to an anchor or to another drone.
+        // A link connects a drone to an anchor or to another drone.
         let first_m = drones_m.next()??;
         let second_m = match sample.link {
             Link::Anchor { anchor, .. } => *anchors_m.get(anchor)?,
@@ -112,7 +112,7 @@ pub fn link_errors(
     });
     let (compared, errors_m): (Vec<RangeSample>, Vec<f64>) = errors.unzip();
     let links = spread_by_link(&compared, &errors_m).into_iter();
-    Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
+    Vec::from_iter(links.map(|(link, Spread { median_m, scatter_m, n: ranges })| {
         let link = link.to_string();
         LinkError { link, median_m, scatter_m, ranges }
     }))
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_bias_and_a_scatter_are_told_apart_and_gaps_are_left_out() {
-        // A drone that moves along x at 1 m/s, with a gap of the reference from 1 to 2 s.
+        // The drone moves along x at 1 m/s, and the reference has a gap from 1 to 2 s.
         let times_s = (0..=300).map(|k| f64::from(k) / 100.0).filter(|t| !(1.0..2.0).contains(t));
         let sample = |time_s: f64| FlightSample {
             time_s,

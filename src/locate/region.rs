@@ -1,8 +1,8 @@
-//! Region of convergence of the authors' observer, and observability of a flight.
+//! Determines the authors' observer's region of convergence, and a flight's observability.
 //!
-//! Two questions before a flight: which fraction of a start error remains with the observer, and
-//! how well do the ranges fix the start positions if the motion is known exactly? The first answer
-//! assumes no noise, the second no motion noise.
+//! It answers two questions before a flight: which fraction of an initial error remains with the
+//! observer, and how well do the ranges determine the initial positions if the motion is known
+//! exactly? The first answer assumes no noise, and the second one assumes no noise of the motion.
 
 use nalgebra::{DVector, Matrix3, Matrix6, SMatrix, Vector3};
 
@@ -12,8 +12,7 @@ use super::shared_anchor::SharedAnchorObserver;
 use noctograph_core::random::split_mix;
 use noctograph_core::statistics::median;
 
-/// The links of two drones: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and between the
-/// drones.
+/// The five links: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and drone 0 to 1.
 pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Anchor { drone: 0, anchor: 0 },
     Link::Anchor { drone: 0, anchor: 2 },
@@ -22,40 +21,41 @@ pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Drones(0, 1),
 ];
 
-/// Steps per second of the observer, as on board.
+/// Rate of the observer's steps, as on board.
 const RATE_HZ: f64 = 100.0;
-/// Ratio of the error at the end to the error at the start from which an observer has diverged.
+/// Ratio of the final to the initial error from which an observer counts as diverged.
 const DIVERGED: f64 = 3.0;
-/// Eigenvalue of the information, relative to the largest, below which a direction is unobservable.
+/// Eigenvalue of the information, relative to the largest, of an unobservable direction.
 const UNOBSERVABLE: f64 = 1e-9;
-/// Seed of the random start errors.
+/// Seed of the random initial errors.
 const SEED: u64 = 0x5eed;
 
-/// Fraction of a start error of `error_m` that remains with an observer.
+/// Fraction of an initial error of `error_m` that remains with an observer.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct FractionLeft {
-    /// Norm of the position error at the start, both drones together.
+    /// Norm of the initial position error of both drones together.
     pub error_m: f64,
-    /// Median over the starts of the error at the end, as a fraction of `error_m`.
+    /// Median over the starts of the final error, as a fraction of `error_m`.
     pub median: f64,
-    /// Least and greatest fraction over the starts.
+    /// Minimum and maximum fraction over the starts.
     pub range: [f64; 2],
     /// Fraction of the starts whose error grew more than threefold.
     pub diverged_frac: f64,
 }
 
-/// Observability of the six coordinates at the start of a flight.
+/// Observability of the six initial coordinates of a flight.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Observability {
-    /// Number of the six directions that are observable.
+    /// Number of directions, out of six, that are observable.
     pub rank: usize,
-    /// Standard deviations along the principal directions, smallest first, or infinity.
+    /// Standard deviations along the principal directions, in ascending order, infinite if
+    /// unobservable.
     pub sigmas_m: [f64; 6],
     /// The least certain direction: coordinates of the first drone, then of the second.
     pub worst: [f64; 6],
 }
 
-/// The measurements at each instant.
+/// Measurements that are available at each instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// All five ranges.
@@ -64,7 +64,7 @@ pub enum Outputs {
     Three,
 }
 
-/// Runs the observer along `path` without noise, from `n` random starts that are `error_m` off.
+/// Runs the observer along `path` without noise, from `n` random starts with an error of `error_m`.
 /// Returns the fraction of the error that is left after `duration_s`.
 pub fn fraction_left(
     observer: &SharedAnchorObserver,
@@ -91,13 +91,13 @@ pub fn fraction_left(
     }
 }
 
-/// Draws a unit vector of six coordinates, uniform over all directions.
+/// Draws a unit vector of six coordinates, uniformly over all directions.
 fn random_direction(random: &mut u64) -> SMatrix<f64, 6, 1> {
     loop {
-        // Points of a cube, of which only those inside its ball have uniform directions.
+        // The directions of points in a cube are uniform only for points inside its inscribed ball.
         let drawn = SMatrix::<f64, 6, 1>::from_fn(|_, _| {
             *random = split_mix(*random);
-            // The upper 53 bits over 2⁵³ are uniform from 0 to 1.
+            // The upper 53 bits divided by 2⁵³ are uniform from 0 to 1.
             2.0 * ((*random >> 11) as f64 / 9_007_199_254_740_992.0) - 1.0
         });
         if (1e-3..=1.0).contains(&drawn.norm()) {
@@ -106,8 +106,8 @@ fn random_direction(random: &mut u64) -> SMatrix<f64, 6, 1> {
     }
 }
 
-/// Returns the observer's error at the end of a path, both drones together, if its estimates start
-/// with the errors `start_errors_m`.
+/// Returns the observer's error of both drones together at the end of a path, if its estimates
+/// start with the errors `start_errors_m`.
 fn final_error_m(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -118,7 +118,7 @@ fn final_error_m(
     let mut estimates_m = [0, 1].map(|i| true_m[i] + start_errors_m[i]);
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let ticks = (duration_s * RATE_HZ) as u32;
-    // Estimates follow the exact motion and the observer's corrections, by Euler steps.
+    // The estimates follow the exact motion and the observer's corrections, by Euler steps.
     for tick in 1..=ticks {
         let outputs = observer.outputs(&observer.ranges(&true_m));
         let rates = observer.corrections(&estimates_m, &outputs);
@@ -131,8 +131,9 @@ fn final_error_m(
     (0..2).map(|i| (estimates_m[i] - true_m[i]).norm_squared()).sum::<f64>().sqrt()
 }
 
-/// Returns how well the measurements of the first `span_s` fix the start positions. The five links
-/// take turns at `rate_hz` ranges a second, each with the standard deviation `sigma_m`.
+/// Returns how well the measurements of the first `span_s` determine the initial positions. The
+/// five links take turns at `rate_hz` ranges per second, each with the standard deviation
+/// `sigma_m`.
 pub fn observability(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
@@ -141,7 +142,7 @@ pub fn observability(
     rate_hz: f64,
     sigma_m: f64,
 ) -> Observability {
-    // Sum of the information JᵀR⁻¹J of every round, since the motion between rounds is known.
+    // The information JᵀR⁻¹J is summed over all rounds, because the motion between rounds is known.
     let mut information = Matrix6::zeros();
     let rounds_hz = rate_hz / FIVE_LINKS.len() as f64;
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
@@ -155,9 +156,12 @@ pub fn observability(
     let largest = eigen.eigenvalues.max();
     let mut order = [0, 1, 2, 3, 4, 5];
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let sigmas_m = order.map(|k| match eigen.eigenvalues[k] > UNOBSERVABLE * largest {
-        true => 1.0 / eigen.eigenvalues[k].sqrt(),
-        false => f64::INFINITY,
+    let sigmas_m = order.map(|k| {
+        if eigen.eigenvalues[k] > UNOBSERVABLE * largest {
+            1.0 / eigen.eigenvalues[k].sqrt()
+        } else {
+            f64::INFINITY
+        }
     });
     Observability {
         rank: sigmas_m.iter().filter(|sigma_m| sigma_m.is_finite()).count(),
@@ -166,7 +170,7 @@ pub fn observability(
     }
 }
 
-/// Returns the information JᵀR⁻¹J that one round of measurements has of the six coordinates.
+/// Returns the information JᵀR⁻¹J about the six coordinates in one round of measurements.
 fn information_of_round(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
@@ -174,14 +178,14 @@ fn information_of_round(
     sigma_m: f64,
 ) -> Matrix6<f64> {
     let anchors_m = [observer.own_m[0], observer.own_m[1], observer.shared_m];
-    let ranges = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
+    let unranged = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
     let places = DVector::from_iterator(6, positions_m.iter().flatten().copied());
-    let jacobian = residuals(&anchors_m, &ranges, &places).0;
-    let jacobian = jacobian.fixed_view::<5, 6>(0, 0);
+    let (by_ranges, _) = residuals(&anchors_m, &unranged, &places);
+    let by_ranges = by_ranges.fixed_view::<5, 6>(0, 0);
     if outputs == Outputs::Ranges {
-        return jacobian.transpose() * jacobian / (sigma_m * sigma_m);
+        return by_ranges.transpose() * by_ranges / (sigma_m * sigma_m);
     }
-    // The three outputs are sums of squared ranges. Rows are their derivatives by the five ranges.
+    // The three outputs are sums of squared ranges. Rows are derivatives by the five ranges.
     let ranges = observer.ranges(positions_m);
     let [d11, d22] = ranges.own_m.map(|d| 2.0 * d);
     let [d13, d23] = ranges.shared_m.map(|d| 2.0 * d);
@@ -190,9 +194,9 @@ fn information_of_round(
         d11, -d13, 0.0, 0.0, 0.0, 0.0, 0.0, d22, -d23, 0.0, 0.0, d13, 0.0, d23, -q,
     ]);
     let covariance: Matrix3<f64> = squares * squares.transpose() * (sigma_m * sigma_m);
-    let jacobian = squares * jacobian;
+    let by_outputs = squares * by_ranges;
     let weight = covariance.try_inverse().unwrap_or_default();
-    jacobian.transpose() * weight * jacobian
+    by_outputs.transpose() * weight * by_outputs
 }
 
 #[cfg(test)]
@@ -228,7 +232,7 @@ mod tests {
     #[test]
     fn excitation_about_the_shared_anchor_decides() {
         let written = fraction_left(&observer(0.01), writing(), 21.0, 1.0, 30);
-        // The shared anchor in the middle, and figures of 4 m around it.
+        // The shared anchor is in the middle, with figures of 4 m around it.
         let around =
             SharedAnchorObserver { shared_m: Vector3::new(0.0, 0.0, 1.2), ..observer(0.1) };
         fn orbit(time_s: f64) -> [Vector3<f64>; 2] {

@@ -1,4 +1,4 @@
-//! Residuals of the ranges by link, and suspect links.
+//! Computes the residuals of the ranges by link, and detects suspect links.
 
 use std::collections::BTreeMap;
 
@@ -10,50 +10,59 @@ use super::{Link, Located, RangeSample};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::statistics::median;
 
-/// Standard deviation of a normal distribution over its median absolute deviation.
+/// Standard deviation of a normal distribution divided by its median absolute deviation.
 const SIGMA_PER_MAD: f64 = 1.4826;
-/// Standard error of a median relative to a mean, for a normal distribution: √(π/2).
+/// Standard error of a median relative to that of a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
-/// Standard errors from which a median is not zero. Chance reaches them once in two million.
+/// Number of standard errors from which a median is not zero. By chance: once in two million.
 const SURE_SIGMAS: f64 = 5.0;
-/// Least median that matters, in standard deviations of a range.
+/// Minimum median that matters, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
-/// Fraction and number of a link's ranges that may be outliers. Ultra-wideband has about 2 %.
+/// Maximum fraction and number of a link's outliers. Ultra-wideband has about 2 %.
 const MOST_REFUSED_FRAC: f64 = 0.05;
 const MOST_REFUSED: usize = 5;
 /// Bounds of the mean normalized innovation squared if the assumed noise and motion are right
-/// within 15 %, and the standard deviations of chance that widen them if ranges are few.
+/// within 15 %, and the number of standard deviations of chance that widen them for few ranges.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 const NIS_SIGMAS: f64 = 3.0;
 
-/// Residuals of a link: measured distances minus those between the located positions.
+/// Residuals of a link, which are the measured distances minus those between the located positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkResidual {
-    /// Its name.
+    /// Name of the link.
     pub link: String,
-    /// Ranges of the link.
+    /// Number of ranges of the link.
     pub ranges: usize,
-    /// Ranges of the link that were refused.
+    /// Number of ranges of the link that were refused.
     pub refused: usize,
-    /// Median of measured minus located distance.
+    /// Median of the measured minus the located distance.
     pub median_m: f64,
-    /// Standard deviation about the median, from the median absolute deviation.
+    /// Standard deviation about the median, computed from the median absolute deviation.
     pub scatter_m: f64,
-    /// True if more ranges are refused than outliers explain, or the median is not zero.
+    /// True if more ranges are refused than outliers explain, or if the median is not zero.
     pub suspect: bool,
 }
 
-/// Returns the least and greatest plausible mean normalized innovation squared of `n` ranges.
+/// Returns the minimum and maximum plausible mean normalized innovation squared of `n` ranges.
 pub fn nis_interval(n: usize) -> [f64; 2] {
     let chance = NIS_SIGMAS * (2.0 / n.max(1) as f64).sqrt();
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
 
-/// Returns the median and the scatter of each link's residuals, and their number.
+/// Residuals of a link.
+pub(super) struct Spread {
+    pub(super) median_m: f64,
+    /// Standard deviation about the median, computed from the median absolute deviation.
+    pub(super) scatter_m: f64,
+    /// Number of residuals.
+    pub(super) n: usize,
+}
+
+/// Returns the spread of each link's residuals.
 pub(super) fn spread_by_link(
     samples: &[RangeSample],
     residuals_m: &[f64],
-) -> BTreeMap<Link, (f64, f64, usize)> {
+) -> BTreeMap<Link, Spread> {
     let mut by_link: BTreeMap<Link, Vec<f64>> = BTreeMap::new();
     for (sample, residual_m) in samples.iter().zip(residuals_m) {
         by_link.entry(sample.link).or_default().push(*residual_m);
@@ -62,15 +71,16 @@ pub(super) fn spread_by_link(
         // The median absolute deviation is robust to outliers (Rousseeuw, Croux 1993).
         let median_m = median(residuals_m.iter().copied())?;
         let deviations_m = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
-        Some((link, (median_m, SIGMA_PER_MAD * median(deviations_m)?, residuals_m.len())))
+        let scatter_m = SIGMA_PER_MAD * median(deviations_m)?;
+        Some((link, Spread { median_m, scatter_m, n: residuals_m.len() }))
     });
     spreads.collect()
 }
 
 impl Located {
-    /// Adds the residuals of all links, and warnings of suspect links. `sigma_m` is the standard
-    /// deviation of a range. For an observer without a noise model it is zero. Then the scatter of
-    /// each link is its scale, and there is no warning.
+    /// Adds the residuals of all links, and warnings about suspect links. `sigma_m` is the standard
+    /// deviation of a range. For an observer without a noise model, `sigma_m` is zero, the scatter
+    /// of each link is its scale, and there is no warning.
     pub(super) fn with_residuals(
         mut self,
         anchors_m: &[Vector3<f64>],
@@ -78,7 +88,7 @@ impl Located {
         innovations: &Innovations,
         sigma_m: f64,
     ) -> Self {
-        // Measured minus located distance of every range.
+        // The residual of every range is the measured minus the located distance.
         let mut residuals_m = Vec::new();
         for (k, step) in time_steps(samples).enumerate() {
             residuals_m.extend(step.iter().map(|sample| {
@@ -86,17 +96,26 @@ impl Located {
                 sample.distance_m - away_m.norm()
             }));
         }
-        // A link is suspect by its median against the error of a median, or by its refused ranges.
+        // A link is suspect because of its median relative to its error, or of its refused ranges.
         let links = spread_by_link(samples, &residuals_m).into_iter();
-        self.links = Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
-            let refused = innovations.refused.get(&link).copied().unwrap_or(0);
-            let (n, n_refused) = (ranges as f64, refused as f64);
-            let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
-            let is_biased =
-                median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
-            let suspect = is_biased || refused > MOST_REFUSED && n_refused > MOST_REFUSED_FRAC * n;
-            LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
-        }));
+        self.links =
+            Vec::from_iter(links.map(|(link, Spread { median_m, scatter_m, n: ranges })| {
+                let refused = innovations.refused.get(&link).copied().unwrap_or(0);
+                let (n, n_refused) = (ranges as f64, refused as f64);
+                let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
+                let is_biased =
+                    median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
+                let suspect =
+                    is_biased || refused > MOST_REFUSED && n_refused > MOST_REFUSED_FRAC * n;
+                LinkResidual {
+                    link: link.to_string(),
+                    ranges,
+                    refused,
+                    median_m,
+                    scatter_m,
+                    suspect,
+                }
+            }));
         self.ranges = samples.len();
         let n_refused = innovations.refused.values().sum::<usize>();
         self.refused_frac = n_refused as f64 / samples.len().max(1) as f64;
@@ -128,10 +147,10 @@ impl Located {
 fn nis_warning(nis: Option<f64>, n: usize, sigma_m: f64) -> Option<String> {
     let (nis, [least, most]) = (nis?, nis_interval(n));
     let cm = 100.0 * sigma_m;
-    // Above: the covariance is too small. Below: the noise is assumed too large.
+    // Above the interval the covariance is too small, and below it the assumed noise is too large.
     if nis > most {
         Some(format!(
-            "NIS {nis:.2} is above {most:.2}: the errors are larger than the covariance says; the \
+            "NIS {nis:.2} is above {most:.2}: the errors are larger than the covariance says, because the \
              ranges are noisier than {cm:.1} cm, links are biased, or the drones accelerate more"
         ))
     } else if nis < least {

@@ -1,7 +1,7 @@
-//! The observer of two drones with a common anchor, as its authors published it.
+//! Implements the observer of two drones with a common anchor as its authors published it.
 //!
-//! Drone i measures the ranges to an anchor `a_i` and to the common anchor `a_3`. The range
-//! between the drones is q. From squared ranges, with `C_i` = `a_3` − `a_i`:
+//! Drone i measures the ranges to an anchor `a_i` and to the common anchor `a_3`. The range between
+//! the drones is q. With `C_i` = `a_3` − `a_i`, the squared ranges give:
 //!
 //! ```text
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
@@ -10,9 +10,9 @@
 //!     + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
 //! ```
 //!
-//! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative
-//! semidefinite, plus cubic terms. The observer is gradient descent on three squared residuals. At
-//! an instant these fix three of the six coordinates, although there are five ranges.
+//! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative semidefinite,
+//! plus cubic terms. The observer is gradient descent on three squared residuals. At any instant
+//! these determine only three of the six coordinates, although there are five ranges.
 
 use std::collections::BTreeSet;
 
@@ -30,9 +30,9 @@ const GAIN: f64 = 0.03;
 /// Observer of two drones with a common anchor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SharedAnchorObserver {
-    /// For each drone, the anchor that only this drone hears.
+    /// Anchor of each drone that only this drone receives.
     pub own_m: [Vector3<f64>; 2],
-    /// The anchor that both drones hear.
+    /// Anchor that both drones receive.
     pub shared_m: Vector3<f64>,
     /// Gains `γ_i`, 1/(m² s).
     pub gains: [f64; 2],
@@ -49,8 +49,9 @@ pub struct FiveRanges {
     pub between_m: f64,
 }
 
-/// Returns the first drone's own anchor, the second drone's own anchor, and the shared one. `None`
-/// unless two drones hear two anchors each, one of them the same.
+/// Returns the indices of the first drone's own anchor, the second drone's own anchor, and the
+/// shared anchor. Returns `None` unless two drones receive two anchors each, one of which is the
+/// same.
 pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
     let [one, two] = heard else { return None };
     if one.len() != 2 || two.len() != 2 {
@@ -82,13 +83,13 @@ impl SharedAnchorObserver {
         [one, two, common_m2[0] + common_m2[1] - between_m2 - 2.0 * shared_sq]
     }
 
-    /// Returns the correction of each estimate's rate, m/s, which adds to the drone's velocity.
+    /// Returns the correction of each estimate's rate, m/s, which is added to the drone's velocity.
     pub fn corrections(
         &self,
         estimates_m: &[Vector3<f64>; 2],
         outputs: &[f64; 3],
     ) -> [Vector3<f64>; 2] {
-        // Gradient descent on the three squared residuals, as in the formula above.
+        // The corrections are gradient descent on the squared residuals, as in the formula above.
         let [p1, p2] = estimates_m;
         let shared_residual = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
         [0, 1].map(|i| {
@@ -100,13 +101,13 @@ impl SharedAnchorObserver {
     }
 }
 
-/// Locates two drones by [`SharedAnchorObserver`], from starts near the true positions. Each range
-/// is held until the next one of its link.
+/// Locates two drones with [`SharedAnchorObserver`], from starts close to the true positions. Each
+/// range is held until the next one of its link.
 ///
 /// # Errors
 ///
-/// As [`super::locate_augmented`]. Also [`Error::Input`] unless each drone hears two anchors, one
-/// of them the same, and there are ranges between the drones.
+/// Returns the errors of [`super::locate_augmented`]. Returns [`Error::Input`] unless each drone
+/// receives two anchors, one of which is the same, and there are ranges between the drones.
 pub fn locate_shared(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track; 2],
@@ -117,8 +118,8 @@ pub fn locate_shared(
     let [own1, own2, shared] = anchors_of_links(&samples)?;
     let own_m = [anchors_m[own1], anchors_m[own2]];
     let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
-    // Ranges by link: own anchors, common anchor, and between the drones. Each is held until the
-    // next one, and nothing is corrected before all five links have one.
+    // Ranges are held by link: own anchors, common anchor, and between the drones. Each is held
+    // until the next one, and nothing is corrected before all five links have a range.
     let mut held = [None; 5];
     let mut positions_m = starts_m;
     let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
@@ -152,7 +153,7 @@ pub fn locate_shared(
     Ok(located.with_residuals(anchors_m, &samples, &Innovations::default(), 0.0))
 }
 
-/// Returns the anchors as [`shared_anchor`], or an error that names the links that are missing.
+/// Returns the anchors like [`shared_anchor`], or an error that names the missing links.
 fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
     let mut heard = [BTreeSet::new(), BTreeSet::new()];
     let mut between = false;
@@ -165,7 +166,8 @@ fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
     let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
     // Without the range between the drones, the shared anchor does not help the observer.
     shared_anchor(&heard).filter(|_| between).ok_or_else(|| {
-        let wanted = "two anchors a drone, one of them the same, and the range between the drones";
+        let wanted =
+            "two anchors per drone, one of them the same, and the range between the drones";
         let anchors = format!("anchors {:?} and {:?}", heard[0], heard[1]);
         Error::input("ranges", anchors, wanted, "take --observer smooth or enlarged")
     })
@@ -198,7 +200,7 @@ mod tests {
         }
     }
 
-    /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and the extra terms.
+    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and other terms.
     fn lyapunov_rate(
         observer: &SharedAnchorObserver,
         positions_m: &[Vector3<f64>; 2],
@@ -245,7 +247,7 @@ mod tests {
         let place = path();
         let starts_m = [place(0, 0.0), place(1, 0.0)];
         let located = locate_shared(&anchors_m, &tracks, starts_m, &samples).unwrap();
-        // Ranges are held for up to 25 ms.
+        // The ranges are held for up to 25 ms.
         let off_m = off_m(&located, place);
         assert!(off_m < 0.06, "{off_m} m");
         assert!(located.covariance_m2.is_empty());

@@ -1,12 +1,13 @@
 //! Locates whole flights from range logs, without motion sensors.
 //!
-//! In: anchors, ranges. Out: [`Located`]. A filter runs forward and a smoother backward, repeated
-//! with Jacobians at the smoothed positions until they converge. This is Gauss–Newton on the whole
-//! flight (Bell, SIAM J. Optimization 4(3), 1994), as in factor-graph solvers. It starts from the
-//! position that best fits the ranges of each drone's first second.
+//! In: anchors, ranges. Out: [`Located`]. A filter runs forward and a smoother backward. Filter and
+//! smoother are repeated with Jacobians at the smoothed positions until they converge. The method
+//! is Gauss–Newton on the whole flight (Bell, SIAM J. Optimization 4(3), 1994), as in factor-graph
+//! solvers. The first iteration starts from the positions that best fit the ranges of each drone's
+//! first second.
 //!
-//! After five rejections in a row by the gate, a link is accepted again, as in flight. Biases are
-//! not estimated: the residuals of each link show them.
+//! After the gate has rejected five ranges of a link in a row, the link is accepted again, as in
+//! flight. Biases are not estimated, but the residuals of each link show them.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -19,13 +20,13 @@ use super::{Link, RangeSample, Room};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Least standard deviation of a range for the position at the start.
+/// Minimum standard deviation of a range for the initial position.
 const START_SIGMA_M: f64 = 0.05;
 
-/// Largest number of ranges in all logs: half an hour of eight anchors at 100 Hz.
+/// Maximum number of ranges in all logs: half an hour of eight anchors at 100 Hz.
 const MOST_RANGES: usize = 1_500_000;
-/// Largest number of multiplications in a pass, [`work`]: some seconds. Ten minutes of three drones
-/// with eight anchors at 50 Hz need 2.4·10⁹.
+/// Maximum number of multiplications in a pass, [`work`], which take some seconds. Ten minutes of
+/// three drones with eight anchors at 50 Hz need 2.4·10⁹.
 const MOST_WORK: f64 = 4e9;
 const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a \
                      time: drones without ranges between them can be located one by one";
@@ -35,27 +36,28 @@ const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewe
 pub struct LocateOptions {
     /// Standard deviation of a range.
     pub range_sigma_m: f64,
-    /// Density of the drones' acceleration, (m/s²)/√Hz. Less is smoother and lags in curves.
+    /// Density of the drones' acceleration, (m/s²)/√Hz. A lower density makes the path smoother,
+    /// but it lags in curves.
     pub acceleration_m_s2_sqrt_hz: f64,
     /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,
-    /// Box that holds all drones, if known. It decides between mirror images.
+    /// Box that contains all drones, if known, which decides between mirror images.
     pub room: Option<Room>,
 }
 
 /// Positions of all drones over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Located {
-    /// Times, rising.
+    /// Increasing times of the positions.
     pub time_s: Vec<f64>,
     /// Positions of each drone, one for each time.
     pub position_m: Vec<Vec<Vector3<f64>>>,
-    /// Covariances of the positions, empty for an observer without a noise model.
+    /// Covariances of the positions. Empty for an observer without a noise model.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
-    /// Times of each drone's first and last range. Outside them its positions are held.
+    /// Times of each drone's first and last range. Positions before and after these times are held.
     pub heard_s: Vec<[f64; 2]>,
-    /// Mean normalized innovation squared of the filter, 1 if noise and motion are right. `None`
-    /// for an observer without a covariance.
+    /// Mean normalized innovation squared of the filter, which is 1 if noise and motion are right.
+    /// `None` for an observer without a covariance.
     pub nis: Option<f64>,
     /// Number of ranges without duplicates.
     pub ranges: usize,
@@ -63,7 +65,7 @@ pub struct Located {
     pub refused_frac: f64,
     /// Residuals of every link.
     pub links: Vec<LinkResidual>,
-    /// Warnings of suspect ranges.
+    /// Warnings about suspect ranges.
     pub warnings: Vec<Diagnostic>,
 }
 
@@ -71,9 +73,9 @@ pub struct Located {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is not a distance, for an unlisted drone or anchor, and for
-/// more ranges than a core can process in minutes. [`Error::Infeasible`] for fewer links than
-/// coordinates, and for links that leave a direction unobservable.
+/// Returns [`Error::Input`] for a range that is not a distance, for an unlisted drone or anchor,
+/// and for more ranges than a core can process in minutes. Returns [`Error::Infeasible`] for fewer
+/// links than coordinates, and for links that leave a direction unobservable.
 pub fn locate(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -84,7 +86,7 @@ pub fn locate(
     let mut samples = checked(anchors_m, n_drones, samples)?;
     remove_before_both_logs(&mut samples);
     check_work(n_drones, &samples)?;
-    // The start state is from each drone's first second.
+    // The initial state comes from each drone's first second.
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
@@ -100,11 +102,11 @@ pub fn locate(
     Ok(located.with_residuals(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
 }
 
-/// Refuses more ranges than [`locate`] accepts. Callers check while they still gather ranges.
+/// Refuses more ranges than [`locate`] accepts. Callers check while they collect ranges.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with the limit.
+/// Returns [`Error::Input`] with the maximum number.
 pub fn check_count(n: usize) -> Result<()> {
     if n <= MOST_RANGES {
         return Ok(());
@@ -113,18 +115,19 @@ pub fn check_count(n: usize) -> Result<()> {
     Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
-/// Refuses ranges whose passes need more than [`MOST_WORK`].
+/// Refuses ranges if a pass over them needs more than [`MOST_WORK`] multiplications.
 fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     let work = work(n_drones, samples);
     if work <= MOST_WORK {
         return Ok(());
     }
     let (n, [work, most]) = (samples.len(), [work, MOST_WORK].map(|work| work / 1e6));
-    let work = format!("{n} of {n_drones} drones, {work:.0} million multiplications for each pass");
-    Err(Error::input("ranges", work, format!("at most {most:.0} million"), FEWER))
+    let actual =
+        format!("{n} of {n_drones} drones, {work:.0} million multiplications for each pass");
+    Err(Error::input("ranges", actual, format!("at most {most:.0} million"), FEWER))
 }
 
-/// Returns the times of each drone's first and last range, `[∞, −∞]` for a drone without ranges.
+/// Returns the times of each drone's first and last range, or `[∞, −∞]` for a drone without ranges.
 pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
     let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
     for sample in samples {
@@ -137,7 +140,7 @@ pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]>
 }
 
 impl Located {
-    /// Returns no positions yet, with room for those of `n_drones`.
+    /// Returns an empty result with space for the positions of `n_drones`.
     pub(super) fn empty(n_drones: usize) -> Self {
         Self {
             position_m: vec![Vec::new(); n_drones],
@@ -163,13 +166,13 @@ impl Located {
     /// Returns the indices of the times from a drone's first range to its last.
     pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
         let [from_s, to_s] = self.heard_s[drone];
-        // A step has the time of its first range: others may come up to `STEP_S` later.
+        // The time of a step is that of its first range, and others may come up to `STEP_S` later.
         self.time_s.partition_point(|t| *t + STEP_S <= from_s)
             ..self.time_s.partition_point(|t| *t <= to_s)
     }
 }
 
-/// Returns the samples sorted by time, without duplicates of ranges that two logs have. Refuses
+/// Returns the samples sorted by time, without duplicates of ranges that are in two logs. Refuses
 /// distances out of range, and links of unlisted drones or anchors.
 pub(super) fn checked(
     anchors_m: &[Vector3<f64>],
@@ -224,7 +227,7 @@ mod tests {
         Vector3::new(0.8 * wave(0.7), 0.4 * wave(1.1), 1.0 + 0.4 * wave(0.9))
     }
 
-    /// Ranges of `end_s` at 100 a second over the links in turn.
+    /// Returns ranges over `end_s` at 100 per second, with the links in turn.
     fn log(links: &[Link], n_anchors: usize, sigma_m: f64, end_s: u32) -> Vec<RangeSample> {
         let (anchors_m, mut random) = (anchors_m(n_anchors), Random(9));
         Vec::from_iter((0..end_s * 100).map(|k: u32| {

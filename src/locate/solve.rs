@@ -1,9 +1,9 @@
-//! Passes over a log of ranges, forward and backward, until the positions converge.
+//! Runs passes over a log of ranges, forward and backward, until the positions converge.
 //!
 //! A forward and a backward pass need the covariances of every step, whose size grows with the
-//! square of the states. Only the steps of one window are kept. For earlier windows a pass keeps
-//! the filter at their start and recomputes their steps on the way back. The means of all steps and
-//! the covariances of the positions are kept.
+//! square of the number of states. Only the steps of one window are kept. For earlier windows a
+//! pass keeps the filter at their start and recomputes their steps on the way back. The means of
+//! all steps and the covariances of the positions are kept.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,13 +13,13 @@ use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Normal, Step};
 
 const MAX_PASSES: usize = 8;
-/// Change of a state between two passes below which they end.
+/// Change of a state between two passes below which the passes end.
 const CONVERGED: f64 = 1e-4;
-/// Most memory for the steps of a window. A smaller limit costs little time, since each window is
-/// recomputed only once per pass. A minute of three drones is one window.
+/// Maximum memory for the steps of a window. A smaller limit costs little time, because each window
+/// is recomputed only once per pass. A minute of three drones is one window.
 const WINDOW_BYTES: usize = 16 << 20;
 
-/// The states of all steps: means, and covariances of the positions by step and drone.
+/// States of all steps: their means, and the covariances of the positions by step and drone.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     states: usize,
@@ -41,7 +41,7 @@ impl Path {
             largest_change = largest_change.max((*stored - mean).abs());
             *stored = *mean;
         }
-        // Velocities are the last three states of a drone. Their covariance is dropped.
+        // Velocities are the last three states of a drone, and their covariance is dropped.
         for drone in 0..n_drones {
             let first = STATES * drone;
             self.covariances_m2[step * n_drones + drone] = normal.block(first, first);
@@ -74,8 +74,8 @@ impl Solution {
     }
 }
 
-/// Runs passes over a log from `start` until the states converge, or a single forward pass if not
-/// `smooth`.
+/// Runs passes over a log from `start` until the states converge, or a single forward pass if
+/// `smooth` is false.
 pub(super) fn solve(
     model: &Model<'_>,
     samples: &[RangeSample],
@@ -87,7 +87,7 @@ pub(super) fn solve(
 
 /// Returns the number of steps that fit into [`WINDOW_BYTES`].
 fn window(n_states: usize) -> usize {
-    // A step has two means and two covariances, and the entries of its transition.
+    // A step contains two means, two covariances, and the entries of its transition.
     let numbers = 2 * n_states * (n_states + 2) + 3 * n_states;
     (WINDOW_BYTES / size_of::<f64>() / numbers).max(1)
 }
@@ -102,14 +102,14 @@ struct Passes<'m, 'a> {
 
 /// Results of a forward pass. `steps` are those of the last window.
 struct Forward {
-    /// The filter at the start of each window.
+    /// State of the filter at the start of each window.
     window_starts: Vec<Filter>,
     steps: Vec<Step>,
     innovations: Innovations,
 }
 
 impl Passes<'_, '_> {
-    /// Runs passes until they converge, or the first forward pass if not `smooth`.
+    /// Runs passes until they converge, or only the first forward pass if `smooth` is false.
     fn solve(&self, smooth: bool) -> Result<Solution> {
         let time_s: Vec<f64> = time_steps(self.samples).map(|step| step[0].time_s).collect();
         let (n, states) = (time_s.len(), self.start.mean.len());
@@ -119,10 +119,10 @@ impl Passes<'_, '_> {
             let forward = self.forward(None, Some(&mut path));
             return Ok(Solution { time_s, path, innovations: forward.innovations });
         }
-        // Innovations are those of the first pass, before later ranges improve the path.
+        // The innovations are those of the first pass, before later ranges improve the path.
         let first = self.forward(None, None);
         let (mut window_starts, mut steps) = (first.window_starts, first.steps);
-        // Gauss–Newton: each pass is linearized about the smoothed path of the pass before.
+        // For Gauss–Newton, each pass is linearized about the smoothed path of the previous pass.
         for pass in 0..MAX_PASSES {
             let largest_change = self.backward(&window_starts, steps, pass > 0, &mut path)?;
             if pass > 0 && largest_change < CONVERGED || pass + 1 == MAX_PASSES {
@@ -143,7 +143,7 @@ impl Passes<'_, '_> {
                 window_starts.push(filter.clone());
                 steps.clear();
             }
-            // The filter at the start of a window is enough to recompute its steps.
+            // The filter at the start of a window is sufficient to recompute its steps.
             let linearized_about = about.map(|about| about.states(k));
             let step = self.model.advance(&mut filter, ranges, linearized_about, &mut innovations);
             if let Some(path) = &mut into {
@@ -176,7 +176,8 @@ impl Passes<'_, '_> {
         let (mut last, mut largest_change) = (Some(last), 0.0_f64);
         let mut next: Option<(Step, Normal)> = None;
         for (index, window_start) in window_starts.iter().enumerate().rev() {
-            // The steps of the last window still exist. Earlier windows are recomputed.
+            // The steps of the last window still exist. The steps of earlier windows are
+            // recomputed.
             let about = linearized.then_some(&*path);
             let steps = last.take().unwrap_or_else(|| self.recomputed(index, window_start, about));
             for (k, step) in steps.into_iter().enumerate().rev() {
@@ -196,7 +197,7 @@ impl Passes<'_, '_> {
     }
 }
 
-/// Returns the error of a covariance that cannot be inverted.
+/// Returns the error for a covariance that cannot be inverted.
 fn covariance_lost(time_s: f64) -> Error {
     Error::infeasible(
         format!("the filter has lost its covariance at {time_s:.2} s"),

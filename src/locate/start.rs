@@ -1,8 +1,8 @@
-//! The positions at the start of a log, from only the first second of each drone.
+//! Determines the initial positions of a log from the first second of each drone only.
 //!
 //! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean
-//! range of each link is fitted by Levenberg's and Marquardt's method from 27 places around the
-//! anchors, since a few ranges have mirror images.
+//! range of each link is fitted by the method of Levenberg and Marquardt from 27 places around the
+//! anchors, because a few ranges have mirror images.
 
 use std::collections::BTreeMap;
 
@@ -15,23 +15,24 @@ use super::{Link, RangeSample, Room};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::Normal;
 
-/// Ranges within this time after the first give the position at the start.
+/// Time after the first range within which ranges determine the initial position.
 const START_S: f64 = 1.0;
-/// Standard deviation of each velocity at the start.
+/// Standard deviation of each initial velocity.
 const START_SPEED_M_S: f64 = 0.5;
-/// Starts of the fit on each axis, from the anchors' middle, and distance between the drones
-/// there, in fractions of the anchors' extent.
+/// Starting points of the fit on each axis relative to the anchors' middle, and distance between
+/// the drones there, as fractions of the anchors' extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
 const APART: f64 = 0.05;
-/// Added cost, m², of positions outside the room, larger than the cost of any fit inside.
+/// Cost, m², that is added for positions outside the room, which exceeds the cost of any fit
+/// inside.
 const OUTSIDE_M2: f64 = 1e9;
-/// Least decrease of the cost, m², that makes another start better.
+/// Minimum decrease of the cost, m², at which another start is better.
 const LEAST_DECREASE_M2: f64 = 1e-9;
-/// Eigenvalue of the information, relative to the largest, below which a direction is unobservable.
+/// Eigenvalue of the information, relative to the largest, of an unobservable direction.
 const UNOBSERVABLE: f64 = 1e-4;
 
 /// Returns the state that best fits the ranges of each drone's first second, with velocities of
-/// zero, and its covariance for ranges with the standard deviation `sigma_m`.
+/// zero. The state's covariance is that for ranges with the standard deviation `sigma_m`.
 pub(super) fn start(
     anchors_m: &[Vector3<f64>],
     heard_s: &[[f64; 2]],
@@ -40,7 +41,8 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // A range between drones whose logs start at different times does not fit their starts.
+    // If the logs of two drones start at different times, their range does not belong to both
+    // starts.
     let mut means = means(heard_s, samples);
     let simultaneous = Vec::from_iter(means.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
@@ -56,11 +58,11 @@ pub(super) fn start(
                  do not determine the positions",
                 means.len()
             ),
-            "three anchors a drone, or more drones that range to each other, are needed; a \
+            "three anchors per drone, or more drones that range to each other, are needed; a \
                    drone that flies with its motion sensors does with fewer",
         ));
     }
-    // A small eigenvalue of the information JᵀJ is a direction that the ranges do not fix.
+    // A small eigenvalue of the information JᵀJ is a direction that the ranges leave open.
     let positions_m = best_fit(anchors_m, n, &means, room);
     let jacobian = residuals(anchors_m, &means, &positions_m).0;
     let information = jacobian.transpose() * jacobian;
@@ -77,10 +79,10 @@ pub(super) fn start(
     Ok(at_rest(&positions_m, &(inverse * variance)))
 }
 
-/// Returns the state of drones at rest from their positions and the covariance of these.
+/// Returns the state of drones at rest, from their positions and the covariance of these.
 fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
     let n = positions_m.len();
-    // Each drone has three positions, then three velocities.
+    // Each drone has three position states, followed by three velocity states.
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
     let rows: Vec<usize> = (0..n).map(|i| STATES * (i / 3) + i % 3).collect();
     for (i, row) in rows.iter().enumerate() {
@@ -93,11 +95,11 @@ fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
     Normal::new(state, covariance)
 }
 
-/// Returns the mean range of each link in the first second in which both its drones have ranges.
+/// Returns the mean range of each link in the first second in which both of its drones have ranges.
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {
-        // A range between drones counts from the later of the two first ranges on.
+        // A range between drones is used from the later of their two first ranges on.
         let begins_s = sample.link.drones().map(|drone| heard_s[drone][0]);
         let since_s = begins_s.fold(f64::NEG_INFINITY, f64::max);
         if (since_s..=since_s + START_S).contains(&sample.time_s) {
@@ -109,7 +111,7 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     sums.map(|(link, (sum_m, count))| Observation { link, distance_m: sum_m / count }).collect()
 }
 
-/// Returns the positions with the least cost after fits from 27 starts around the anchors.
+/// Returns the positions with the lowest cost after fits from 27 starts around the anchors.
 fn best_fit(
     anchors_m: &[Vector3<f64>],
     n: usize,
@@ -119,11 +121,12 @@ fn best_fit(
     let [low_m, high_m] = extent_m(anchors_m);
     let (middle_m, reach_m) = ((low_m + high_m) * 0.5, (high_m - low_m).max().max(1.0));
     let mut best = (f64::INFINITY, DVector::zeros(n));
-    // Each k is another combination of the three offsets on the three axes.
+    // Each k is a different combination of the three offsets on the three axes.
     for k in 0..27_usize {
         let around = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
         let start_m = DVector::from_fn(n, |i, _| {
-            // Drones start apart from each other, or their range would have no direction.
+            // The drones start apart from each other, because otherwise the range between them
+            // would have no direction.
             let apart = APART * (i / 3) as f64;
             middle_m[i % 3] + reach_m * (around[i % 3] + apart)
         });

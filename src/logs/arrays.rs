@@ -1,4 +1,4 @@
-//! Plausibility of flights from a caller's arrays, which have no titles: the checks of tables.
+//! Checks the plausibility of flights from a caller's arrays, which have no titles, like tables.
 
 use super::recording::{Block, Channel, Column, Recording};
 use super::{ImportOptions, frames, mapper, plain_csv, speed};
@@ -14,11 +14,11 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         return Vec::new();
     }
     let first_s = samples[0].time_s;
-    let begins = format!(
-        "its clock begins at {first_s} s: a photograph's exposure begins there, not at 0 s"
+    let text = format!(
+        "its clock begins at {first_s} s, and so does a photograph's exposure, instead of at 0 s"
     );
-    let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", begins));
-    // The checks of a table, on the flight's columns in a table.
+    let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", text));
+    // The flight's columns are put in a table, to which the checks of tables apply.
     let block = pose_columns(samples);
     let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
     let channels = block.columns.iter().take(3).filter(|_| rising);
@@ -41,7 +41,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         let text = "are they degrees, or of a quaternion whose parts are in another order?";
         Diagnostic::warning("unit-guessed", format!("{why}: {text}"))
     });
-    // A flight along another axis may stay at height zero without resting.
+    // A flight along another axis may stay at height zero without being at rest.
     let axes = frames::axes_doubt(&Recording { blocks: vec![block], ..Recording::default() });
     let rests = (axes.is_none() && rests_on_floor(samples, 0.0)).then(|| {
         let highest_m = samples.iter().map(|sample| sample.position_m.z).fold(0.0, f64::max);
@@ -54,7 +54,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     [begins, repeats, speed, size, axes, angles, rests, design].into_iter().flatten().collect()
 }
 
-/// Fraction of equal times above which they are asked about: a log may repeat a few rows.
+/// Maximum fraction of equal times that causes no warning, because a log may repeat a few rows.
 const FEW_REPEATS: f64 = 0.01;
 
 /// Returns a warning if the drone moves while its clock stands still.
@@ -73,7 +73,7 @@ fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
     })
 }
 
-/// Median distance from its design that no flight has, m.
+/// Median distance from its design that no flight reaches, m.
 const FAR_M: f64 = 1.0;
 
 /// Returns a warning if the flight is far from its design most of the time.
@@ -96,7 +96,7 @@ fn pose_columns(samples: &[FlightSample]) -> Block {
     let columns = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
         let names = Quantity::TABLE[quantity as usize].2;
         names.iter().zip(quantity.places()).map(move |(name, number)| Column {
-            // The unit of angles is to be checked.
+            // The unit of the angles is still to be checked.
             is_open_angle: quantity == Quantity::Attitude,
             ..Column::new(
                 (*name).to_owned(),
@@ -118,7 +118,7 @@ mod tests {
     use noctograph_core::flight::FlightData;
     use noctograph_core::geometry::Attitude;
 
-    /// Take-off, an L on the wall and landing, leaning by 0.1 rad.
+    /// Returns warnings about a flight with take-off, an L on the wall and landing, tilted 0.1 rad.
     fn said(to: impl Fn(FlightSample) -> FlightSample) -> String {
         let samples = (0..=400).map(|row| {
             let t = 0.02 * f64::from(row);

@@ -1,10 +1,10 @@
-//! Folders of gym-pybullet-drones: one file for each variable, with two columns without a header,
-//! the time in s and the value.
+//! Reads folders of gym-pybullet-drones, which contain one file for each variable, with two columns
+//! without a header: the time in s and the value.
 //!
 //! Source: `Logger.save_as_csv` in `gym_pybullet_drones/utils/Logger.py` (2.1.0), which writes
-//! `x0.csv`, `y0.csv` … for drone 0. Velocities and angular velocities are in `PyBullet`'s world.
-//! Angular velocities, derivatives of the angles and rotor speeds are kept as further columns.
-//! There are no setpoints or lights.
+//! `x0.csv`, `y0.csv` … for drone 0. Velocities and angular velocities are in the world frame of
+//! `PyBullet`. Angular velocities, derivatives of the angles and rotor speeds are kept as
+//! additional columns. There are no setpoints or lights.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,8 @@ use super::{Job, cells};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, entries_in, file_name};
 
-/// Variables with our names. The first three identify such a folder.
+/// Files of a Bullet folder, without extension, and this program's names of their variables. The
+/// first three files identify such a folder.
 const NAMES: [(&str, &str); 12] = [
     ("x", "x_m"),
     ("y", "y_m"),
@@ -29,14 +30,14 @@ const NAMES: [(&str, &str); 12] = [
     ("wz", "wz_world_rad_s"),
 ];
 
-/// A variable's file: its path, the variable, and the number of the drone.
+/// A variable's file: its path, the name of the variable, and the number of the drone.
 type Variable = (PathBuf, String, usize);
 
-/// Returns the variables of a folder, or `None` if it is not such a folder.
+/// Returns the variables in a folder, or `None` if it is not such a folder.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if it cannot be read.
+/// Returns [`Error::Io`] if the folder cannot be read.
 pub(super) fn variables(folder: &Path) -> Result<Option<Vec<Variable>>> {
     let variables = entries_in(folder)?.into_iter().filter_map(|path| {
         let (name, number) = variable(path.file_name()?.to_str()?.strip_suffix(".csv")?)?;
@@ -59,22 +60,22 @@ fn variable(stem: &str) -> Option<(String, usize)> {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for the files of several drones, and for a file that is not such a variable.
+/// Returns [`Error::Input`] for the files of several drones, and for a file of another kind.
 pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].2;
     if let Some((path, ..)) = variables.iter().find(|(.., number)| *number != drone) {
         let actual = format!("files of drone {drone} and {}", path.display());
-        let hint = "copy the files of each drone to a folder of their own, and import each";
+        let hint = "copy the files of each drone to a separate folder, and import each";
         return Err(Error::input(job.file, actual, "one drone", hint));
     }
-    // All files must have the times of the first one.
+    // All files must contain the same times as the first one.
     let mut block = Block { name: "bullet".into(), ..Block::default() };
     for (path, variable, _) in variables {
         let [time_s, values] = columns(path, job)?;
         if block.columns.is_empty() {
             block.time_s = time_s;
         } else if block.time_s != time_s {
-            let hint = "export the folder again: its files belong to one flight";
+            let hint = "export the folder again, so that its files belong to one flight";
             let actual = "other times than in the files before it";
             return Err(Error::input(path.display(), actual, "the same times", hint));
         }
@@ -94,7 +95,7 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// Reads the times and the values of a variable's file.
+/// Reads the times and the values in a variable's file.
 fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     let file = path.display().to_string();
     let bytes = super::read(path)?;
@@ -102,11 +103,11 @@ fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     job.budget.steps(bytes.len())?;
     let text = Text::decode(&bytes);
     let mut head = Head::find(&text.bytes);
-    // Another file would have titles or more columns.
+    // Any other file would have titles or more columns.
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
-        let hint = "leave files that are no variables of the simulator out of the folder";
-        return Err(Error::input(file, actual, "time and value, without a head", hint));
+        let hint = "remove files that are not variables of the simulator from the folder";
+        return Err(Error::input(file, actual, "time and value, without a header", hint));
     }
     head.titles = ["t", "value"].map(str::to_owned).into();
     let (sheet, _) = cells::read_rows(&text, head, Job { file: &file, ..job }, |_| true)?;

@@ -1,4 +1,4 @@
-//! Cells of tables in logs: numbers, missing values, dates and times of day.
+//! Parses the cells of tables in logs: numbers, missing values, dates and times of day.
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, RowRules, Sheet, SheetColumn, Text};
@@ -6,14 +6,14 @@ use noctograph_core::files::{Head, RowRules, Sheet, SheetColumn, Text};
 use super::Job;
 use super::titles::meaning;
 
-const HINT: &str = "correct or cut the file; each line needs one number a column";
+const HINT: &str = "correct or cut the file, because each line needs one number per column";
 
 pub(super) const DAY_S: f64 = 86_400.0;
-/// Longest text that is parsed as a date, in bytes.
+/// Maximum length of a text that is parsed as a date, in bytes.
 const LONGEST_DATE: usize = 48;
 
-/// Reads the rows below a header. Also returns which columns have dates or times of day, whose
-/// values are seconds. Texts are an error in a column of which `is_needed` is true, else a note.
+/// Reads the rows below a header. Also returns which columns contain dates or times of day, whose
+/// values are in seconds. Texts are an error in a column that `is_needed`, and a note otherwise.
 pub(super) fn read_rows(
     text: &Text<'_>,
     head: Head,
@@ -33,13 +33,13 @@ pub(super) fn read_rows(
         let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
         return Err(error.in_file(file, line as u64));
     }
-    // A table that has only texts and times is refused.
+    // A table that contains only texts and times is refused.
     let texts: Vec<String> = sheet.columns.iter().filter_map(list_of_texts).collect();
     let is_text_or_time =
         |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
     if !texts.is_empty() && sheet.columns.iter().all(is_text_or_time) {
         let actual = format_args!("texts in {}", texts.join(", "));
-        let hint = "write each variable to a column of its own, below a head t,x,y,z";
+        let hint = "write each variable to its own column, below a header t,x,y,z";
         return Err(Error::input(file, actual, "a number in each cell", hint));
     }
     if !texts.is_empty() {
@@ -48,7 +48,8 @@ pub(super) fn read_rows(
     Ok((sheet, are_dated))
 }
 
-/// Names a column with texts and the first of these, for a message. `None` without texts.
+/// Returns a description of a column with texts, including the first of them, for a message.
+/// Returns `None` if there are no texts.
 fn list_of_texts(column: &SheetColumn) -> Option<String> {
     let first = column.texts.first()?;
     let n = column.n_texts;
@@ -56,12 +57,12 @@ fn list_of_texts(column: &SheetColumn) -> Option<String> {
     Some(format!("{} (column {}, {count}{first:?})", column.title, column.number))
 }
 
-/// Parses a cell. Returns its number, and true if that is seconds of a date or a time of day.
+/// Parses a cell. Returns its number, and true if it is the seconds of a date or time of day.
 fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
 
-/// Parses a number. A missing value is NaN, and other text `None`.
+/// Parses a number. A missing value is NaN, and other text is `None`.
 fn number(cell: &str) -> Option<f64> {
     match cell {
         "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
@@ -71,12 +72,13 @@ fn number(cell: &str) -> Option<f64> {
     }
 }
 
-/// Returns the seconds since 1970 of a date such as `2023-05-04 12:34:56.789`, or those since
-/// midnight of a time of day. A date without a time is its midnight.
+/// Returns the seconds since 1970 of a date such as `2023-05-04 12:34:56.789`, or the seconds since
+/// midnight of a time of day. A date without a time is at midnight.
 ///
-/// Also read: `T` between date and time, `/` and `.` in dates, names of months, `AM` and `PM`,
-/// zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, milliseconds after a third colon, minutes
-/// and seconds (`34:56.7`, as in spreadsheets), and days (`0 days 00:00:01`, as in pandas).
+/// Further accepted forms are `T` between date and time, `/` and `.` in dates, names of months,
+/// `AM` and `PM`, zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, milliseconds after a third
+/// colon, minutes and seconds (`34:56.7`, as in spreadsheets), and days (`0 days 00:00:01`, as in
+/// pandas).
 pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     if cell.len() > LONGEST_DATE || !cell.starts_with(|sign: char| sign.is_ascii_digit()) {
         return None;
@@ -86,7 +88,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         return Some(days_from_date(&lower)? as f64 * DAY_S);
     }
     let (text, half) = half_day(&lower);
-    // The date ends at a blank, an underscore, or a T among digits.
+    // The date ends at a blank, an underscore, or a T between digits.
     let first_colon = text.find(':').unwrap_or_default();
     let (date, time) = match text.char_indices().rfind(|(place, sign)| {
         *place < first_colon
@@ -122,22 +124,22 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
 }
 
-/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm`, or `None` without either.
+/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm`, or `None` for neither.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
     half.map_or((text, None), |(before, pm)| (before.trim_end(), Some(pm)))
 }
 
-/// Removes the zone from a time of day. Returns the rest, and the seconds that the zone is ahead of
-/// UTC, or `None` for an unknown zone.
+/// Removes the zone from a time of day. Returns the rest, and the seconds by which the zone is
+/// ahead of UTC. Returns `None` for an unknown zone.
 fn zone(time: &str) -> Option<(&str, f64)> {
     if let Some(before) = ["z", "utc", "gmt"].iter().find_map(|end| time.strip_suffix(end)) {
         return Some((before.trim_end(), 0.0));
     }
     let Some(sign) = time.find(['+', '-']) else { return Some((time, 0.0)) };
     let (before, zone) = time.split_at(sign);
-    // Hours, or hours and minutes with or without a colon.
+    // The zone consists of hours, or of hours and minutes with or without a colon.
     let digits: String = zone[1..].chars().filter(|sign| *sign != ':').collect();
     let minutes = match (digits.len(), digits.parse::<u32>()) {
         (1 | 2, Ok(hours)) => hours * 60,
@@ -148,13 +150,13 @@ fn zone(time: &str) -> Option<(&str, f64)> {
     (minutes <= 14 * 60).then(|| (before.trim_end(), sign * f64::from(minutes)))
 }
 
-/// The first three letters of each month's names in English and German.
+/// First three letters of each month's names in English and German.
 const MONTHS: [&str; 12] = [
     "jan", "feb", "mar mär", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
     "dec dez",
 ];
 
-/// Returns the number of a month from its name.
+/// Returns the number of a month, given its name.
 fn month(name: &str) -> Option<i64> {
     let first: String = name.chars().take(3).collect();
     let mut months = (1..).zip(MONTHS);
@@ -162,8 +164,8 @@ fn month(name: &str) -> Option<i64> {
 }
 
 /// Returns the days since 1970-01-01 of a date. The order is year, month and day if the first
-/// number is more than 31, else month, day and year. The day is first in dates with points, as in
-/// German, and if the first number is more than 12.
+/// number is more than 31, otherwise month, day and year. The day comes first in dates with points,
+/// as in German, and if the first number is more than 12.
 fn days_from_date(date: &str) -> Option<i64> {
     if let Some(days) = date.strip_suffix(" days") {
         return days.parse().ok().filter(|days| (0..100_000).contains(days));
@@ -182,7 +184,7 @@ fn days_from_date(date: &str) -> Option<i64> {
     if !fits {
         return None;
     }
-    // Years from March on, so that the leap day is the last (Howard Hinnant, days_from_civil).
+    // Years begin in March, which puts the leap day last (Howard Hinnant, days_from_civil).
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;
@@ -196,7 +198,7 @@ mod tests {
     #[test]
     fn dates_count_seconds() {
         assert_eq!(seconds_from_date("1970-01-02 00:00:01.5"), Some(86_401.5));
-        // date -u -d '2022-12-14 15:04:05' +%s
+        // The expected value is from: date -u -d '2022-12-14 15:04:05' +%s
         for date in [
             "2022-12-14T15:04:05Z",
             "12/14/2022 15:04:05",

@@ -1,4 +1,4 @@
-//! CSV files from cfclient: one file for each log block, `Timestamp` in ms, then the variables.
+//! Reads CSV files from cfclient, one for each log block, with `Timestamp` in ms and variables.
 //!
 //! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
 //! `logdata/<connected>/<block>-<started>.csv`.
@@ -10,16 +10,17 @@ use super::{Job, cells, firmware, unknown};
 use noctograph_core::error::Result;
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
-/// Radio logs have 24-bit times in milliseconds (three bytes in the log packet).
+/// Period after which the times in radio logs restart, because they are 24-bit milliseconds (three
+/// bytes in the log packet).
 pub(super) const WRAP_S: f64 = 16_777.216;
 
-/// True for a header from cfclient: `Timestamp`, and variables as `group.name`.
+/// Returns true for a header from cfclient: `Timestamp`, and variables as `group.name`.
 pub(super) fn is_cfclient(head: &Head) -> bool {
     head.titles.first().is_some_and(|title| title == "Timestamp")
         && head.titles[1..].iter().any(|title| title.contains('.'))
 }
 
-/// True if a file name is that of a CSV file.
+/// Returns true if a file name is that of a CSV file.
 pub(super) fn may_be_cfclient(path: &Path) -> bool {
     ending(path) == "csv"
 }
@@ -29,7 +30,7 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     let (sheet, _) = cells::read_rows(text, head, job, |_| true)?;
     let mut columns =
         sheet.columns.into_iter().map(|column| Column::new(column.title, column.values));
-    // The first column is the time, the others are variables.
+    // The first column is the time, and the others are variables.
     let times_ms = columns.next().map(|times| times.values).unwrap_or_default();
     let block = Block {
         name: Path::new(job.file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
@@ -47,7 +48,7 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     Ok(log)
 }
 
-/// Reads the files of a folder that are from cfclient, sorted by name, as one recording.
+/// Reads those files of a folder that are from cfclient, sorted by name, as one recording.
 pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
     let Job { budget, .. } = job;
     let mut log = Recording::new(job.file);
@@ -71,7 +72,7 @@ pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
             log.blocks.extend(one.blocks);
             log.firmware = log.firmware.or(one.firmware);
             log.wrap_s = one.wrap_s;
-            // The limit is for all files together.
+            // The limit applies to all files together.
             log.check_variables()?;
         } else {
             others.push(file_name(path));
@@ -79,12 +80,12 @@ pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
         budget.free(bytes.len() as u64);
     }
     if log.blocks.is_empty() {
-        let content = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
+        let content = "a folder without a cfclient CSV file (Timestamp,group.name …)";
         return Err(unknown(job.file, content));
     }
     if !others.is_empty() {
         let others = others.join(", ");
-        let text = format!("not read, as they are no files of cfclient's: {others}");
+        let text = format!("not read, because they are not cfclient files: {others}");
         log.warn("not-read", text);
     }
     Ok(log)

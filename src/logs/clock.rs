@@ -1,4 +1,4 @@
-//! Repair of times: undoes wraps, drops times that do not rise, and corrects slow clocks.
+//! Repairs times: undoes wraps, drops times that do not increase, and corrects slow clocks.
 
 use super::ImportOptions;
 use super::recording::{Block, Clock, Recording};
@@ -7,21 +7,21 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::statistics::median;
 
-/// Least fall of a clock that is a restart, unless it is a wrap.
+/// Minimum fall of a clock that counts as a restart, unless it is a wrap.
 const RESTART_S: f64 = 1.0;
 
-/// Least number of falls that are disorder. Fewer are spikes.
+/// Minimum number of falls that count as disorder. Fewer falls are spikes.
 const MIN_FALLS: usize = 10;
 
-/// Latest valid time: 30,000 years.
+/// Latest valid time, which is 30,000 years.
 const LATEST_S: f64 = 1e12;
 
-/// Repairs the times of a log so that they rise in every block, and all blocks have one time axis
-/// in true seconds.
+/// Repairs the times of a log so that they increase in every block, and so that all blocks have one
+/// time axis in true seconds.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if the rows are not in order of time.
+/// Returns [`Error::Input`] if the rows are not in order of time.
 pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
     for block in &mut log.blocks {
         check_order(block, &log.file)?;
@@ -40,19 +40,18 @@ pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Re
     Ok(log)
 }
 
-/// Refuses rows that are not in order of time, apart from a few wraps, restarts or spikes.
+/// Refuses rows that are not in order of time, except for a few wraps, restarts or spikes.
 fn check_order(block: &Block, file: &str) -> Result<()> {
     let n = block.time_s.len();
     if n > 2 && block.time_s.iter().all(|time_s| *time_s == block.time_s[0]) {
-        let (same, hint) =
-            (format!("{n} times that are one"), "write stamps with all their digits");
+        let (same, hint) = (format!("{n} equal times"), "write times with all their digits");
         return Err(Error::input(file, same, "times that rise", hint));
     }
     let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
     if falls < MIN_FALLS || falls <= n / 4 {
         return Ok(());
     }
-    let disorder = format_args!("{falls} of {n} times before the one above");
+    let disorder = format_args!("{falls} of {n} times earlier than in the row above");
     Err(Error::input(file, disorder, "rows in the order of their times", "sort them by time"))
 }
 
@@ -62,12 +61,12 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
     let n = time_s.len();
     let mut repairs = Vec::new();
 
-    // A spike just before a wrap would hide it, so spikes are dropped first.
+    // A spike just before a wrap would hide it, so that spikes are dropped first.
     let finite = (0..n).filter(|&i| time_s[i].abs() < LATEST_S).collect();
     let mut kept = without_spikes(time_s, finite);
     let wraps = wrap_s.map_or(0, |wrap_s| undo_wraps(time_s, &kept, wrap_s));
     if let Some(wrap_s) = wrap_s.filter(|_| wraps > 0) {
-        let text = format!("the clock wrapped {wraps} time(s) after {wrap_s} s; undone");
+        let text = format!("the clock wrapped {wraps} time(s) after {wrap_s} s, which is undone");
         repairs.push(("clock-wrapped", text));
     }
 
@@ -76,7 +75,7 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
     let outside = kept.len() - longest.len();
     if n_stretches > 1 {
         let text = format!(
-            "the clock starts again {} time(s); only the longest stretch, samples {} to {} of {n}, \
+            "the clock restarts {} time(s): only the longest stretch, samples {} to {} of {n}, \
              is kept",
             n_stretches - 1,
             longest[0] + 1,
@@ -86,7 +85,7 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
     }
     kept = longest;
 
-    // Within the stretch, samples whose time does not rise are dropped.
+    // Within the stretch, samples whose time does not increase are dropped.
     let mut last_s = f64::NEG_INFINITY;
     kept.retain(|&i| {
         let rises = time_s[i] > last_s;
@@ -98,7 +97,7 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
         let start = kept.first().map_or(0, |first| *first);
         let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0) + 1;
         let text = format!(
-            "{dropped} of {n} samples dropped, whose time stamp does not rise (first: sample {first})"
+            "{dropped} of {n} samples dropped, whose timestamp does not rise (first: sample {first})"
         );
         repairs.push(("times-dropped", text));
     }
@@ -114,8 +113,8 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
     );
 }
 
-/// Returns the number of stretches between restarts, and the indices of the longest. A stretch ends
-/// at its latest time, so that repeated zeros after the end of a log do not count.
+/// Returns the number of stretches between restarts, and the indices of the longest stretch. A
+/// stretch ends at its latest time, so that repeated zeros after the end of a log do not count.
 fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     let stretches = kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S);
     let timed = stretches.clone().map(|stretch| {
@@ -126,7 +125,7 @@ fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     (stretches.count(), longest.map(|(_, stretch)| stretch.to_vec()).unwrap_or_default())
 }
 
-/// Removes the indices of single times that are later than the next one.
+/// Removes the indices of single times that are later than the next time.
 fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::with_capacity(indices.len());
     for (place, &i) in indices.iter().enumerate() {
@@ -139,7 +138,7 @@ fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     kept
 }
 
-/// Adds `wrap_s` after each fall of time by more than half of it. Returns the number of wraps.
+/// Adds `wrap_s` after each fall of the time by more than half of it. Returns the number of wraps.
 fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     let (mut wraps, mut last_s) = (0, f64::NEG_INFINITY);
     for &i in kept {
@@ -153,7 +152,7 @@ fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     wraps
 }
 
-/// Adds a wrap to the blocks that began just after one, so that all blocks have the same clock.
+/// Adds a wrap to blocks that began just after one, so that all blocks use the same clock.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     let mut drone = Vec::from_iter(blocks.iter_mut().filter(|block| block.clock == Clock::Drone));
     let latest_s = drone.iter().map(|block| block.time_s[0]).fold(f64::NEG_INFINITY, f64::max);
@@ -165,14 +164,14 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
 }
 
 /// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that
-/// its times show, else that of its firmware, else of `assumed`. Warns of corrections and guesses.
+/// its times show, or else that of its firmware, or else that of `assumed`. Warns of guesses.
 fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     if !log.is_on_card {
         return 1.0;
     }
     let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
     let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
-    // A measured rate is better than a named firmware, and that is better than an assumed one.
+    // A measured rate is preferred to that of a named firmware, and that to an assumed one.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))
@@ -210,10 +209,10 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
 }
 
 /// Returns the clock rate that the times of a block show, or `None` if it has no usual period. The
-/// card is written at true ticks of the operating system, with times of the drone's clock.
+/// card is written at true ticks of the operating system, but with times of the drone's clock.
 fn shown_rate(block: &Block) -> Option<f64> {
-    /// Usual periods, and the largest relative error of the mean step from them. Steps within the
-    /// spread of the median count.
+    /// Usual periods, and the maximum relative deviation of the mean step from them. Steps within
+    /// the spread of the median are averaged.
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
     const TOLERANCE: f64 = 0.004;
     const SPREAD: f64 = 0.3;
@@ -279,7 +278,7 @@ mod tests {
         let (time_s, _, warnings) = settled(&stamps, None);
         assert_eq!((time_s.len(), time_s[0]), (100, 40.0));
         assert!(warnings > 0, "and they are named");
-        // Fewer samples over a longer time are the flight.
+        // The stretch with fewer samples over a longer time is the flight.
         let slow = (0..20).map(|i| 40.0 + 0.5 * f64::from(i));
         let stamps: Vec<f64> = slow.chain((0..200).map(|i| 0.01 * f64::from(i))).collect();
         assert_eq!(settled(&stamps, None).0.len(), 20);
@@ -294,9 +293,10 @@ mod tests {
         assert_eq!(recording.blocks[1].time_s, [100.5, 101.5]);
     }
 
-    /// Warnings of a log on the card with a period, and by how much its time is stretched.
+    /// Returns the factor by which the time of a log on the card is stretched, and its warnings.
+    /// `period_s` is the period of the log.
     fn on_card(period_s: f64, firmware: Option<&str>, options: &ImportOptions) -> (f64, String) {
-        // Stamps of events have no period.
+        // Times of events have no period.
         let uneven = |i: u32| if period_s == 0.0 { 0.013 * libm::sqrt(f64::from(i)) } else { 0.0 };
         let time_s = (0..200).map(|i| f64::from(i) * period_s + uneven(i)).collect();
         let blocks = vec![Block { time_s, ..Block::default() }];

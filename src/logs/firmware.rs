@@ -1,14 +1,14 @@
-//! The release of the drone's firmware, if a log names one.
+//! Finds the release of the drone's firmware, if a log names it.
 //!
-//! Exported scripts write it into their logs (`noctograph.firmware`). Other JSON may have it as
-//! `firmware` or `firmware_version`, and tables in a comment before their header
-//! (`# firmware: 2026.08`). Logs on the card and from cfclient do not name it.
+//! Exported scripts write the release to their logs (`noctograph.firmware`). Other JSON may contain
+//! it as `firmware` or `firmware_version`, and tables in a comment before their header (`#
+//! firmware: 2026.08`). Logs on the card and from cfclient do not contain it.
 
 use super::recording::Recording;
 use noctograph_core::crazyflie::Release;
 use noctograph_core::diagnostic::Diagnostic;
 
-/// Number of lines that are searched, and of bytes in each.
+/// Number of lines that are searched, and number of bytes in each.
 const LINES: usize = 100;
 const BYTES: usize = 200;
 
@@ -19,7 +19,8 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     let comments = lines.filter(|line| matches!(line.first(), Some(b'#' | b'%' | b'/')));
     comments.into_iter().find_map(|line| {
         let line = String::from_utf8_lossy(&line[..line.len().min(BYTES)]).into_owned();
-        // The first release after the word firmware, else a word that looks like a commit.
+        // The version is the first release after the word firmware, or else a word that looks like
+        // a commit.
         let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
         let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
         let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();
@@ -43,7 +44,7 @@ pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<D
             flown.name()
         ),
         None => {
-            format!("firmware {named} is no release: it is taken for {assumed} (vehicle.firmware)")
+            format!("firmware {named} is not a release: {assumed} is assumed (vehicle.firmware)")
         }
     };
     Some(Diagnostic::warning("firmware-other", text))

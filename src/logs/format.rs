@@ -1,4 +1,4 @@
-//! Recognition of a log's format from its content.
+//! Recognizes the format of a log from its contents.
 
 use super::cfclient_csv::is_cfclient;
 use super::mocap_csv::{Capture, capture};
@@ -6,16 +6,16 @@ use super::{unknown, usd};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text};
 
-/// First columns of a flight file.
+/// Titles of the first columns of a flight file.
 const FLIGHT: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 
-/// Format of a log, with the text and header that were read to recognize it.
+/// Format of a log, with the text and the header that were read to recognize it.
 pub(super) enum Format<'a> {
     Card,
     Json(Text<'a>),
     Flight(Text<'a>, Head),
     Cfclient(Text<'a>, Head),
-    /// Any other table, or one from a motion capture.
+    /// Any other table, or one from motion capture.
     Table(Text<'a>, Head, Option<Capture>),
 }
 
@@ -54,20 +54,20 @@ impl<'a> Format<'a> {
     }
 }
 
-/// True for a flight file: its first columns are a pose, or the first is the time and there is a
-/// column of letters. A table with ranges is an imported log instead.
+/// Returns true for a flight file, whose first columns are a pose, or whose first column is the
+/// time and which has a column of letters. A table with ranges is an imported log instead.
 fn is_flight(head: &Head) -> bool {
     let begins = head.titles.first().is_some_and(|title| title == FLIGHT[0]);
     head.titles.starts_with(&FLIGHT.map(str::to_owned))
         || begins && head.has("letter") && !has_ranges(head)
 }
 
-/// True if a table has columns of ranges.
+/// Returns true if a table has columns of ranges.
 fn has_ranges(head: &Head) -> bool {
     head.titles.iter().any(|title| title.starts_with("ranging."))
 }
 
-/// True for a flight file with ranges: an imported log, which does not keep the log's clock.
+/// Returns true for a flight file with ranges, an imported log without the log's clock.
 pub(super) fn is_imported(head: &Head) -> bool {
     head.has(FLIGHT[0]) && head.has("letter") && has_ranges(head)
 }
@@ -79,11 +79,11 @@ const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --forma
                              pymavlink), name PN, PE and PD x, y and z, and import that";
 
 const BY_NAME: &str =
-    "write a table with the time, x, y and z of each state in columns, below a head t,x,y,z";
+    "write a table with the time, x, y and z of each state in columns, below a header t,x,y,z";
 const BY_POLYNOMIAL: &str = "it is a plan, not a flight: evaluate its pieces at 100 Hz, and write \
                              t,x,y,z,yaw";
 
-/// First bytes of foreign files, what these are, and what to do.
+/// First bytes of foreign files, names of their formats, and advice.
 const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
@@ -118,7 +118,7 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"{\\rtf", "a text with layout", "save it as plain text, with a header t,x,y,z"),
 ];
 
-/// Refuses a file in one of [`FORMATS`], with a hint how to convert it to a table.
+/// Refuses a file in one of [`FORMATS`], with a hint about how to convert it to a table.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     let foreign = FORMATS.iter().find(|(first_bytes, ..)| bytes.starts_with(first_bytes));
     foreign.map_or(Ok(()), |(_, what, hint)| {

@@ -1,17 +1,17 @@
-//! Axes of a table's world: z down and y up are converted to z up.
+//! Converts the axes of a table's world frame from z down or y up to z up.
 //!
-//! The axes come from the format, from an option, or from the flight, since a drone takes off from
-//! the floor along the vertical axis and never goes below it. If that is true of z, z is up. If it
-//! is not, and the drone would be on the floor or below it, the other axis of which it is true is
-//! up. If there is none, z is assumed to be up, with a warning. If there are two, the log is
-//! refused.
+//! The axes come from the format, from an option, or from the flight, because a drone takes off
+//! from the floor along the vertical axis and never goes below the floor. If this is true of z,
+//! then z is up. If it is not, and the drone would be on the floor or below it, the other axis of
+//! which it is true is up. If there is no such axis, z is assumed to be up, with a warning. If
+//! there are two, the log is refused.
 
 use super::recording::{Block, Column, Recording, names};
 use super::{Axes, ImportOptions};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Patterns of vectors' columns. The last is the vector part of a quaternion.
+/// Name patterns of vector columns. The last pattern is the vector part of a quaternion.
 const VECTORS: [&str; 7] = [
     "{x y z}_m",
     "{x y z}_estimate_m",
@@ -25,15 +25,15 @@ const VECTORS: [&str; 7] = [
 /// Angles that change sign if z points down. Roll does not.
 const ANGLES: [&str; 2] = ["yaw_rad", "pitch_rad"];
 
-/// Height of a climb that shows a take-off.
+/// Height of a climb that indicates a take-off.
 const CLIMB_M: f64 = 0.2;
-/// First part of the climb in which the drone must go straight up, and its largest drift there.
+/// First part of the climb in which the drone must go straight up, and its maximum drift there.
 const STRAIGHT_M: f64 = 0.12;
 const DRIFT_M: f64 = 0.08;
-/// Height above the lowest position up to which a drone is on the floor.
+/// Maximum height above the lowest position at which a drone is on the floor.
 const FLOOR_M: f64 = 0.05;
 
-/// Converts the plain columns of a log to a world with z up.
+/// Converts the plain columns of a log to a world frame with z up.
 pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
     // An option overrides the format, which overrides the axes inferred from the flight.
     let (axes, why) = match (options.axes, log.axes) {
@@ -62,13 +62,13 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
 /// Rotates the vectors and angles of a block from `axes` to z up.
 fn rotate_to_z_up(block: &mut Block, axes: Axes) {
     if axes == Axes::ZDown {
-        // x stays, and y and z change their signs: a half turn about x.
+        // The half turn about x keeps x and changes the signs of y and z.
         let vectors = VECTORS.into_iter().flat_map(|pattern| names(pattern).skip(1));
         vectors.chain(ANGLES.map(str::to_owned)).for_each(|name| negate(block.column_mut(&name)));
         return;
     }
     for pattern in VECTORS {
-        // y becomes z, and z becomes −y: a quarter turn about x.
+        // The quarter turn about x makes y the new z, and z the new −y.
         let indices =
             names(pattern).map(|name| block.columns.iter().position(|column| column.name == name));
         let indices: Option<Vec<usize>> = indices.collect();
@@ -81,22 +81,22 @@ fn rotate_to_z_up(block: &mut Block, axes: Axes) {
     }
 }
 
-/// Changes the signs of a column's values, if there is a column.
+/// Changes the signs of a column's values, if the column exists.
 fn negate(column: Option<&mut Column>) {
     let values = column.into_iter().flat_map(|column| &mut column.values);
     values.for_each(|value| *value = -*value);
 }
 
-/// Returns why positions probably do not have z up, if they do not.
+/// Returns the reason why positions probably do not have z up, if there is one.
 pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     let (axes, why) = match inferred(recording) {
         Ok((axes, why)) => (axes, why?),
         Err(error) => return Some(error.to_string()),
     };
     match axes {
-        Axes::ZDown => Some(format!("is z down, {why}? Then hand over x, -y, -z")),
-        Axes::YUp => Some(format!("is y up, {why}? Then hand over x, -z, y")),
-        // A flight may begin in the air, though not below the floor.
+        Axes::ZDown => Some(format!("is z down, {why}? Then pass x, -y, -z")),
+        Axes::YUp => Some(format!("is y up, {why}? Then pass x, -z, y")),
+        // A flight may begin in the air, but not below the floor.
         _ => {
             let heights_m =
                 recording.blocks.iter().find_map(positions_m)?.into_iter().map(|p| p[2]);
@@ -107,7 +107,7 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// Returns the positions of a block in rows with all three coordinates, if there are more than two.
+/// Returns the positions of a block's rows that have all three coordinates, if more than two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -115,12 +115,12 @@ fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     (rows.len() > 2).then_some(rows)
 }
 
-/// Returns no axes, and the warning that z is assumed to point up because of `seen`.
+/// Returns no axes, and a warning that z is assumed to point up because of `seen`.
 fn z_up_guess(seen: &str) -> (Axes, Option<String>) {
     (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
 }
 
-/// Returns the axes that the flight shows and the reason, or `Auto` and a warning, if there is one.
+/// Returns the axes that the flight determines and the reason, or `Auto` and perhaps a warning.
 fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
     let Some(rows) = recording.blocks.iter().find_map(positions_m) else { return none };
@@ -134,8 +134,8 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let highest_m = heights[heights.len() - 1];
     let is_below = middle_m < -FLOOR_M;
     let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
-    // If the drone leaves and returns along y, y is up, unless z is constant and above zero: then
-    // it may hover at one height while it moves along y.
+    // If the drone leaves and returns along y, then y is up, unless z is constant and above zero.
+    // In that case it may hover at one height while it moves along y.
     let is_low = [rows[0], rows[rows.len() - 1]].iter().any(|row| row[2].abs() < CLIMB_M);
     let climbs_along_y =
         climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
@@ -150,11 +150,12 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     if !(is_below || is_flat || rises_along_y) {
         return Ok(z_up_guess(unseen));
     }
-    // With z up the drone would be below the floor, on it, or level: check the other two axes.
+    // With z up the drone would be below the floor, on it, or level, so that other axes are
+    // checked.
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
             let flight = "a flight that rises along -z and along y";
-            let hint = "say which axes its world has: z-down or y-up";
+            let hint = "name the axes of its world: z-down or y-up";
             let error = Error::input("axes", flight, "one axis that points up", hint);
             return Err(error.coded("axes-unknown").in_file(&recording.file, None));
         }
@@ -162,7 +163,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
             let down = format!("goes down to z = {lowest_m:.2} m from where it starts or ends");
             (Axes::ZDown, format!("since it {down}"))
         }
-        (false, true) => (Axes::YUp, "since it takes off and lands along y alone".to_owned()),
+        (false, true) => (Axes::YUp, "since it takes off and lands only along y".to_owned()),
         (false, false) if is_below => {
             return Ok(z_up_guess(&format!(
                 "most of the flight is below zero (z = {middle_m:.2} m)"
@@ -173,12 +174,12 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     Ok((axes, Some(why)))
 }
 
-/// True if the flight starts or ends with a straight climb along an axis from its lowest position.
+/// Returns true if the flight starts or ends with a straight climb from its lowest position.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// True if the rows in the order `from_end` start at the lowest position of all and climb straight.
+/// Returns true if the rows, in the order of `from_end`, start at the lowest and climb straight.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],
@@ -209,7 +210,8 @@ fn climbs<'a>(
 mod tests {
     use super::*;
 
-    /// A flight of take-off, an L on the wall and landing, in a world that `to` makes of ours.
+    /// Returns a flight with take-off, an L on the wall and landing, converted by `to` to another
+    /// frame.
     fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {
         let place = |t: f64| [(t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0)];
         let rows: Vec<[f64; 3]> = (0..=80).map(|i| to(place(0.1 * f64::from(i)))).collect();
@@ -254,7 +256,7 @@ mod tests {
             let log = with_z_up(flight(to), &options).unwrap();
             (log.blocks[0].columns[2].values[40], crate::tests::said(&log))
         }
-        // It drifts as it takes off and lands along y. z is toward the viewer.
+        // In this world, it drifts as it takes off and lands along y, and z is toward the viewer.
         let drifts = |[x, y, z]: [f64; 3]| [x + z, z, y];
         let shuttles = |[x, _, z]: [f64; 3]| [x, z, 0.8];
         let deep = |[x, y, z]: [f64; 3]| [x, z, -y - 0.09 * x];

@@ -1,4 +1,4 @@
-//! The logs of an evening: finds files and folders that are logs, and the drone of each.
+//! Finds the logs of an evening, among files and folders, and the drone of each log.
 
 use std::path::{Path, PathBuf};
 
@@ -7,36 +7,37 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
 const MAX_LOGS: usize = 2000;
-/// Depth of folders that are searched: a drone's, an evening's, cfclient's.
+/// Depth to which folders are searched: a drone's, an evening's, cfclient's.
 const DEPTH: usize = 4;
-/// Endings of files that are not logs.
+/// Extensions of files that are not logs.
 const OTHERS: [&str; 13] =
     ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
-/// Bytes at the start of a file that contain its first line.
+/// Number of bytes at the start of a file that contain its first line.
 const HEAD_BYTES: usize = 1 << 16;
 
 /// A log in the folder of an evening.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GatheredLog {
-    /// A file, or a folder that is one log.
+    /// Path of a file, or of a folder that is one log.
     pub path: PathBuf,
-    /// Name of the drone: the serial number or else the address that an exported script keeps in
-    /// its log. Else the log's folder, or its file name up to the first `-`, `_`, `.` or space.
+    /// Name of the drone: the serial number, or else the address, that an exported script writes to
+    /// its log. Otherwise the log's folder, or the file name up to the first `-`, `_`, `.` or
+    /// space.
     pub drone: String,
     /// Path relative to the folder of the evening.
     pub name: String,
 }
 
-/// True if a folder is one log: it contains files of one cfclient connection, or of
-/// gym-pybullet-drones.
+/// Returns true if a folder is one log, because it contains the files of one cfclient connection,
+/// or of gym-pybullet-drones.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if it cannot be read.
+/// Returns [`Error::Io`] if the folder cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
     Ok(bullet_folder::variables(folder)?.is_some()
         || entries_in(folder)?.iter().any(|path| {
-            // A file that cannot be read does not count here. Its import reports the error.
+            // A file that cannot be read is ignored here, and its import reports the error.
             cfclient_csv::may_be_cfclient(path)
                 && path.is_file()
                 && LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| {
@@ -45,12 +46,13 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
         }))
 }
 
-/// Returns the logs in a folder and its folders, sorted by name, which is assumed to be the order
-/// of the flights. Also returns the names of other files, such as hidden files and pictures.
+/// Returns the logs in a folder and its subfolders, sorted by name, which is assumed to be the
+/// order of the flights. Also returns the names of other files, such as hidden files and pictures.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if a folder cannot be read, [`Error::Input`] for no log, or too many.
+/// Returns [`Error::Io`] if a folder cannot be read, and [`Error::Input`] if there is no log, or
+/// too many.
 pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let (mut logs, mut others) = (Vec::new(), Vec::new());
     let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());
@@ -74,7 +76,7 @@ pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     others.extend(too_deep.into_iter().map(|(path, _)| path));
     if logs.is_empty() || logs.len() > MAX_LOGS {
         let (count, wanted) = (format!("{} logs", logs.len()), format!("1 to {MAX_LOGS}"));
-        let hint = "name a folder with a log (or a folder of cfclient's) for each flight";
+        let hint = "name a folder with a log (or a cfclient folder) for each flight";
         return Err(Error::input(folder.display(), count, wanted, hint));
     }
     logs.sort();
@@ -84,20 +86,20 @@ pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     Ok((logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect(), others))
 }
 
-/// True for the samples as they came (`NAME.jsonl`) of a flight whose script also wrote its whole
-/// log (`NAME.json`).
+/// Returns true for the log in lines (`NAME.jsonl`) of a flight whose script also wrote the
+/// complete log (`NAME.json`).
 fn is_kept_whole(path: &Path) -> bool {
     let whole = path.with_extension("json");
     ending(path) == "jsonl" && whole.is_file() && is_of_script(path) && is_of_script(&whole)
 }
 
-/// True for a log of an exported script.
+/// Returns true for a log of an exported script.
 fn is_of_script(path: &Path) -> bool {
     LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| script_entry(&head).is_some())
 }
 
 impl GatheredLog {
-    /// Finds the drone's name and the relative path of a log.
+    /// Determines the drone's name and the relative path of a log.
     fn new(path: PathBuf, folder: &Path) -> Self {
         let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
         let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
@@ -111,7 +113,7 @@ impl GatheredLog {
     }
 }
 
-/// Returns the serial number or address of the drone that a script keeps in its log.
+/// Returns the serial number or the address of the drone that a script wrote to its log.
 fn named_drone(path: &Path) -> Option<String> {
     let about = script_entry(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
     let [serial, uri] =
@@ -119,7 +121,7 @@ fn named_drone(path: &Path) -> Option<String> {
     serial.map(str::to_owned).or_else(|| uri.map(address))
 }
 
-/// Returns the scene (TOML) that an exported script keeps in its log.
+/// Returns the scene (TOML) that an exported script wrote to its log.
 pub fn scene_in(log: &Path) -> Option<String> {
     let head = LIMIT.beginning(log, HEAD_BYTES).ok()?;
     let is_json = Text::of_unicode(&head).trim_ascii_start().starts_with(b"{");
@@ -127,20 +129,20 @@ pub fn scene_in(log: &Path) -> Option<String> {
     Some(about.get("scene")?.as_str()?.to_owned())
 }
 
-/// Returns the word that an exported script keeps in the head of its log.
+/// Returns the word that an exported script stores at the start of its log.
 pub fn word_in(log: &Path) -> Option<String> {
     let about = script_entry(&LIMIT.beginning(log, HEAD_BYTES).ok()?)?;
     Some(about.get("word")?.as_str()?.to_owned())
 }
 
-/// Returns the entry `noctograph` of an exported script in its log. It is usually at the start, but
-/// another program may have rewritten the log.
+/// Returns the entry `noctograph` of an exported script in its log. The entry is usually at the
+/// start, but another program may have rewritten the log.
 fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
-    let log = Text::of_unicode(log);
-    let log = log.trim_ascii_start().strip_prefix(b"{")?;
-    let mut values = (0..log.len()).filter_map(|place| log[place..].strip_prefix(KEY));
-    let about = values.find_map(|value| value.trim_ascii_start().strip_prefix(b":"))?;
+    let text = Text::of_unicode(log);
+    let members = text.trim_ascii_start().strip_prefix(b"{")?;
+    let mut after_key = (0..members.len()).filter_map(|place| members[place..].strip_prefix(KEY));
+    let about = after_key.find_map(|value| value.trim_ascii_start().strip_prefix(b":"))?;
     let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
     values.next()?.ok()
 }
@@ -148,8 +150,8 @@ fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
 /// Default address of a drone.
 const DEFAULT_ADDRESS: &str = "E7E7E7E7E7";
 
-/// Returns the address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address follows
-/// the radio channel, which tells drones apart.
+/// Returns the address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address is
+/// preceded by the radio channel, which distinguishes the drones.
 fn address(uri: &str) -> String {
     let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');
     let (address, channel) = (parts.next().unwrap_or_default(), parts.nth(1));

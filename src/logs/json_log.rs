@@ -4,13 +4,14 @@
 //! - 2022: `{"var": {"time": [ms], "data": []}}`
 //! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
 //!
-//! An object with `time` and `data` is a variable. Other objects are folders, whose name is a
-//! prefix of the names in them (except `drone`). Lists beside a list of times are columns. A list
-//! of objects with a time is a block by rows, as written by cflib scripts and pandas' `to_json`.
-//! Both may have the usual names of plain CSV. A warning names members that are not read.
+//! An object with `time` and `data` is a variable. Other objects are folders, whose name (except
+//! `drone`) prefixes the names in them. Lists next to a list of times are columns. A list of
+//! objects with a time is a block of rows, as written by cflib scripts and by pandas' `to_json`.
+//! Columns and rows may use the usual names of plain CSV. A warning names members that are not
+//! read.
 //!
 //! The text is checked once, then split from the outside to the inside into slices ([`RawValue`]).
-//! Only the numbers of columns stay in memory.
+//! Only the numbers of columns are kept in memory.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -27,20 +28,20 @@ use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::timestamps::{SLOWEST_PERIOD_S, unit_of};
 use noctograph_core::statistics::median;
 
-/// Steps of work for a byte of text, a value, a name in addition to its bytes, and a title.
+/// Work budget in steps: for a byte of text, a value, a name in addition to its bytes, and a title.
 const BYTE_STEPS: usize = 3;
 const VALUE_STEPS: usize = 60;
 const NAME_STEPS: usize = 200;
 const TITLE_STEPS: usize = 10_000;
 
-/// Memory of a name in addition to its bytes, and of an item in a list that grows by doubling.
+/// Memory in bytes: for a name besides its text, and for an item of a list that grows by doubling.
 const NAME_BYTES: usize = 160;
 const ITEM_BYTES: usize = 24;
 
-/// Largest depth of nested lists and objects.
+/// Maximum depth of nested lists and objects.
 const MAX_DEPTH: usize = 128;
 
-/// Number of different texts that are kept of a column, and of characters in each.
+/// Number of different texts of a column that are kept, and number of characters in each.
 const TEXTS: usize = 4;
 const TEXT_CHARS: usize = 40;
 
@@ -55,18 +56,18 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(file) };
     log.warn_of_notes(&text.notes);
 
-    // Rows in lines, NaN, and a log that ends too early are converted to JSON.
+    // JSON lines, NaN, and a log that ends too early are converted to valid JSON.
     let mut text = listed(&text.bytes).unwrap_or_else(|| text.bytes.to_vec());
     let depth = replace_nan(&mut text);
     if depth > MAX_DEPTH {
-        let actual = format!("lists and objects within each other, {depth} deep");
+        let actual = format!("lists and objects nested {depth} deep");
         return Err(Error::input(file, actual, format!("JSON of at most {MAX_DEPTH}"), HINT));
     }
     let broken = serde_json::from_slice::<IgnoredAny>(&text).err();
     if let Some(source) = broken.filter(|source| is_cut(source, &text)) {
         let place = format!("{}:{}", source.line(), source.column());
         refuse_cut_script(&text, file, &place)?;
-        let note = format!("the file ends too early, at {place}; the part before is read");
+        let note = format!("the file ends too early, at {place}, and the part before is read");
         log.warn("log-cut", note);
         close(&mut text);
     }
@@ -75,7 +76,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
         Error::input(place, &source, "JSON", HINT).in_file(file, source.line() as u64)
     })?;
 
-    // The unit of a clock is known only after all its blocks: the fastest one shows it.
+    // The unit of a clock follows from its fastest block, so that all blocks are read first.
     let text = std::str::from_utf8(&text).expect("JSON was read from it");
     let mut reader = Reader { text, budget, log, skipped: Vec::new(), in_seconds: false };
     reader.top(top)?;
@@ -88,15 +89,15 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// True for the error of a text that ends too early, even within a number.
+/// Returns true if the error is that of a text that ends too early, even within a number.
 fn is_cut(source: &serde_json::Error, text: &[u8]) -> bool {
     let last = text.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
     let is_number = last.last().is_some_and(|byte| b"-+.eE".contains(byte));
     source.is_eof() || is_number && source.column() == last.len()
 }
 
-/// Refuses the cut log of an exported script. It has one variable after another, so that the part
-/// is not a shorter flight but lacks variables.
+/// Refuses the truncated log of an exported script. Such a log contains one variable after another,
+/// so that the part that is left is not a shorter flight, but lacks variables.
 fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     let head = text.trim_ascii_start().strip_prefix(b"{").unwrap_or_default();
     if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
@@ -108,7 +109,7 @@ fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     Err(Error::input(file, cut, "the whole log", hint))
 }
 
-/// Refuses two forms of pandas' `to_json`.
+/// Refuses two output formats of pandas' `to_json`.
 fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     let is_split = top.contains_key("columns") && top.contains_key("index");
     if !top.contains_key("data") || !(is_split || top.contains_key("schema")) {
@@ -119,8 +120,8 @@ fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     Err(Error::input(file, form, "records or columns", hint))
 }
 
-/// Converts all times to seconds. A clock has one unit, which its fastest block shows, since blocks
-/// of events have steps of any length.
+/// Converts all times to seconds. The unit of a clock is determined by its fastest block, because
+/// blocks of events have steps of any length.
 pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
         let mut blocks = Vec::from_iter(log.blocks.iter_mut().filter(|block| block.clock == clock));
@@ -130,12 +131,12 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
         });
         let step = steps.fold(f64::INFINITY, f64::min);
         let unit_s = wanted.seconds().unwrap_or_else(|| unit_s(step, in_seconds));
-        // Division by the units per second makes 10 ms 0.01 s to the last bit.
+        // Dividing by the units per second converts 10 ms to 0.01 s exactly to the last bit.
         let per_s = if unit_s < 1.0 { (1.0 / unit_s).round() } else { 1.0 / unit_s };
         blocks.iter_mut().flat_map(|block| &mut block.time_s).for_each(|time_s| *time_s /= per_s);
         if wanted.seconds().is_none() && in_seconds && unit_s != 1.0 && step.is_finite() {
             let text = format!(
-                "stamps {step} apart are taken as {unit_s} s a unit: no Crazyflie logs so slowly in \
+                "timestamps {step} apart are read in units of {unit_s} s: no Crazyflie logs so slowly in \
                  seconds"
             );
             log.warn("unit-guessed", text);
@@ -144,7 +145,8 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
 }
 
 /// Returns the unit of time, in seconds, that fits a step. Log periods are 10 ms to 2.55 s, so that
-/// larger numbers are ms and numbers below 0.5 are s. In between, the dialect decides.
+/// larger numbers are milliseconds and numbers below 0.5 are seconds. Otherwise the dialect
+/// decides.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
         step if step.is_infinite() && in_seconds => 1.0,
@@ -158,7 +160,7 @@ fn unit_s(step: f64, in_seconds: bool) -> f64 {
     }
 }
 
-/// Converts lines to one JSON list: JSON lines, and output of cflib's examples,
+/// Converts lines to one JSON list. The lines are JSON, or the output of cflib's examples,
 /// `[time][block]: {'variable': value}`. Returns `None` for other text.
 fn listed(text: &[u8]) -> Option<Vec<u8>> {
     let text = std::str::from_utf8(text).ok()?;
@@ -170,7 +172,7 @@ fn listed(text: &[u8]) -> Option<Vec<u8>> {
             let data = data.replace('\'', "\"");
             Some(format!("{{\"timestamp\": {stamp}, \"data\": {{{data}}}"))
         }
-        // Printed dictionaries of Python have other quotation marks.
+        // Printed Python dictionaries use single quotes instead of JSON's double quotes.
         _ if line.starts_with("{'") => Some(line.replace('\'', "\"")),
         _ => (line.starts_with(['{', '[']) && line.ends_with(['}', ']'])).then(|| line.to_owned()),
     });
@@ -178,14 +180,14 @@ fn listed(text: &[u8]) -> Option<Vec<u8>> {
     Some(format!("[{}]", rows.join(",")).into_bytes())
 }
 
-/// Replaces Python's NaN and infinities, which are not JSON, by `""` and spaces of the same length.
-/// Returns the depth of nested lists and objects.
+/// Replaces Python's NaN and infinities, which are not JSON, with `""` and spaces of the same total
+/// length. Returns the depth of nested lists and objects.
 pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     const ODD: [&[u8]; 4] = [b"NaN", b"Infinity", b"-Infinity", b"-NaN"];
     let (mut i, mut in_string, mut depth, mut deepest) = (0, false, 0_usize, 0);
     while i < text.len() {
         match text[i] {
-            // Inside a text nothing is replaced or counted.
+            // Inside a text, nothing is replaced or counted.
             b'\\' if in_string => i += 1,
             b'"' => in_string = !in_string,
             b'{' | b'[' if !in_string => depth += 1,
@@ -205,7 +207,7 @@ pub(super) fn replace_nan(text: &mut [u8]) -> usize {
     deepest
 }
 
-/// Cuts a text that ends too early after its last complete member, and closes the open brackets.
+/// Truncates a text that ends too early after its last complete member, and closes brackets.
 fn close(text: &mut Vec<u8>) {
     let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
     let (mut in_string, mut escaped) = (false, false);
@@ -215,7 +217,7 @@ fn close(text: &mut Vec<u8>) {
             escaped = byte == b'\\' && !escaped;
             continue;
         }
-        // The last comma or bracket outside a text ends a whole member.
+        // The last comma or bracket outside a text ends a complete member.
         match byte {
             b'"' => in_string = true,
             b'{' => open.push(b'}'),
@@ -233,24 +235,24 @@ fn close(text: &mut Vec<u8>) {
     text.extend(closing.iter().rev());
 }
 
-/// Members of an object as slices of the text, by name.
+/// Members of an object by name, as slices of the text.
 type Members<'a> = BTreeMap<String, &'a RawValue>;
 
 /// Items of a list, or of an object whose names are indices, as pandas writes a column or a table.
 struct List<'a> {
     items: Vec<&'a RawValue>,
-    /// Indices in rising order, or none if they count from zero.
+    /// Indices in increasing order. Empty if they count from zero.
     indices: Vec<f64>,
 }
 
-/// Numbers of rows by their names, missing ones as NaN, and the first different texts.
+/// Numbers in rows, by the names of their columns, missing ones as NaN, and different texts.
 #[derive(Default)]
 struct Rows {
     columns: BTreeMap<String, Vec<f64>>,
     texts: BTreeMap<String, Vec<String>>,
 }
 
-/// A value. A missing one is NaN, and only the start of a text is kept.
+/// A value of a table. A missing value is NaN, and only the beginning of a text is kept.
 enum Cell {
     Number(f64),
     Text(String),
@@ -270,18 +272,18 @@ impl fmt::Display for Cell {
     }
 }
 
-/// A recording while it is read.
+/// A recording that is being read.
 struct Reader<'a> {
     text: &'a str,
     budget: &'a Budget,
     log: Recording,
     skipped: Vec<String>,
-    /// True if times are in seconds when their steps do not show the unit.
+    /// True if times are in seconds when their steps do not determine the unit.
     in_seconds: bool,
 }
 
 impl<'a> Reader<'a> {
-    /// Reads the outermost value: rows, or an object of variables, blocks and folders.
+    /// Reads the outermost value: rows, or an object with variables, blocks and folders.
     fn top(&mut self, value: &'a RawValue) -> Result<()> {
         let file = Place::file(&self.log.file);
         if let Some(list) = self.list(value)? {
@@ -291,7 +293,7 @@ impl<'a> Reader<'a> {
         } else if is_object(value) {
             return self.object("", value);
         }
-        // The value is neither, and the error names the nearest form.
+        // The value is neither, so that the error names the most similar format.
         if value.get()[1..].trim_start().starts_with('[') {
             let hint = "write it as CSV, with a header such as t,x,y,z";
             return Err(Error::input(file, "lists without names", "objects with names", hint));
@@ -347,7 +349,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Moves the lists of a folder to columns if one of them is of times. Other members remain.
+    /// Turns a folder's lists into columns if one contains times. Other members remain.
     fn columns(&mut self, folder: &str, members: &mut Members<'a>) -> Result<()> {
         let (mut titles, mut stamps) = (Vec::new(), Vec::new());
         for (title, value) in &*members {
@@ -359,7 +361,7 @@ impl<'a> Reader<'a> {
             self.budget.free(left - self.budget.bytes_left());
         }
         self.budget.steps(TITLE_STEPS * titles.len())?;
-        // Without a list of times, pandas' indices are the times unless they count from zero.
+        // Without a list of times, pandas' indices are the times, unless they count from zero.
         let (time, mut time_s) = match time_of(titles.iter()) {
             Some(time) => (time.clone(), self.numbers(&self.joined(folder, time)?, members[time])?),
             None if stamps.is_empty() || members.keys().any(|key| is_time(key)) => return Ok(()),
@@ -378,7 +380,7 @@ impl<'a> Reader<'a> {
         self.table(folder, (&time, time_s), columns)
     }
 
-    /// Refuses a list with the names of several drones.
+    /// Refuses a list that contains the names of several drones.
     fn check_owners(&self, title: &str, value: &'a RawValue) -> Result<()> {
         let items = self.list(value)?.map_or(Vec::new(), |list| list.items);
         let mut texts = Vec::new();
@@ -388,7 +390,7 @@ impl<'a> Reader<'a> {
         rows::check_owners(title, &texts, &self.log.file)
     }
 
-    /// Adds the columns of a list of objects, each with a time. Returns false for other lists. Rows
+    /// Adds the columns of a list of objects that have times. Returns false for other lists. Rows
     /// without a time are dropped, and missing cells are NaN.
     fn rows(&mut self, name: &str, List { items, indices }: List<'a>) -> Result<bool> {
         let (n, others) = (items.len(), items.iter().filter(|item| !is_object(item)).count());
@@ -409,7 +411,7 @@ impl<'a> Reader<'a> {
             let mut timed = times.iter().map(|time| !time.is_nan());
             values.retain(|_| timed.next().expect("a time for each"));
         }
-        // Different texts are the names of a long form, or those of several drones.
+        // Different texts are the names in a table in long form, or those of several drones.
         let mut different = texts.iter().filter(|(_, texts)| texts.len() > 1).peekable();
         if let (1, Some(value), Some((names, _))) =
             (columns.len(), columns.keys().next(), different.peek())
@@ -421,7 +423,7 @@ impl<'a> Reader<'a> {
         }
         self.skipped.extend(texts.iter().map(|(title, texts)| format!("{title} ({:?})", texts[0])));
         if others > 0 {
-            self.skipped.push(format!("{others} items of {name} that are no objects"));
+            self.skipped.push(format!("{others} items of {name} that are not objects"));
         }
         let time_s = times.into_iter().filter(|time| !time.is_nan()).collect();
         let columns = columns.iter_mut().map(|(title, values)| (&**title, std::mem::take(values)));
@@ -429,8 +431,8 @@ impl<'a> Reader<'a> {
         Ok(true)
     }
 
-    /// Adds the numbers of an object and of nested ones to row `row`, under names with dots. The
-    /// name of an object `data` is omitted.
+    /// Adds the numbers of an object and of nested objects to row `row`, under names joined by
+    /// dots. The name of an object `data` is omitted.
     fn row(&self, value: &'a RawValue, prefix: &str, row: usize, rows: &mut Rows) -> Result<()> {
         let left = self.budget.bytes_left();
         let members = self.members(value)?;
@@ -446,7 +448,7 @@ impl<'a> Reader<'a> {
                 Cell::Number(number) if number.is_nan() => {}
                 Cell::Number(number) => {
                     let column = rows.columns.entry(name).or_default();
-                    // A list that grows may hold twice its numbers.
+                    // A growing list may occupy twice the memory of its numbers.
                     self.budget.bytes(2 * size_of::<f64>() * (row + 1).abs_diff(column.len()))?;
                     column.resize(row, f64::NAN);
                     column.push(number);
@@ -458,8 +460,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds columns of equal length as a block. Without a folder they may have the usual names of
-    /// plain CSV.
+    /// Adds columns of equal length as a block. Without a folder, names may be those of plain CSV.
     fn table(
         &mut self,
         folder: &str,
@@ -468,7 +469,7 @@ impl<'a> Reader<'a> {
     ) -> Result<()> {
         let unit_s = titles::meaning(time).1.unwrap_or(1.0);
         time_s.iter_mut().for_each(|stamp| *stamp *= unit_s);
-        // Whole seconds may have their fraction in another column.
+        // The fraction of whole seconds may be in another column.
         let part = titled.iter().enumerate().find_map(|(place, (title, values))| {
             let (_, size_s) =
                 rows::whole_seconds_title(title).filter(|(whole, _)| *whole == simplified(time))?;
@@ -492,7 +493,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds a block, with columns no longer than its times.
+    /// Adds a block whose columns are at most as long as its times.
     fn add(&mut self, mut block: Block) {
         for column in &mut block.columns {
             column.values.truncate(block.time_s.len());
@@ -500,22 +501,23 @@ impl<'a> Reader<'a> {
         self.log.blocks.push(block);
     }
 
-    /// Cuts times and values of different lengths to the shorter ones, with a warning.
+    /// Truncates times and values of different lengths to the shorter length, with a warning.
     fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
         let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
-            let text =
-                format!("{name}: {n_time} stamps for {n_data} values; the longer list is cut");
+            let text = format!(
+                "{name}: {n_time} times for {n_data} values, of which the longer list is cut"
+            );
             self.log.warn("lists-unequal", text);
         }
         time_s.truncate(n_data);
         values.truncate(n_time);
     }
 
-    /// Returns the numbers of a list. Anything else is an error.
+    /// Returns the numbers of a list. Any other value is an error.
     fn numbers(&self, name: &str, value: &'a RawValue) -> Result<Vec<f64>> {
         const WANTED: &str = "a list of numbers";
-        // Only the numbers stay in memory, so that the budget of the slices is freed.
+        // Only the numbers stay in memory, so that the budget for the slices is freed.
         let left = self.budget.bytes_left();
         let Some(List { items, .. }) = self.list(value)? else {
             let error = Error::input(name, self.cell(value)?, WANTED, HINT);
@@ -537,18 +539,18 @@ impl<'a> Reader<'a> {
         Ok(numbers)
     }
 
-    /// Joins a prefix and a name by a dot.
+    /// Joins a prefix and a name with a dot.
     fn joined(&self, prefix: &str, key: &str) -> Result<String> {
         self.budget.steps(NAME_STEPS + prefix.len() + key.len())?;
         Ok(if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") })
     }
 
-    /// Returns a list, by its brackets or by its indices, or `None` for other values.
+    /// Returns a list given by brackets or by indices, or `None` for other values.
     fn list(&self, value: &'a RawValue) -> Result<Option<List<'a>>> {
         if value.get().starts_with('[') {
             return Ok(Some(List { items: self.items(value)?, indices: Vec::new() }));
         }
-        // An index begins with a digit or a sign. An object by indices has no other name.
+        // An index begins with a digit or a sign. All names in an object with indices are indices.
         let name = value.get()[1..].trim_start().strip_prefix('"').unwrap_or_default();
         if !is_object(value) || !name.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
         {
@@ -579,14 +581,14 @@ impl<'a> Reader<'a> {
 
     /// Splits an object or a list. Each part takes `bytes` from the budget.
     fn split<T: serde::Deserialize<'a>>(&self, value: &'a RawValue, bytes: usize) -> Result<T> {
-        // The budget is checked first, since a text of commas would fill the memory.
+        // The budget is checked first, because a text full of commas would exhaust the memory.
         let text = value.get();
         self.budget.steps(2 * text.len())?;
         self.budget.bytes(bytes * n_parts(text))?;
         serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))
     }
 
-    /// Parses a number or a text. For lists and objects, returns only their kind.
+    /// Parses a number or a text. For lists and objects, only their kind is returned.
     fn cell(&self, value: &RawValue) -> Result<Cell> {
         self.budget.steps(VALUE_STEPS)?;
         let text = value.get();
@@ -599,7 +601,7 @@ impl<'a> Reader<'a> {
             b'"' => {
                 let text: String =
                     serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))?;
-                // A clock without a date has a colon, a plain number in quotes has none.
+                // A time of day without a date contains a colon, unlike a number in quotes.
                 match seconds_from_date(&text).filter(|_| text.contains(':')) {
                     _ if text.is_empty() => Cell::Number(f64::NAN),
                     Some(stamp_s) => Cell::Number(stamp_s),
@@ -619,8 +621,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Adds a variable to the last block if their times are equal, since variables of one block of the
-/// radio become one block again. Else it gets a new block.
+/// Adds a variable to the last block if their times are equal, so that variables from one radio
+/// block form one block again. Otherwise it gets a new block.
 pub(super) fn add_variable(
     blocks: &mut Vec<Block>,
     name: &str,
@@ -634,7 +636,7 @@ pub(super) fn add_variable(
     blocks.push(block);
 }
 
-/// Keeps a text if it is one of the first [`TEXTS`] different ones. Numbers are ignored.
+/// Keeps a text if it is one of the first [`TEXTS`] different texts. Numbers are ignored.
 fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     let text = match cell {
         Cell::Text(text) => text,
@@ -646,7 +648,7 @@ fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     }
 }
 
-/// Returns an upper bound for the parts of an object or a list: commas directly in its brackets.
+/// Returns an upper bound for the parts of an object or list: commas directly in its brackets.
 fn n_parts(text: &str) -> usize {
     let (mut depth, mut n, mut bytes) = (0, 1, text.bytes());
     while let Some(byte) = bytes.next() {
@@ -654,7 +656,7 @@ fn n_parts(text: &str) -> usize {
             b'{' | b'[' => depth += 1,
             b'}' | b']' => depth -= 1,
             b',' if depth == 1 => n += 1,
-            // A text ends at a quotation mark without a backslash.
+            // A text ends at a quotation mark that has no backslash before it.
             b'"' => {
                 while let Some(byte) = bytes.next().filter(|byte| *byte != b'"') {
                     if byte == b'\\' {
@@ -668,7 +670,7 @@ fn n_parts(text: &str) -> usize {
     n
 }
 
-/// True for an object.
+/// Returns true if the value is an object.
 fn is_object(value: &RawValue) -> bool {
     value.get().starts_with('{')
 }
@@ -678,19 +680,19 @@ fn index(name: &str) -> Option<f64> {
     name.parse().ok().filter(|index: &f64| index.is_finite()).or_else(|| seconds_from_date(name))
 }
 
-/// True for a title of times.
+/// Returns true if the title is that of a column of times.
 fn is_time(title: &str) -> bool {
     titles::meaning(title).0 == "t"
 }
 
-/// Returns the title of times, if there is one. Whole seconds are preferred to their fraction.
+/// Returns the title of the column of times, if there is one. Whole seconds come before fractions.
 fn time_of<'t>(titles: impl Iterator<Item = &'t String>) -> Option<&'t String> {
     titles
         .filter(|title| is_time(title))
         .min_by_key(|title| rows::whole_seconds_title(title).is_some())
 }
 
-/// True for metadata of the course's client or of an exported script, which is not read.
+/// Returns true for metadata of the course's client or of an exported script, which is not read.
 fn is_metadata(name: &str) -> bool {
     const NAMES: &str = "noctograph firmware start_time end_time uri address drone_id word scene \
                          plan date program version metadata";
@@ -790,7 +792,7 @@ mod tests {
         }
     }
 
-    /// A number at the end of objects within each other, each under a long name.
+    /// Returns a number inside nested objects, each under a long name.
     fn nested(depth: usize, name: &str, number: &str) -> String {
         format!("{{\"{name}\":").repeat(depth) + number + &"}".repeat(depth)
     }

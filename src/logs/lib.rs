@@ -1,30 +1,31 @@
-//! Logs: readers of real flights.
+//! Logs: readers for logs of real flights.
 //!
-//! File in: logs of exported scripts, JSON of the AE483 course (three dialects), CSV of
-//! cfclient (a file, or the folder with one file a block), µSD binary (versions 1 and 2), plain
-//! tables (t, x, y, z …), range CSV, or a flight file of ours. The tables may be those of
-//! Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4. Or the folder of
-//! gym-pybullet-drones. Product out: [`Flight`].
+//! File in: logs of exported scripts, JSON of the AE483 course (three dialects), CSV of cfclient (a
+//! file, or a folder with one file per block), µSD binary (versions 1 and 2), plain tables (t, x,
+//! y, z …), range CSV, a flight file of this program, or the folder of gym-pybullet-drones. Tables
+//! may be those of Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4. Product out:
+//! [`Flight`].
 //!
-//! Method: the format is recognized from the content (`format`), and its reader makes a recording:
-//! blocks of named columns, each with its time axis. `flight` then turns the recording into a
-//! flight in steps, whose order is written there. `sources` holds all conversions of variables.
+//! Method: the format is recognized from the contents (`format`), and its reader makes a recording,
+//! which consists of blocks of named columns, each with its time axis. `flight` then turns the
+//! recording into a flight in steps, whose order is explained there. `sources` contains all
+//! conversions of variables.
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
-//!   firmware's estimator, then raw Lighthouse fixes, or [`PositionSource`]. A source that is
-//!   frozen while others change, or diverged, is skipped, for any quantity, with a warning.
-//!   `estimate_m` is the custom observer, else the firmware's.
+//!   firmware's estimator, then raw Lighthouse fixes, or a chosen [`PositionSource`]. For any
+//!   quantity, a source that diverged, or is frozen while others change, is skipped with a warning.
+//!   `estimate_m` comes from the custom observer, or else from the firmware.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples and are listed in `gaps`. Other
-//!   measured quantities are held over gaps of their log, with a warning. Setpoints, motor commands
+//!   measured quantities are held over gaps in their log, with a warning. Setpoints, motor commands
 //!   and unknown columns are always held.
-//! - **Unknown columns** stay in the flight's `extra`, in the units of the log, and are named.
-//! - Letters are in none of these logs, nor are lights, but for columns `light.<channel>` of CSV.
-//! - A flight file of ours is read unchanged, but for [`PositionSource::Estimate`].
-//! - **Guesses** (unit of times and angles, axes, frame of a motion capture) are warnings with
-//!   their reason, can be overridden by [`ImportOptions`], and are errors if two fit.
+//! - **Unknown columns** are kept in the flight's `extra`, in the log's units, with a warning.
+//! - None of these logs contains letters or lights, except for columns `light.<channel>` of CSV.
+//! - A flight file of this program is read unchanged, except with [`PositionSource::Estimate`].
+//! - **Guesses** (unit of times and angles, axes, frame of a motion capture system) are warnings
+//!   with their reason, can be overridden by [`ImportOptions`], and are errors if two of them fit.
 //!
-//! Not done: positions from ranges, more than one drone in a file, rotations of Vicon.
+//! Not done: positions from ranges, more than one drone in a file, and rotations of Vicon.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -72,32 +73,32 @@ pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in, word_in};
 use recording::Recording;
 pub use script_lines::GrowingLog;
 
-/// Largest log that is read: ten minutes of 200 columns at 100 Hz.
+/// Maximum size of a log: ten minutes of 200 columns at 100 Hz.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
 
 /// Advice for a log that is too large.
 const HINT: &str = "cut the log to one flight, or log fewer variables";
 
-/// Largest number of variables in a log. The firmware logs 128 at a time.
+/// Maximum number of variables in a log. The firmware logs 128 at a time.
 const MAX_VARIABLES: usize = 1024;
 
 settings! {
     /// Options of an import.
     pub struct ImportOptions {
         /// Sample rate of the flight. The Crazyflie's position loops run at 100 Hz. A lower rate
-        /// smooths the oscillations of strokes.
+        /// smooths oscillations of the strokes.
         sample_rate_hz: f64 = 100.0, in 1.0..=1000.0;
-        /// Longest gap over which the position is interpolated (or two and a half periods of a
+        /// Maximum gap over which the position is interpolated (or two and a half periods of a
         /// slower log). For the attitude it is four times as long. The error is `a T² / 8`: 3 mm, a
         /// lamp's width, at 0.25 s and the 0.4 m/s² of the reference flight. A lower limit leaves
         /// many gaps in a radio log (a third of that flight at 0.1 s).
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
-        /// Source of the true position, and of the attitude if that source has one.
+        /// Source of the true position, and of the attitude if that source provides one.
         position: PositionSource = PositionSource::Best;
-        /// Release of the drone's firmware if the log names none: the scene's `vehicle.firmware`.
+        /// Firmware release if the log names none, by default the scene's `vehicle.firmware`.
         firmware: Option<Release> = None;
-        /// Seconds of the drone's clock per true second. The default is 1. For a µSD log it is what
-        /// the timestamps show, else that of the release: 84/85 up to 2026.08.
+        /// Seconds of the drone's clock per true second. The default is 1. For a µSD log it is the
+        /// rate that the timestamps show, or else that of the release: 84/85 up to 2026.08.
         clock_ratio: Option<f64> = None, in 0.5..=2.0;
         /// Treatment of a µSD log whose CRC does not match.
         damaged: Damaged = Damaged::Refuse;
@@ -105,18 +106,18 @@ settings! {
         period_s: Option<f64> = None, in 1e-5..=10.0;
         /// Unit of the timestamps in a table or in JSON.
         time_unit: TimeUnit = TimeUnit::Auto;
-        /// Unit of the angles and angular velocities of a table whose titles name none.
+        /// Unit of the angles and angular velocities in a table whose titles give none.
         angle_unit: AngleUnit = AngleUnit::Auto;
-        /// Axes of a table's world.
+        /// Axes of the world frame of a table.
         axes: Axes = Axes::Auto;
-        /// Speed above which a position is assumed to be in the wrong unit, from another drone, or
-        /// wrongly timestamped. A Crazyflie falls no faster than 10 m/s.
+        /// Maximum speed. A faster position is assumed to be in a wrong unit, from another drone,
+        /// or wrongly timestamped. A Crazyflie falls no faster than 10 m/s.
         max_speed_m_s: f64 = 15.0, in 0.1..=1000.0;
     }
 
     /// Unit of timestamps.
     pub enum TimeUnit {
-        /// From the title, else from the steps, since a drone is logged every 0.1 ms to 2.55 s.
+        /// From the title, or else from the steps, since a drone is logged every 0.1 ms to 2.55 s.
         "auto" => Auto,
         /// Seconds.
         "s" => Seconds,
@@ -130,13 +131,13 @@ settings! {
         "min" => Minutes,
         /// Hours.
         "h" => Hours,
-        /// Days, as spreadsheets count them.
+        /// Days, as counted by spreadsheets.
         "d" => Days,
     }
 
     /// Unit of angles.
     pub enum AngleUnit {
-        /// From the title, else radians, or degrees if radians would be implausible for a drone.
+        /// From the title, or else radians, or degrees if radians would be implausible for a drone.
         "auto" => Auto,
         /// Radians.
         "rad" => Radians,
@@ -144,74 +145,73 @@ settings! {
         "deg" => Degrees,
     }
 
-    /// Axes of a world.
+    /// Axes of a world frame.
     pub enum Axes {
-        /// Those of the format, else z up, or the only axis along which the drone can have taken
-        /// off.
+        /// Axes of the format, or else z up, or the only axis of a possible take-off.
         "auto" => Auto,
         /// z up.
         "z-up" => ZUp,
         /// x forward, y right, z down, as north, east and down.
         "z-down" => ZDown,
-        /// y up, z toward the viewer, as motion captures have it.
+        /// y up, z toward the viewer, as is usual in motion capture.
         "y-up" => YUp,
     }
 
     /// Source of the true position.
     pub enum PositionSource {
-        /// The first of the following that is logged and not frozen while others move.
+        /// First of the sources below that is logged and not frozen while others move.
         "best" => Best,
         /// Motion capture.
         ///
-        /// Its own block, its echo in the drone's log, or `locSrv`. A plain table's position comes
-        /// after it.
+        /// From its own block, its echo in the drone's log, or `locSrv`. The position of a plain
+        /// table is the next choice.
         "mocap" => Mocap,
         /// The observer of the AE483 course.
         ///
-        /// `ae483log.o_x` or `ae483log.p_x`.
+        /// From `ae483log.o_x` or `ae483log.p_x`.
         "custom" => Custom,
         /// The estimator of the firmware.
         ///
-        /// `stateEstimate`, `stateEstimateZ` or `kalman`.
+        /// From `stateEstimate`, `stateEstimateZ` or `kalman`.
         "firmware" => Firmware,
-        /// Raw fixes of the Lighthouse.
+        /// Raw position fixes of the Lighthouse.
         ///
-        /// `lighthouse` or `ae483log.lh_x`.
+        /// From `lighthouse` or `ae483log.lh_x`.
         "lighthouse" => Lighthouse,
-        /// The estimate in flight: custom, else firmware, or that of a flight file.
+        /// The estimate in flight: custom, or else firmware, or that of a flight file.
         "estimate" => Estimate,
     }
 
-    /// Treatment of a log that is damaged, not merely cut off.
+    /// Treatment of a log that is damaged, not merely truncated.
     pub enum Damaged {
-        /// It is an error.
+        /// A damaged log is an error.
         "refuse" => Refuse,
         /// The part before the damage is read, with a warning.
         "recover" => Recover,
     }
 }
 
-/// Imports the log of a real flight: a file, or a folder with cfclient's files of one connection or
-/// with a file for each variable of gym-pybullet-drones.
+/// Imports the log of a real flight: a file, a folder with cfclient's files of one connection, or a
+/// folder of gym-pybullet-drones with a file for each variable.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if it cannot be read, [`Error::Input`] with line or byte if it is broken, for
-/// unknown formats and columns, and for options out of range.
+/// Returns [`Error::Io`] if the log cannot be read. Returns [`Error::Input`] with line or byte if
+/// it is broken, for unknown formats and columns, and for options out of range.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     Ok(import_on_clock(path, options)?.flight)
 }
 
-/// A flight, with the zero of its log's clock.
+/// A flight together with the zero of its log's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnClock {
-    /// The flight. Its times begin at zero, or are those of a flight file.
+    /// Imported flight. The times of the flight begin at zero, or are those of a flight file.
     pub flight: Flight,
-    /// Log time that became zero, s, if other logs may have the same clock: a date, a time of day,
-    /// or times of a plain CSV file. `None` for the firmware's counter since the drone was switched
-    /// on, and for an imported log.
+    /// Log time that became zero, s, if other logs may use the same clock: a date, a time of day,
+    /// or times in a plain CSV file. `None` for an imported log, and for the firmware's counter
+    /// since the drone was switched on.
     pub zero_stamp_s: Option<f64>,
-    /// The drone's firmware, if the log names it.
+    /// Name of the drone's firmware, if the log contains it.
     pub firmware: Option<String>,
 }
 
@@ -219,7 +219,7 @@ pub struct OnClock {
 ///
 /// # Errors
 ///
-/// As [`import`].
+/// Returns the errors of [`import`].
 pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> {
     options.check("import", None)?;
     let file = path.display().to_string();
@@ -228,7 +228,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     }
     let budget = Budget::new(&file, HINT);
     let job = Job { file: &file, options, budget: &budget };
-    // The names of its files identify a folder.
+    // A folder is identified by the names of its files.
     let recording = match bullet_folder::variables(path)? {
         Some(variables) => bullet_folder::read(&variables, job)?,
         None => cfclient_csv::read_folder(path, job)?,
@@ -241,19 +241,19 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     LIMIT.read(path)
 }
 
-/// Imports a log from its bytes. `file` is its name in messages.
+/// Imports a log from its bytes. `file` is the file name to show in messages.
 pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
     options.check("import", None)?;
     Ok(on_clock(bytes, file, options)?.flight)
 }
 
-/// Recognizes the format of a log, and reads it with the reader of that format.
+/// Recognizes the format of a log, and reads it with the reader for that format.
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     let budget = Budget::new(file, HINT);
     let job = Job { file, options, budget: &budget };
     let format = Format::recognized(bytes, file)?;
     budget.bytes(bytes.len())?;
-    // A flight file needs no step of those for recordings.
+    // A flight file skips all steps that recordings need.
     let recording = match format {
         Format::Card => usd::read(bytes, job)?,
         Format::Json(text) if script_lines::is_lines(&text.bytes) => {
@@ -273,7 +273,7 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     flight(recording, job)
 }
 
-/// Replaces the position of a flight by its estimate.
+/// Replaces the position in a flight with its estimate.
 fn use_estimate(flight: &mut Flight) {
     flight.edit(|flight| {
         for sample in &mut flight.samples {
@@ -287,7 +287,7 @@ fn use_estimate(flight: &mut Flight) {
     });
 }
 
-/// Inputs of a reader beside the bytes: the log's name in messages, options, and the work budget.
+/// Inputs of a reader besides the bytes: the log's name in messages, options, work budget.
 #[derive(Clone, Copy)]
 struct Job<'a> {
     file: &'a str,
@@ -298,19 +298,19 @@ struct Job<'a> {
 /// Converts a recording to a flight. Each step needs the steps before it.
 fn flight(recording: Recording, Job { options, budget, .. }: Job<'_>) -> Result<OnClock> {
     recording.check(budget)?;
-    // Columns are looked up by name from here on.
+    // From here on, columns are looked up by name.
     let mut recording = recording.with_different_names();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
-    // The next steps compare neighbors, and need rising times in true seconds.
+    // The next steps compare neighbors, and need increasing times in true seconds.
     let recording = clock::repaired(recording, options)?;
     // Values that lost a carry look like jumps to the steps that follow.
     let recording = half_precision::restored(recording);
-    // The motion capture is compared with the drone's path in one world with z up.
+    // The motion capture is compared with the drone's path in one frame with z up.
     let recording = frames::with_z_up(recording, options)?;
     let mut recording = mocap::aligned(recording);
-    // Removed blocks need no warning.
+    // Blocks that were removed need no warning.
     recording.warn_of_empty_cells();
-    // Variables become quantities, and all of them samples on one time axis.
+    // Variables become quantities, and all quantities become samples on one time axis.
     mapper::flight(recording, options, budget)
 }
 

@@ -1,4 +1,4 @@
-//! Converts a recording to a flight: one time axis, gaps without a pose, other columns kept.
+//! Converts a recording to a flight with one time axis. Gaps are listed, and other columns kept.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +16,7 @@ use noctograph_core::input_error;
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::product::MAX_QUANTITY;
 
-/// Steps of work to find a channel's value at a time.
+/// Work budget in steps for finding a channel's value at a time.
 const STEPS: usize = 50;
 
 /// Converts a recording with repaired times to a flight.
@@ -25,7 +25,7 @@ pub(super) fn flight(
     options: &ImportOptions,
     budget: &Budget,
 ) -> Result<OnClock> {
-    // Columns that no quantity uses are kept as extra ones.
+    // Columns that no quantity uses are kept as extra columns.
     let quantities = quantities(&recording, options.position);
     let unlogged = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
     let unlogged: BTreeSet<_> =
@@ -64,7 +64,7 @@ pub(super) fn flight(
     Ok(OnClock { flight, zero_stamp_s, firmware: recording.firmware })
 }
 
-/// Refuses a log without any quantity, or without the position of a wanted source.
+/// Refuses a log without any quantity, or without the position of the requested source.
 fn check_quantities(
     recording: &Recording,
     quantities: &Quantities,
@@ -74,7 +74,7 @@ fn check_quantities(
     {
         return Err(nothing_known(recording));
     }
-    // Ranges are enough, unless a position was asked for.
+    // Ranges are sufficient, unless a position was requested.
     if quantities.channels.contains_key(&Quantity::Position) || wanted == PositionSource::Best {
         return Ok(());
     }
@@ -86,7 +86,7 @@ fn check_quantities(
     ))
 }
 
-/// Returns a warning that names the columns with unknown titles that no quantity uses.
+/// Returns a warning with the names of unknown columns that no quantity uses.
 fn warn_of_unknown(recording: &Recording, quantities: &Quantities) -> Option<Diagnostic> {
     let columns = recording.blocks.iter().flat_map(|block| &block.columns);
     let unused = columns.filter(|column| !quantities.used.contains(&column.name));
@@ -124,7 +124,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// Converts a time of the recording to one of the flight.
+    /// Converts a time of the recording to a time of the flight.
     fn time_s(&self, stamp_s: f64) -> f64 {
         on_grid(stamp_s - self.zero_s)
     }
@@ -138,8 +138,8 @@ struct Mapper<'a> {
 }
 
 impl Mapper<'_> {
-    /// Returns a grid of the sample rate over the time that position and attitude both cover,
-    /// without gaps. Without a pose, returns the times of the longest block.
+    /// Returns a grid at the sample rate over the time that position and attitude both cover,
+    /// without gaps. If there is no pose, returns the times of the longest block.
     fn axis(&self, budget: &Budget) -> Result<Axis> {
         let Self { recording, quantities, options } = self;
         let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
@@ -163,17 +163,17 @@ impl Mapper<'_> {
         let end_s = pose.iter().map(|(_, channel)| channel.end_s()).fold(last_s, f64::min);
         let span_s = end_s - start_s;
         check_span(recording, span_s)?;
-        let steps = (span_s * options.sample_rate_hz + 1e-6).floor();
-        if steps < 0.0 {
+        let last_step = (span_s * options.sample_rate_hz + 1e-6).floor();
+        if last_step < 0.0 {
             let log = "position and attitude that were never logged at the same time";
-            let hint = "cut the log to one flight that has both";
+            let hint = "cut the log to one flight that contains both";
             return Err(Error::input(Place::file(&recording.file), log, "both at once", hint));
         }
         #[expect(clippy::cast_possible_truncation, reason = "an hour at a kilohertz is below 4e6")]
-        let steps = steps as u32;
-        budget.steps(STEPS * steps as usize * pose.len())?;
-        // Steps in gaps are dropped. The last step may exceed the end by rounding.
-        let steps = (0..=steps)
+        let last_step = last_step as u32;
+        budget.steps(STEPS * last_step as usize * pose.len())?;
+        // Steps in gaps are dropped. Rounding may put the last step beyond the end.
+        let steps = (0..=last_step)
             .map(|step| (step, (start_s + f64::from(step) / options.sample_rate_hz).min(end_s)))
             .filter(|(_, stamp_s)| {
                 pose.iter().all(|pose| self.interpolated(*pose, *stamp_s).is_some())
@@ -186,19 +186,19 @@ impl Mapper<'_> {
         Ok(axis)
     }
 
-    /// Interpolates a measured value. Returns `None` in gaps longer than the setting, or than two
-    /// and a half periods of a slower log.
+    /// Interpolates a measured value. Returns `None` in gaps longer than the setting, or longer
+    /// than two and a half periods of a slower log.
     fn interpolated(&self, (quantity, channel): (Quantity, &Channel), stamp_s: f64) -> Option<f64> {
         let factor = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
         let gap_s = self.options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
         channel.linear(stamp_s, factor * gap_s)
     }
 
-    /// Returns the sample at a time, given on the recording's clock and on the flight's.
+    /// Returns the sample at a time, given on the recording's clock and on the flight's clock.
     fn sample(&self, stamp_s: f64, time_s: f64) -> FlightSample {
         let mut numbers = FlightSample::default().numbers();
         for (&quantity, channels) in &self.quantities.channels {
-            // Setpoints and commands hold until the next one.
+            // Setpoints and commands are held until the next one.
             let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
             for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
                 let interpolated =
@@ -217,7 +217,7 @@ impl Mapper<'_> {
         FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
     }
 
-    /// Returns warnings of measured quantities, other than the pose, that are held over gaps.
+    /// Returns warnings about measured quantities, other than the pose, that are held over gaps.
     fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
         for quantity in [Quantity::Velocity, Quantity::Rate, Quantity::Estimate] {
@@ -229,20 +229,20 @@ impl Mapper<'_> {
             let (n, n_all, name) = (held.count(), stamps_s.len(), quantity.name());
             if n > 0 {
                 let text =
-                    format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
+                    format!("{name}: held in {n} of {n_all} samples, because its own log has gaps");
                 warnings.push(Diagnostic::warning("values-held", text));
             }
         }
         warnings
     }
 
-    /// Returns all columns that belong to no quantity, with values held until the next.
+    /// Returns all columns that belong to no quantity, with each value held until the next one.
     fn extra(&self, stamps_s: &[f64]) -> BTreeMap<String, Vec<f64>> {
         let mut extra = BTreeMap::new();
         let used = &self.quantities.used;
         for name in self.recording.names().filter(|name| !used.contains(*name)) {
             let Some(channel) = self.recording.channel(name) else { continue };
-            // Characters that a header cannot hold may make two names one.
+            // Replacing characters that a header cannot contain may make two names equal.
             let mut title = extra_name(name);
             while extra.contains_key(&title) {
                 title.push('_');
@@ -254,7 +254,7 @@ impl Mapper<'_> {
     }
 }
 
-/// Refuses a log of more than [`MAX_DURATION_S`].
+/// Refuses a log that is longer than [`MAX_DURATION_S`].
 fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
@@ -270,7 +270,7 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
         let numbers = sample.numbers();
         for (quantity, _, names) in Quantity::TABLE {
             for (name, value) in names.iter().zip(&numbers[quantity.places()]) {
-                // NaN is refused as well.
+                // The test for NaN refuses missing numbers as well.
                 if value.is_nan() || value.abs() > MAX_QUANTITY {
                     let error = input_error!(
                         format!("{name} at {:.3} s of the flight", sample.time_s),
@@ -297,8 +297,8 @@ fn warn_of_incomplete(extra: &BTreeMap<String, Vec<f64>>) -> Option<Diagnostic> 
     Some(Diagnostic::warning("quantity-in-part", text))
 }
 
-/// Ratio of the longest interpolated gap of the attitude to that of the position: 1 s by default. A
-/// tilt of 0.1 rad moves a lamp 5 cm from the body's middle by only 5 mm.
+/// Ratio of the maximum interpolated gap of the attitude to that of the position, which makes 1 s
+/// by default. A tilt of 0.1 rad moves a lamp 5 cm from the body's center by only 5 mm.
 const ATTITUDE_GAPS: f64 = 4.0;
 
 /// Returns a warning that lists the gaps, if there are any.
@@ -314,7 +314,7 @@ fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<Diagnostic> {
     Some(Diagnostic::warning("gaps", text))
 }
 
-/// Largest plausible coordinate: beyond it the unit is probably wrong.
+/// Maximum plausible coordinate, beyond which the unit is probably wrong.
 const FARTHEST_M: f64 = 100.0;
 
 /// Returns a warning if a position is beyond [`FARTHEST_M`].
@@ -327,14 +327,14 @@ pub(super) fn warn_of_size(samples: &[FlightSample]) -> Option<Diagnostic> {
     (farthest_m > FARTHEST_M).then(|| Diagnostic::warning("position-far", text))
 }
 
-/// Returns the same angle in (−π, π].
+/// Returns the equivalent angle in (−π, π].
 fn wrapped_angle(angle_rad: f64) -> f64 {
     let turns = (angle_rad / std::f64::consts::TAU - 0.5).ceil();
     angle_rad - turns * std::f64::consts::TAU
 }
 
-/// Removes the columns `light.<channel>` with levels from 0 to 1 from the extra ones and returns
-/// them by channel. A column `light` is that of the headlights.
+/// Removes the columns `light.<channel>` with levels from 0 to 1 from the extra columns, and
+/// returns them by channel. A column `light` is that of the headlights.
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
     let mut lights = BTreeMap::new();
     let are_named = extra.contains_key("log.light.headlights");
@@ -351,8 +351,8 @@ fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> 
     lights
 }
 
-/// Returns the name of an extra column in a flight file: as logged, without characters that a CSV
-/// header cannot contain, and different from standard columns.
+/// Returns the name of an extra column in a flight file: the logged name without characters that a
+/// CSV header cannot contain, and different from standard columns.
 fn extra_name(name: &str) -> String {
     let plain = name.trim().replace(
         |c: char| matches!(c, ',' | '"' | '#') || c.is_control() || c.is_whitespace(),

@@ -1,12 +1,12 @@
-//! Alignment of the motion capture's clock and frame with the drone's, by the path in both logs.
+//! Aligns clock and frame of a motion capture system with the drone's, by the path in both logs.
 //!
 //! The clocks of the computer and the drone have different zeros. The drone logs the positions that
-//! the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates. The time shift with the
-//! least misfit between the two paths is used.
+//! the motion capture system sent (`ae483log.p_x_mocap` …) or its own estimates. The time shift
+//! with the least misfit between the two paths is used.
 //!
-//! The motion capture's frame may be rotated about the vertical, shifted, or have y up. It is then
-//! registered to the drone's frame by the best rigid transform, if the residual is some
-//! centimeters. Otherwise its columns are dropped.
+//! The frame of the motion capture system may be rotated about the vertical, shifted, or have y up.
+//! The frame is registered to the drone's frame by the best rigid transform, provided that the
+//! residual is at most some centimeters. Otherwise the columns of the system are dropped.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -20,30 +20,30 @@ use noctograph_core::geometry::turned;
 /// Number of times at which the two paths are compared.
 const N_STAMPS: u32 = 200;
 
-/// Step of the first search: 1 cm of path at 0.2 m/s.
+/// Step of the coarse search, in which the drone moves 1 cm at 0.2 m/s.
 const COARSE_S: f64 = 0.05;
 
-/// Largest number of steps in the first search. Longer logs are searched in longer steps.
+/// Maximum number of steps in the coarse search. Longer logs are searched with longer steps.
 const MAX_STEPS: f64 = 8000.0;
 
-/// Largest unexplained fraction of the path's variance.
+/// Maximum unexplained fraction of the path's variance.
 const WORST_MISFIT: f64 = 0.2;
 
-/// Longest gap in the motion capture that is interpolated.
+/// Maximum gap in the motion capture that is interpolated.
 const MAX_GAP_S: f64 = 0.25;
 
-/// Converts the blocks of the motion capture to the drone's clock and frame, or removes them if
-/// that is impossible.
+/// Converts the blocks of the motion capture system to the drone's clock and frame, or removes them
+/// if that is impossible.
 pub(super) fn aligned(mut log: Recording) -> Recording {
     if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return log;
     }
-    // Positions that the motion capture sent are the same path, and estimates nearly the same.
+    // Positions sent by motion capture describe the same path, and estimates nearly so.
     let path = moving_channels(&log, "ae483log.p_{x y z}_mocap")
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));
     let shift = moving_channels(&log, "mocap.{x y z}").zip(path).and_then(|(mocap, path)| {
-        // From the strictest assumption to the weakest: one frame, a rotated one, one with y up.
+        // The strictest assumption comes first: the same frame, a rotated one, one with y up.
         let mut search = Search { mocap, path, may_rotate: false };
         for may_rotate in [false, true] {
             search.may_rotate = may_rotate;
@@ -87,34 +87,34 @@ fn moving_channels(recording: &Recording, pattern: &str) -> Option<Vec<Channel>>
     moves.then_some(channels)
 }
 
-/// Registration of the motion capture to the drone's clock and frame.
+/// Registration of the motion capture system to the drone's clock and frame.
 #[derive(Debug)]
 struct Shift {
-    /// `drone = pivot_drone + ratio · (mocap − pivot_mocap)`.
+    /// The clocks are related by `drone = pivot_drone + ratio · (mocap − pivot_mocap)`.
     pivot_drone_s: f64,
     pivot_mocap_s: f64,
     ratio: f64,
-    /// Mean of the drone's path minus the motion capture's, on each axis.
+    /// Mean of the drone's path minus that of the motion capture system, on each axis.
     frame_offset_m: Vector3<f64>,
-    /// The transform from the motion capture's frame to the drone's.
+    /// Transform from the motion capture system's frame to the drone's.
     transform_fit: Fit,
 }
 
-/// Largest differences within one frame: errors of an estimator, or a marker beside the body's
-/// middle.
+/// Maximum differences within one frame, which may be errors of an estimator, or a marker that is
+/// not at the center of the body.
 const SAME_M: f64 = 0.15;
 const SAME_RAD: f64 = 0.09;
 
-/// Largest residual of a transform between two logs of one path.
+/// Maximum residual of a transform between two logs of one path.
 const MAX_RESIDUAL_M: f64 = 0.1;
 
 impl Shift {
-    /// True if the motion capture's frame is not the drone's.
+    /// Returns true if the motion capture system's frame is not the drone's.
     fn has_other_frame(&self) -> bool {
         self.frame_offset_m.amax() > SAME_M || self.transform_fit.rotation_rad.abs() > SAME_RAD
     }
 
-    /// Transforms a block's positions and yaw to the drone's frame.
+    /// Transforms the positions and the yaw of a block to the drone's frame.
     fn transform(&self, block: &mut Block, y_up: bool) {
         let Fit { rotation_rad, translation_m, .. } = self.transform_fit;
         let columns = ["mocap.x", "mocap.y", "mocap.z"]
@@ -122,7 +122,7 @@ impl Shift {
         let [Some(x), Some(y), Some(z)] = columns else { return };
         for i in 0..block.time_s.len() {
             let [x_m, y_m, z_m] = [x, y, z].map(|column| block.columns[column].values[i]);
-            // The same change of axes as in the search, then the transform of the fit.
+            // The axes are changed as in the search, and then the transform of the fit is applied.
             let captured_m = if y_up { [x_m, -z_m, y_m] } else { [x_m, y_m, z_m] };
             let placed_m = turned(&captured_m.into(), rotation_rad) + translation_m;
             for (column, value) in [x, y, z].into_iter().zip(&placed_m) {
@@ -134,30 +134,31 @@ impl Shift {
         }
     }
 
-    /// Converts a time of the motion capture to the drone's clock.
+    /// Converts a time of the motion capture system to the drone's clock.
     fn drone_s(&self, mocap_s: f64) -> f64 {
         self.pivot_drone_s + self.ratio * (mocap_s - self.pivot_mocap_s)
     }
 
-    /// Returns warnings of another clock rate, another frame, or an offset.
+    /// Returns warnings about another clock rate, another frame, or an offset.
     fn warnings(&self, y_up: bool) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
         // A difference below 0.3 % is noise of the fit.
         if (self.ratio - 1.0).abs() > 0.003 {
             let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
-            let (ratio, firmware) = match is_slow {
-                true => (
+            let (ratio, firmware) = if is_slow {
+                (
                     format!("84/85 = {SLOW_CLOCK:.4}"),
                     ", as in firmware up to and with release 2026.08",
-                ),
-                false => (format!("{:.4}", self.ratio), ""),
+                )
+            } else {
+                (format!("{:.4}", self.ratio), "")
             };
             let text = format!(
                 "the drone's clock counts {ratio} s per second of the motion capture's{firmware}"
             );
             warnings.push(Diagnostic::warning("clock-rate", text));
         }
-        // The frames: registered, not registered, or nearly the same.
+        // The frames are registered, not registered, or nearly the same.
         let [x, y, z] = self.frame_offset_m.into();
         let Fit { rotation_rad, translation_m, residual_m, .. } = self.transform_fit;
         let (degrees, residual_cm) = (rotation_rad.to_degrees(), 100.0 * residual_m);
@@ -165,14 +166,14 @@ impl Shift {
         let [to_x, to_y, to_z] = translation_m.into();
         let (code, text) = if (self.has_other_frame() || y_up) && residual_m <= MAX_RESIDUAL_M {
             let text = format!(
-                "the motion capture's world is another than the drone's: {axes}turned by {degrees:.1}° and \
+                "the motion capture's world differs from the drone's: {axes}turned by {degrees:.1}° and \
                  shifted by ({to_x:.3}, {to_y:.3}, {to_z:.3}) m; it is laid onto the drone's, which leaves \
                  {residual_cm:.1} cm"
             );
             ("mocap-turned", text)
         } else if self.has_other_frame() {
             let text = format!(
-                "the motion capture's world is another than the drone's, and no turn and shift lays one \
+                "the motion capture's world differs from the drone's, and no turn and shift lays one \
                  onto the other ({residual_cm:.0} cm are left): its columns are left out"
             );
             ("mocap-left-out", text)
@@ -190,36 +191,36 @@ impl Shift {
     }
 }
 
-/// Search for the time shift between two paths.
+/// A search for the time shift between two paths.
 #[derive(Clone)]
 struct Search {
     mocap: Vec<Channel>,
     path: Vec<Channel>,
-    /// True if the two frames may be rotated against each other.
+    /// True if the two frames may be rotated relative to each other.
     may_rotate: bool,
 }
 
-/// Best fit of the motion capture's path to the drone's at one time shift.
+/// Best fit of the motion capture system's path to the drone's at one time shift.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     misfit: f64,
     offset_m: Vector3<f64>,
-    /// The transform between the paths: a rotation about z, then a translation.
+    /// Transform between the paths: a rotation about z, followed by a translation.
     rotation_rad: f64,
     translation_m: Vector3<f64>,
     residual_m: f64,
 }
 
 impl Search {
-    /// Finds the time shift, the ratio of the clocks' rates, and the transform. `None` if the paths
-    /// do not match.
+    /// Finds the time shift, the ratio of the clock rates, and the transform. Returns `None` if the
+    /// paths do not match.
     fn shift(&self) -> Option<Shift> {
         let (mocap_start_s, mocap_end_s) = span(&self.mocap);
         let (start_s, end_s) = span(&self.path);
         let (stamps, lasts_s) = (stamps(start_s, end_s), end_s - start_s);
         let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
         let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
-        // A grid over all shifts, then a finer one around the best of them.
+        // A grid over all shifts is followed by a finer grid around the best of them.
         let coarse_s =
             self.best_shift(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
         let fine_s = self.best_shift(&stamps, coarse_s, step_s, step_s / 20.0)?;
@@ -227,7 +228,7 @@ impl Search {
             self.fit(&stamps, fine_s, self.may_rotate).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
         let reach_s = 0.02 * lasts_s + COARSE_S;
-        // The difference of the halves' shifts is the difference of the clocks' rates.
+        // The difference of both halves' shifts determines that of the clock rates.
         let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
             let stamps = self::stamps(from_s, to_s);
             let shift_s = self.best_shift(&stamps, fine_s, reach_s, reach_s / 100.0)?;
@@ -244,7 +245,7 @@ impl Search {
         };
         // A slope below 0.3 % is noise of the fit.
         let transform_fit = if slope.abs() > 0.003 {
-            // On the rescaled clock, the shift is searched once more.
+            // The shift is searched for once more with the rescaled clock.
             shift.ratio = 1.0 / (1.0 - slope);
             let mut rescaled = self.clone();
             for time_s in rescaled.mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
@@ -263,13 +264,13 @@ impl Search {
         Some(shift)
     }
 
-    /// Returns the best shift within `reach_s` of `around_s`, on a grid of `step_s`.
+    /// Returns the best shift within `reach_s` of `around_s`, on a grid with step `step_s`.
     fn best_shift(&self, stamps: &[f64], around_s: f64, reach_s: f64, step_s: f64) -> Option<f64> {
         if !(reach_s.is_finite() && around_s.is_finite() && step_s > 0.0) {
             return None;
         }
         let (mut best_shift, mut offset_s) = (None, -reach_s);
-        // Exhaustive: the misfit has many local minima.
+        // The search is exhaustive, because the misfit has many local minima.
         while offset_s <= reach_s {
             let shift_s = around_s + offset_s;
             if let Some(fit) = self.fit(stamps, shift_s, self.may_rotate)
@@ -283,8 +284,8 @@ impl Search {
     }
 
     /// Fits the motion capture, delayed by `shift_s`, to the drone's path by a translation and, if
-    /// `may_rotate`, by a rotation about z (Horn 1987, in the plane). `None` if less than half of
-    /// the path was captured, or nothing moves.
+    /// `may_rotate`, by a rotation about z (Horn 1987, in the plane). Returns `None` if less than
+    /// half of the path was captured, or if nothing moves.
     fn fit(&self, stamps: &[f64], shift_s: f64, may_rotate: bool) -> Option<Fit> {
         let mut pairs = Vec::from_iter(stamps.iter().filter_map(|t| {
             let path_m = position_m(&self.path, *t, path_gap_s)?;
@@ -293,8 +294,8 @@ impl Search {
         if pairs.len() * 2 < stamps.len() {
             return None;
         }
-        // The best translation makes the means equal. The best rotation is the angle of the sums of
-        // cross and dot products of the differences from them.
+        // The best translation makes the means equal. The best rotation is the angle given by the
+        // sums of the cross and dot products of the differences from the means.
         let n = pairs.len() as f64;
         let [to_m, from_m] = pairs
             .iter()
@@ -309,7 +310,7 @@ impl Search {
         let best_rotation_rad = libm::atan2(sin, cos);
         let [rotated_m2, unrotated_m2] =
             [best_rotation_rad, 0.0].map(|turn| mean_square_m2(&pairs, turn));
-        // A nearly vertical path, or one with a large error, does not show a rotation.
+        // A nearly vertical path, or one with a large error, does not determine a rotation.
         let may_rotate = may_rotate && rotated_m2 < 0.25 * unrotated_m2;
         let (rotation_rad, mean_square_m2) =
             if may_rotate { (best_rotation_rad, rotated_m2) } else { (0.0, unrotated_m2) };
@@ -317,7 +318,7 @@ impl Search {
         let (misfit, residual_m, offset_m) =
             (mean_square_m2 / spread, mean_square_m2.sqrt(), to_m - from_m);
         let translation_m = to_m - turn * from_m;
-        // A path must spread by two centimeters (4e-4 m²).
+        // The path must extend over at least two centimeters (4e-4 m²).
         (spread > 4e-4).then_some(Fit { misfit, offset_m, rotation_rad, translation_m, residual_m })
     }
 }
@@ -332,14 +333,14 @@ fn position_m(
     Some(Vector3::new(x?, y?, z?))
 }
 
-/// Returns the mean square distance of pairs after rotating the second ones about z.
+/// Returns the mean square distance of pairs after rotating the second point of each about z.
 fn mean_square_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], rotation_rad: f64) -> f64 {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), rotation_rad);
     let n = pairs.len() as f64;
     pairs.iter().map(|(to, from)| (to - turn * from).norm_squared() / n).sum()
 }
 
-/// Returns the longest interpolated gap of the drone's path.
+/// Returns the maximum gap of the drone's path that is interpolated.
 fn path_gap_s(path: &Channel) -> f64 {
     1.0_f64.max(3.0 * path.period_s)
 }
@@ -350,7 +351,7 @@ fn span(channels: &[Channel]) -> (f64, f64) {
     (start_s, channels.iter().map(Channel::end_s).fold(f64::INFINITY, f64::min))
 }
 
-/// Returns [`N_STAMPS`] equidistant times.
+/// Returns [`N_STAMPS`] equally spaced times.
 fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
     let fractions = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
     fractions.map(|fraction| start_s + (end_s - start_s) * fraction).collect()

@@ -1,7 +1,7 @@
-//! Reads the headers of motion captures' tables, in two formats.
+//! Reads the headers of motion capture tables, in two formats.
 //!
-//! - Motive: a first line `Format Version,…`, then lines of types, names and properties above
-//!   `Frame,Time (Seconds)`. y is up.
+//! - Motive: the first line is `Format Version,…`, followed by lines of types, names and properties
+//!   above `Frame,Time (Seconds)`. y is up.
 //! - Vicon: `Objects`, `Segments` or `Trajectories`, the frame rate, names, `Frame,Sub Frame,…` and
 //!   units. z is up, and rotations are ignored.
 //!
@@ -16,7 +16,7 @@ use noctograph_core::files::{Head, Separator};
 
 const HEAD_LINES: usize = 12;
 
-/// Format of a motion capture's table, from its header.
+/// Format of a motion capture table, as given by its header.
 #[derive(Debug)]
 pub(super) struct Capture {
     pub(super) axes: Axes,
@@ -29,7 +29,7 @@ pub(super) struct Capture {
 /// Header lines, split into cells.
 type Lines<'a> = [Vec<&'a str>];
 
-/// Reads the header of a motion capture's table. Returns `None` for other tables, and an error for
+/// Reads the header of a motion capture table. Returns `None` for other tables, and an error for
 /// one that is recognized but cannot be read.
 pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>> {
     let start = String::from_utf8_lossy(&text[..text.len().min(1 << 16)]);
@@ -52,7 +52,7 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)
 }
 
-/// Reads a header from Motive. `head` is the index of the line of titles.
+/// Reads a Motive header. `head` is the index of the line of titles.
 fn motive(
     file: &str,
     lines: &Lines<'_>,
@@ -105,7 +105,7 @@ fn motive(
     Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, warnings }))
 }
 
-/// Reads a header from Vicon. `head` is the index of the line of titles.
+/// Reads a Vicon header. `head` is the index of the line of titles.
 fn vicon(
     file: &str,
     lines: &Lines<'_>,
@@ -119,7 +119,7 @@ fn vicon(
     let above = head.checked_sub(1).and_then(|line| lines.get(line)).into_iter().flatten();
     let names = above.copied().filter(|name| !name.is_empty());
     check_one(file, lines[0][0], names)?;
-    // Titles with the units of the line below them.
+    // The titles get the units in the line below them.
     let (mut titles, mut others) = (Vec::new(), 0);
     for (index, title) in lines[head].iter().enumerate() {
         let unit = lines.get(head + 1).and_then(|units| units.get(index));
@@ -143,7 +143,7 @@ fn vicon(
     Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, warnings }))
 }
 
-/// Refuses any number of different bodies but one.
+/// Refuses any number of different bodies other than one.
 fn check_one<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
     let bodies: BTreeSet<&str> = bodies.collect();
     if bodies.len() == 1 {

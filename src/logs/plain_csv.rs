@@ -1,17 +1,17 @@
-//! Plain tables: t, x, y, z and others, under their usual names. Range logs from a drone with a
-//! Loco deck.
+//! Reads plain tables with t, x, y, z and other columns under their usual names, and range logs
+//! from a drone with a Loco deck.
 //!
 //! Titles may be the ends of paths (`/cf1/pose/position/x` from `PlotJuggler`,
-//! `field.pose.position.x` from rosbag), with units at their end or in brackets (`x_mm`,
-//! `yaw [deg]`). Times may be in two columns. Tables from Motive and Vicon ([`super::mocap_csv`])
-//! are read too. Without a header, columns are t, x, y, z or, between blanks, t, x, y, z and the
-//! quaternion x, y, z, w (TUM). Unknown columns are kept, with a warning. Unknown units, poses of
-//! two bodies, rows of several drones and tables in long form are refused.
+//! `field.pose.position.x` from rosbag), with units at their end or in brackets (`x_mm`, `yaw
+//! [deg]`). Times may be in two columns. Tables from Motive and Vicon ([`super::mocap_csv`]) are
+//! read as well. Without a header, columns are t, x, y, z or, if separated by blanks, t, x, y, z
+//! and the quaternion x, y, z, w (TUM). Unknown columns are kept, with a warning. Unknown units,
+//! poses of two bodies, rows of several drones and tables in long form are refused.
 //!
 //! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
-//! units. Each guess is a warning that an option can override. The flight of a range log
-//! (`index,timestamp,ranging.distance0 …`, meters, one new range in each row) keeps the times of
-//! the rows and has no position.
+//! units. Each guess is a warning, and an option can override it. The flight of a range log
+//! (`index,timestamp,ranging.distance0 …`, in meters, with one new range in each row) keeps the
+//! times of the rows and has no position.
 
 use std::collections::BTreeMap;
 
@@ -28,15 +28,15 @@ use noctograph_core::flight::timestamps::unit_of;
 /// Names of the columns of a file without a header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 
-/// Names of the columns of a file without a header and with blanks between its eight cells.
+/// Names of the columns of a file without a header whose eight cells are separated by blanks.
 const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 const RANGE: &str = "ranging.distance";
 
-/// Longest time over which rows of one timestamp are spread: times may be whole seconds.
+/// Maximum time over which rows of one timestamp are spread: times may be whole seconds.
 const ROW_S: f64 = 1.0;
 
-/// Reads a plain table, or one from a motion capture with its own units and axes.
+/// Reads a plain table, or one from motion capture with its own units and axes.
 pub(super) fn read(
     text: &Text<'_>,
     mut head: Head,
@@ -61,7 +61,7 @@ pub(super) fn read(
     let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
     rows::join_times(&mut sheet.columns, &mut are_dated, &mut log)?;
 
-    // Axes and period of the format, if the header shows it.
+    // The axes and the period are those of the format, if the header determines them.
     let is_captured = captured.is_some();
     let mut period_s = options.period_s;
     if let Some(captured) = captured {
@@ -72,7 +72,7 @@ pub(super) fn read(
         (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
 
-    // The columns by their standard names, then the times.
+    // The columns get their standard names, and then the times are determined.
     let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
     for column in sheet.columns {
         let is_dated = are_dated[column.number - 1];
@@ -83,7 +83,7 @@ pub(super) fn read(
     log.is_stamped = time.is_some() && !is_imported;
     let mut time_s = match (time, period_s) {
         (Some(_), Some(_)) if !is_captured => {
-            let wanted = "none, since a period is given";
+            let wanted = "none, because a period is given";
             return Err(Error::input(file, "a column of times", wanted, "leave the period out"));
         }
         (Some((_, time_s)), _) => time_s,
@@ -94,7 +94,7 @@ pub(super) fn read(
         check_assumed_times(&time_s, file)?;
     }
     if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {
-        let text = "several rows share a stamp: they are spread evenly up to the next";
+        let text = "several rows have the same time: they are spread evenly up to the next one";
         log.warn("times-equal", text);
     }
     let block = Block { name: "csv".into(), time_s, columns: named, ..Block::default() };
@@ -104,7 +104,7 @@ pub(super) fn read(
     Ok(log)
 }
 
-/// Names the columns of a table without a header by their order. Returns the note of this.
+/// Names the columns of a table without a header by their order. Returns a note about it.
 fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
     if !head.titles.is_empty() {
         return None;
@@ -116,7 +116,7 @@ fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
     head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
     head.titles.truncate(head.n_columns);
     let as_printed = message_names.map_or("", |_| ", as `ros2 topic echo --csv` prints a pose");
-    Some(format!("no head: the columns are taken as {}{as_printed}", names.join(", ")))
+    Some(format!("no header: the columns are taken as {}{as_printed}", names.join(", ")))
 }
 
 /// Returns the error for a table without times, or for lines that are not a table.
@@ -124,14 +124,14 @@ fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     let are_titles = titles.iter().filter(|title| {
         !title.is_empty() && title.parse::<f64>().is_err() && !title.contains([':', '=', '[', '{'])
     });
-    // With numbers or signs in most of them, these are not titles.
+    // If most of them contain numbers or signs, they are not titles.
     if 2 * are_titles.count() <= titles.len() {
         let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
         let first = String::from_utf8_lossy(first.unwrap_or_default());
         let first: String = first.trim().chars().take(48).collect();
-        let seen = format!("lines that are no table, such as {first:?}");
+        let seen = format!("lines that are not a table, such as {first:?}");
         let hint =
-            "write the time and the position of each sample to columns, below a head t,x,y,z";
+            "write the time and the position of each sample to columns below a header t,x,y,z";
         return Error::input(file, seen, "a table with a column of times", hint);
     }
     let titles = format!("the columns {}", titles.join(", "));
@@ -141,9 +141,9 @@ fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     Error::input("times", titles, wanted, hint).coded("times-missing").in_file(file, 1)
 }
 
-/// Returns the names of the first columns of a ROS message with a pose, as `ros2 topic echo --csv`
-/// prints it, without a header: time and frame, the child frame (odometry and transforms only), and
-/// the pose. `None` for other tables.
+/// Returns the names of the first columns of a ROS message with a pose, as printed by `ros2 topic
+/// echo --csv` without a header: time and frame, the child frame (only for odometry and
+/// transforms), and the pose. Returns `None` for other tables.
 fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str]> {
     const POSE: [&str; 10] = ["sec", "nanosec", "frame", "x", "y", "z", "qx", "qy", "qz", "qw"];
     const ODOMETRY: [&str; 11] =
@@ -152,7 +152,7 @@ fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static 
     let row = String::from_utf8_lossy(row);
     let cells: Vec<&str> = row.trim_end().split(',').collect();
     let are_numbers: Vec<bool> = cells.iter().map(|cell| cell.parse::<f64>().is_ok()).collect();
-    // Time in two whole numbers, one frame name or two, then numbers.
+    // The row has the time in two whole numbers, one or two frame names, and then numbers.
     let names: &[&str] = match (&are_numbers[..], cells.len()) {
         ([true, true, false, false, ..], 11..) => &ODOMETRY,
         ([true, true, false, true, ..], 10..) => &POSE,
@@ -163,8 +163,8 @@ fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static 
     is_time.then_some(names)
 }
 
-/// Refuses a table without a header whose first column, which was assumed to be the times, rarely
-/// rises above all before. It may be the first element of a matrix.
+/// Refuses a table without a header if its first column, which was assumed to be the times, rarely
+/// exceeds all previous values. Such a column may be the first element of a matrix.
 fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
     let mut latest_s = f64::NEG_INFINITY;
     let rising = time_s.iter().filter(|time_s| {
@@ -176,20 +176,20 @@ fn check_assumed_times(time_s: &[f64], file: &str) -> Result<()> {
     if 2 * n_rising >= n {
         return Ok(());
     }
-    let numbers = format!("no head, and {} of {n} numbers that do not rise", n - n_rising);
-    let hint = "write a head above the rows that names the columns, such as t,x,y,z";
+    let numbers = format!("no header, and {} of {n} numbers that do not rise", n - n_rising);
+    let hint = "write a header above the rows that names the columns, such as t,x,y,z";
     Err(Error::input("column 1", numbers, "times", hint).in_file(file, None))
 }
 
-/// Adds what was assumed about the columns to the hint of an error.
+/// Adds the assumption about the columns to the hint of an error.
 fn with_assumption(mut error: Error, assumed: Option<&str>) -> Error {
     if let (Error::Input { hint, .. }, Some(assumed)) = (&mut error, assumed) {
-        *hint = format!("{assumed}; write a head above the rows if that is wrong");
+        *hint = format!("{assumed}; write a header above the rows if that is wrong");
     }
     error
 }
 
-/// True for the header of PX4's `vehicle_local_position`, whose z points down.
+/// Returns true for the header of PX4's `vehicle_local_position`, whose z points down.
 fn is_px4(header: &[String]) -> bool {
     let titles: Vec<&str> = header.iter().map(String::as_str).collect();
     titles.contains(&"z")
@@ -197,7 +197,7 @@ fn is_px4(header: &[String]) -> bool {
         && ["ref_timestamp", "z_valid", "dist_bottom"].iter().any(|name| titles.contains(name))
 }
 
-/// Returns the times of rows by their numbers or, if `by_frame`, by the column of frame numbers.
+/// Returns the times of rows from their numbers or, if `by_frame`, from the frame numbers.
 fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     let n = named.first().map_or(0, |column| column.values.len());
     match named.iter().find(|column| by_frame && column.name == "index") {
@@ -206,14 +206,14 @@ fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     }
 }
 
-/// The columns of a table that were identified so far.
+/// The columns of a table that have been identified so far.
 #[derive(Default)]
 struct Columns {
     log: Recording,
     time_unit: TimeUnit,
     time: Option<(String, Vec<f64>)>,
     named: Vec<Column>,
-    /// The original title and the body of each name.
+    /// Original title and body of each name.
     from: BTreeMap<String, (String, String)>,
 }
 
@@ -237,11 +237,11 @@ impl Columns {
         if is_dated && name == "index" {
             "t".clone_into(&mut name);
         }
-        // The first column of times may be empty, and the second filled.
+        // The first column of times may be empty while the second is filled.
         if name == "t" && (title == "t" || is_dated || values.iter().any(|value| !value.is_nan())) {
             let (time_s, guess) = times(&title, values, is_dated, unit, self.time_unit);
             if let Some((first, _)) = &self.time {
-                let text = format!("the times are those of {first}; {title} has others");
+                let text = format!("the times are those of {first}, and {title} has other ones");
                 self.log.warn("times-twice", text);
                 self.named.push(Column::new(title, time_s));
             } else {
@@ -251,7 +251,7 @@ impl Columns {
             return Ok(());
         }
         let mut unknown = None;
-        // PX4's heading is the yaw of its world.
+        // PX4's heading is the yaw in its world frame.
         if name == "heading" && self.log.in_format.is_some() {
             name = "yaw_rad".to_owned();
         } else if name == "t" {
@@ -259,7 +259,7 @@ impl Columns {
         } else if !is_known && !is_expected(&title) {
             unknown = Some(format!("{title} (column {number})"));
         }
-        // The first of two columns with one quantity is used, if they belong to one body.
+        // If two columns contain the same quantity, the first is used if they belong to one body.
         if is_known && let Some((first, first_body)) = self.from.get(&name) {
             if *first_body != body {
                 let place = format!("columns {first} and {title}");
@@ -267,8 +267,9 @@ impl Columns {
                 let error = Error::input(place, "two bodies", "one, for a flight", hint);
                 return Err(error.in_file(&self.log.file, None));
             }
-            let text =
-                format!("{title} (column {number}) is one quantity with {first}, which is taken");
+            let text = format!(
+                "{title} (column {number}) is the same quantity as {first}, which is taken"
+            );
             self.log.warn("column-twice", text);
             name.clone_from(&title);
         }
@@ -278,9 +279,9 @@ impl Columns {
     }
 }
 
-/// True for a title from the simulator, or a variable of the firmware: it needs no warning.
+/// Returns true for a title from the simulator or the firmware, which needs no warning.
 fn is_expected(title: &str) -> bool {
-    // Columns of the simulator, and the numbers of rows.
+    // Titles of the simulator's columns, and of row numbers.
     const OURS: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
     OURS.split(' ').any(|listed| listed == title)
         || is_standard_column(title)
@@ -302,7 +303,7 @@ fn times(
 ) -> (Vec<f64>, Option<Diagnostic>) {
     if is_dated {
         let wraps = undo_midnights(&mut values);
-        let text = format!("column {title}: its clock begins again {wraps} time(s); undone");
+        let text = format!("column {title}: its clock restarts {wraps} time(s), which is undone");
         return (values, (wraps > 0).then(|| Diagnostic::warning("clock-wrapped", text)));
     }
     // An option overrides the title, which overrides the unit inferred from the steps.
@@ -314,7 +315,7 @@ fn times(
     }
     let guess = if unit_s != 1.0 {
         format!(
-            "taken as {unit_s} s a unit, since its rows are {step} apart, which is no step of a log \
+            "read in units of {unit_s} s, because its rows are {step} apart, which is no step of a log \
              in seconds"
         )
     } else {
@@ -323,11 +324,10 @@ fn times(
     (values, Some(Diagnostic::warning("unit-guessed", format!("column {title}: {guess}"))))
 }
 
-/// Adds a day, half a day or an hour after each fall of a clock by about as much. Returns the
-/// number of falls.
+/// Adds a day, half a day or an hour after each such fall of a clock. Returns their number.
 fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
-    /// Times of day are below 25 hours. Later numbers are dates, which do not start again.
+    /// Latest time of day, 25 hours. Larger numbers are dates, which do not restart.
     const LATEST_S: f64 = 90_000.0;
     let (mut added_s, mut last_s, mut wraps) = (0.0, f64::NEG_INFINITY, 0);
     for time_s in times_s.iter_mut().filter(|t| t.is_finite() && **t < LATEST_S) {
@@ -354,15 +354,14 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
-/// Returns true if angles of unknown unit are degrees, and the reason, or `None` for plausible
-/// radians.
+/// Returns true if angles of unknown unit are in degrees, and why, or `None` for plausible radians.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
-    /// Root mean square (20°) and largest pitch and roll (40°) of a usual flight in radians.
+    /// Root mean square (20°) and maximum (40°) of pitch and roll in a usual flight, in radians.
     const USUAL_RMS: f64 = 0.35;
     const USUAL_MAX: f64 = 0.7;
     let (tilt, angles) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
     let (max_tilt, max_angle, rms_tilt) = (max_abs(&tilt), max_abs(&angles), rms(&tilt));
-    // From the surest sign to the weakest.
+    // The signs are checked from the most certain to the weakest one.
     if max_angle > std::f64::consts::TAU {
         (true, Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned()))
     } else if max_tilt > std::f64::consts::FRAC_PI_2 {
@@ -380,7 +379,7 @@ pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     }
 }
 
-/// Converts angles and angular velocities whose titles name no unit to radians.
+/// Converts angles and angular velocities whose titles give no unit to radians.
 pub(super) fn resolve_angles(
     Recording { blocks, warnings, .. }: &mut Recording,
     wanted: AngleUnit,
@@ -397,16 +396,17 @@ pub(super) fn resolve_angles(
             from_degrees(block, false);
         }
         // Rates must match the changes of roll and pitch, which are in radians now. In degrees they
-        // are 57 times as large, and 7.6 is the geometric mean of that and 1. Without changes, no
-        // drone reaches 35 rad/s.
+        // are 57 times as large, and 7.6 is the geometric mean of 57 and 1. If roll and pitch do
+        // not change, the limit is 35 rad/s, which no drone reaches.
         let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
         let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
         let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
         let changes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
         let rms_change = rms(&changes.filter(|change| change.is_finite()).collect::<Vec<_>>());
-        let too_fast = match rms_change > 0.01 && !rates.is_empty() {
-            true => rms(&rates) / rms_change > 7.6,
-            false => max_abs(&rates) > 35.0,
+        let too_fast = if rms_change > 0.01 && !rates.is_empty() {
+            rms(&rates) / rms_change > 7.6
+        } else {
+            max_abs(&rates) > 35.0
         };
         if is_auto && too_fast {
             let text = "angular velocities without a unit are too fast for rad/s: taken as degrees";
@@ -418,29 +418,29 @@ pub(super) fn resolve_angles(
     }
 }
 
-/// Returns the finite numbers of the columns with these names and an unknown unit.
+/// Returns the finite numbers in the columns with these names whose unit is unknown.
 fn open_angles(block: &Block, names: &[&str]) -> Vec<f64> {
     let open = block.columns.iter().filter(|column| column.is_open_angle);
     let values = open.filter(|column| names.contains(&&*column.name)).flat_map(|c| &c.values);
     values.copied().filter(|value| value.is_finite()).collect()
 }
 
-/// Converts rates, or else angles, of unknown unit from degrees to radians.
+/// Converts rates of unknown unit, or else angles, from degrees to radians.
 fn from_degrees(block: &mut Block, are_rates: bool) {
     let open = block.columns.iter_mut().filter(|column| column.is_open_angle);
     let open = open.filter(|column| column.name.starts_with('w') == are_rates);
     open.flat_map(|column| &mut column.values).for_each(|value| *value *= DEGREE);
 }
 
-/// Spreads rows of one time evenly up to the next time, or over [`ROW_S`] if that is shorter.
-/// Returns true if there are such rows.
+/// Spreads rows with the same time evenly up to the next time, or over [`ROW_S`] if that is
+/// shorter. Returns true if there are such rows.
 fn spread_rows(time_s: &mut [f64]) -> bool {
     let mut has_equal_times = false;
     let mut first = 0;
     while first < time_s.len() {
         let stamp_s = time_s[first];
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
-        // The rows of one time last until the next time.
+        // Rows with the same time last until the next time.
         let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
         has_equal_times |= n > 1;
         for (k, t) in time_s[first..first + n].iter_mut().enumerate() {
@@ -491,7 +491,7 @@ mod tests {
         assert_eq!(log.blocks[0].time_s, [0.0, 0.02, 0.04]);
         assert_eq!(log.channel("yaw_rad").unwrap().values[0], 10_f64.to_radians());
         assert_eq!(log.warnings.len(), 2, "both with a warning: {:?}", log.warnings);
-        // At 1 kHz, and in ns.
+        // The rows are at 1 kHz, and in ns.
         let kilohertz: String = (0..=600).map(|ms| format!("{ms},1\n")).collect();
         for (rows, end_s) in [(&*kilohertz, 0.6), ("0,1\n4000000,2\n", 0.004)] {
             let text = format!("t,x\n{rows}");

@@ -8,36 +8,35 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
 
-/// Largest number of variables that become channels of a flight.
+/// Maximum number of variables that become channels of a flight.
 const MAX_CHANNELS: usize = 32;
 
-/// Steps of work for each number of a channel.
+/// Work budget in steps for each number of a channel.
 const STEPS: usize = 10;
 
-/// Least size of a number that is not a measurement.
+/// Minimum magnitude of a number that is not a measurement.
 const TOO_LARGE: f64 = 1e18;
 
-/// Number of names in a list for a message.
+/// Maximum number of names that a message lists.
 const MAX_LISTED: usize = 12;
 
-/// The contents of a log file: blocks of columns, each block with its own time axis, values in the
-/// units of the log.
+/// The contents of a log file: blocks of columns, each with its own time axis, in the log's units.
 #[derive(Debug, Default)]
 pub(super) struct Recording {
     pub(super) file: String,
     pub(super) blocks: Vec<Block>,
     /// Period after which the drone's times restart at zero, if they do.
     pub(super) wrap_s: Option<f64>,
-    /// True for times of `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and
-    /// with release 2026.08. Others are true ticks of the operating system.
+    /// True for times of `usecTimestamp` (µSD logs), which counts 84 µs in 85 µs in firmware up to
+    /// and including release 2026.08. Other times are true ticks of the operating system.
     pub(super) is_on_card: bool,
-    /// The drone's firmware, by its name in the log.
+    /// Name of the drone's firmware in the log.
     pub(super) firmware: Option<String>,
-    /// True if the times are on a clock that other logs may have too.
+    /// True if the times are on a clock that other logs may use as well.
     pub(super) is_stamped: bool,
-    /// Axes of the plain columns' world, if the format defines them.
+    /// Axes of the world frame of plain columns, if the format defines them.
     pub(super) axes: Axes,
-    /// The format that defines the axes.
+    /// Name of the format that defines the axes.
     pub(super) in_format: Option<&'static str>,
     pub(super) warnings: Vec<Diagnostic>,
 }
@@ -47,37 +46,37 @@ pub(super) struct Recording {
 pub(super) struct Block {
     pub(super) name: String,
     pub(super) clock: Clock,
-    /// Times, as logged until [`super::clock::repaired`]. Then they rise.
+    /// Times as logged, which increase only after [`super::clock::repaired`].
     pub(super) time_s: Vec<f64>,
     pub(super) columns: Vec<Column>,
 }
 
-/// Clock of a block's times.
+/// Clock that measured a block's times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Clock {
     #[default]
     Drone,
-    /// The motion capture's computer, with another zero.
+    /// The computer of the motion capture system, whose clock has another zero.
     Mocap,
 }
 
-/// One logged variable. Cells without a number are not finite, and not in a [`Channel`].
+/// One logged variable. Cells without a number are not finite, and are not in a [`Channel`].
 #[derive(Debug, Default)]
 pub(super) struct Column {
     pub(super) name: String,
     pub(super) values: Vec<f64>,
-    /// True for an angle, or an angular velocity, whose title names no unit.
+    /// True for an angle, or an angular velocity, whose title gives no unit.
     pub(super) is_open_angle: bool,
     /// Title and number of the column in a table, if the title is unknown.
     pub(super) unknown: Option<String>,
 }
 
-/// A variable over time: finite values at strictly rising times.
+/// A variable over time: finite values at strictly increasing times.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Channel {
     pub(super) time_s: Vec<f64>,
     pub(super) values: Vec<f64>,
-    /// Median time between two samples, zero for a single one.
+    /// Median time between two samples, or zero for a single sample.
     pub(super) period_s: f64,
 }
 
@@ -89,7 +88,7 @@ impl Column {
 }
 
 impl Block {
-    /// Returns the first column of this name.
+    /// Returns the first column with this name.
     pub(super) fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
@@ -115,7 +114,7 @@ impl Recording {
         self.warnings.extend(Diagnostic::warnings("read-as", notes));
     }
 
-    /// Returns the first variable of this name, or `None` if it has no value.
+    /// Returns the first variable with this name, or `None` if it has no value.
     pub(super) fn channel(&self, name: &str) -> Option<Channel> {
         let mut blocks = self.blocks.iter();
         let (block, column) = blocks.find_map(|block| Some((block, block.column(name)?)))?;
@@ -130,7 +129,7 @@ impl Recording {
         names(pattern).map(|name| self.channel(&name)).collect()
     }
 
-    /// Refuses more than [`MAX_VARIABLES`].
+    /// Refuses a recording with more than [`MAX_VARIABLES`].
     pub(super) fn check_variables(&self) -> Result<()> {
         let n = self.names().count().max(self.blocks.len());
         if n <= MAX_VARIABLES {
@@ -140,11 +139,11 @@ impl Recording {
         Err(Error::input(Place::file(&self.file), actual, wanted, HINT))
     }
 
-    /// Refuses a recording whose channels, which are copies, need more than the budget.
+    /// Refuses a recording whose channels, which are copies, would exceed the budget.
     pub(super) fn check(&self, budget: &Budget) -> Result<()> {
         self.check_variables()?;
         for Block { time_s, columns, .. } in &self.blocks {
-            // Twice the numbers of the channels: times and values.
+            // Each channel stores twice as many numbers: times and values.
             budget.bytes(2 * size_of::<f64>() * time_s.len() * columns.len().min(MAX_CHANNELS))?;
             budget.steps(STEPS * time_s.len() * (columns.len() + 1))?;
         }
@@ -156,10 +155,10 @@ impl Recording {
         self.blocks.iter().flat_map(|block| block.columns.iter().map(|c| c.name.as_str()))
     }
 
-    /// Removes empty blocks and makes all names of columns different: a second `x` becomes
-    /// `block:x`, a third `block:x:2`.
+    /// Removes empty blocks and makes all column names different: a second `x` becomes `block:x`,
+    /// and a third one `block:x:2`.
     pub(super) fn with_different_names(mut self) -> Self {
-        // An event that never occurred would hide logged variables of the same names.
+        // The block of an event that never occurred would hide variables with its names.
         self.blocks.retain(|block| !block.time_s.is_empty());
         let mut taken = BTreeSet::new();
         for block in &mut self.blocks {
@@ -177,7 +176,7 @@ impl Recording {
         self
     }
 
-    /// Warns of columns that have cells without a number.
+    /// Adds a warning about columns that contain cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
             let empty = block.columns.iter().filter_map(|Column { name, values, .. }| {
@@ -193,19 +192,19 @@ impl Recording {
     }
 }
 
-/// Returns the names of a pattern: one for each part in its braces.
+/// Returns the names of a pattern, one for each part in its braces.
 pub(super) fn names(pattern: &str) -> impl Iterator<Item = String> {
     let (before, rest) = pattern.split_once('{').expect("a pattern has braces");
     let (parts, after) = rest.split_once('}').expect("braces are closed");
     parts.split(' ').map(move |part| format!("{before}{part}{after}"))
 }
 
-/// True for a finite number that is not [`TOO_LARGE`].
+/// Returns true for a finite number whose magnitude is below [`TOO_LARGE`].
 fn is_number(value: f64) -> bool {
     value.abs() < TOO_LARGE
 }
 
-/// Lists names for a message: the first twelve, then the number of the others.
+/// Lists names for a message: the first twelve, followed by the number of the others.
 pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
     let first: Vec<&str> = names.iter().take(MAX_LISTED).map(AsRef::as_ref).collect();
     let more = names.len().saturating_sub(MAX_LISTED);
@@ -214,7 +213,7 @@ pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
 }
 
 impl Channel {
-    /// Returns a channel of samples, at least one, at strictly rising times.
+    /// Returns a channel of at least one sample at strictly increasing times.
     pub(super) fn new(time_s: Vec<f64>, values: Vec<f64>) -> Self {
         let steps_s = time_s.windows(2).map(|pair| pair[1] - pair[0]);
         Self { period_s: median(steps_s).unwrap_or(0.0), time_s, values }
@@ -233,7 +232,7 @@ impl Channel {
         self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
     }
 
-    /// Interpolates linearly at a time. Returns `None` outside the channel, and in gaps longer than
+    /// Interpolates linearly at a time. Returns `None` outside, and in gaps longer than
     /// `max_gap_s`.
     pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
         let last = self.last_before(time_s)?;
@@ -245,7 +244,7 @@ impl Channel {
         (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
     }
 
-    /// Returns the last value logged by a time, or the first value before the first sample.
+    /// Returns the last value logged up to a time, or the first value before the first sample.
     pub(super) fn held(&self, time_s: f64) -> f64 {
         self.values[self.last_before(time_s).unwrap_or(0)]
     }

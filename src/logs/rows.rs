@@ -1,4 +1,4 @@
-//! Rows of a table: checks that all belong to one drone, and joins times in two columns.
+//! Checks that all rows of a table belong to one drone, and joins times in two columns.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use super::titles::meaning;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Sheet, SheetColumn, simplified};
 
-/// Titles of columns that name the drone of a row, as [`simplified`].
+/// Titles of columns that name the drone of a row, as returned by [`simplified`].
 const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link id uav uav_id \
                       uav_name quad quad_id swarm_id robot robot_id robot_name agent agent_id vehicle vehicle_id body \
                       body_id body_name rigid_body rigid_body_id rigid_body_name cf cf_id cfid \
@@ -16,7 +16,7 @@ const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link
                       subject subject_name drohne address serial mac tag tag_id trackable tracker_id actor \
                       entity vehicle_name";
 
-/// Names of fractions of a second in titles, and their size.
+/// Names of fractions of a second in titles, with their size in seconds.
 const FRACTIONS: [(&str, f64); 6] = [
     ("nanosec", 1e-9),
     ("nsec", 1e-9),
@@ -26,12 +26,12 @@ const FRACTIONS: [(&str, f64); 6] = [
     ("msec", 1e-3),
 ];
 
-/// Least distance between positions at one time that belong to two drones, m.
+/// Minimum distance at which positions at the same time belong to two drones, m.
 const APART_M: f64 = 0.1;
 
 /// Refuses rows of several drones, and a table in long form.
 pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
-    // A long form has one column each of times, of names and of values.
+    // A table in long form has one column each for times, names and values.
     let texts: Vec<_> = sheet.columns.iter().filter(|c| c.is_text() && c.texts.len() > 1).collect();
     let is_index = |c: &SheetColumn| c.is_text() || meaning(&c.title).0 == "index";
     let (times, values): (Vec<_>, Vec<_>) =
@@ -58,7 +58,7 @@ pub(super) fn long_form_error([time, names, value]: [&str; 3]) -> Error {
     Error::input("rows", form, "a column for each variable", hint)
 }
 
-/// Refuses a column of drones' names, such as `drone_id`, that has several different ones.
+/// Refuses a column of drones' names, such as `drone_id`, that contains several different names.
 pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result<()> {
     let last = title.rsplit(['.', '/']).next().unwrap_or_default();
     let plain = simplified(last);
@@ -66,12 +66,12 @@ pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result
         return Ok(());
     }
     let rows = format_args!("rows of several drones ({})", shortened(owners));
-    let hint = "write the rows of one drone to a file of its own, and import that";
+    let hint = "write the rows of one drone to a separate file, and import that";
     Err(Error::input(format!("column {title}"), rows, "those of one", hint).in_file(file, None))
 }
 
 /// Returns the different numbers of a column if they can be ids: at most 64 whole numbers, which
-/// repeat. Otherwise returns none.
+/// repeat. Otherwise returns an empty list.
 pub(super) fn repeated_ids(values: &[f64]) -> Vec<String> {
     let mut ids = BTreeSet::new();
     for value in values.iter().filter(|value| value.is_finite()) {
@@ -83,7 +83,7 @@ pub(super) fn repeated_ids(values: &[f64]) -> Vec<String> {
     ids.into_iter().map(|id| f64::from_bits(id).to_string()).collect()
 }
 
-/// Adds two columns of times: a date and a time of day, or whole seconds and their fraction.
+/// Adds up two columns of times: a date and a time of day, or whole seconds and their fraction.
 pub(super) fn join_times(
     columns: &mut Vec<SheetColumn>,
     are_dated: &mut [bool],
@@ -99,7 +99,7 @@ pub(super) fn join_times(
         join(columns, are_dated, [seconds, fraction], unit_s);
         return Ok(());
     }
-    // A column of whole days is a date if another column has times of day.
+    // A column of whole days is a date if another column contains times of day.
     let tests: [fn(&f64) -> bool; 2] = [|v| *v > 0.0 && v % DAY_S == 0.0, |v| *v <= DAY_S];
     let [date, clock] = tests.map(|test| {
         columns.iter().position(|column| {
@@ -114,7 +114,7 @@ pub(super) fn join_times(
     }
     let title = columns.remove(date).title;
     if columns.iter().any(|column| meaning(&column.title).0 == "t") {
-        log.warn("not-read", format!("column {title} has days alone: it is not read"));
+        log.warn("not-read", format!("column {title} contains only days, and is not read"));
         return Ok(());
     }
     let hint = "add the times of day, or seconds as a column t";
@@ -122,8 +122,8 @@ pub(super) fn join_times(
         .in_file(&log.file, None))
 }
 
-/// For a title of fractions of a second, returns the title of the whole seconds and the fraction's
-/// unit. Of `stamp_nanosecs` these are `stamp_secs` and 1e-9.
+/// Returns the title of the whole seconds and the fraction's unit for a title of fractions of a
+/// second. For `stamp_nanosecs` these are `stamp_secs` and 1e-9.
 pub(super) fn whole_seconds_title(title: &str) -> Option<(String, f64)> {
     let plain = simplified(title);
     FRACTIONS.iter().find_map(|(fraction_name, unit_s)| {
@@ -134,7 +134,7 @@ pub(super) fn whole_seconds_title(title: &str) -> Option<(String, f64)> {
     })
 }
 
-/// True if `seconds` are whole and `fractions`, in units of `unit_s`, are below a second.
+/// Returns true if `seconds` are whole and `fractions`, in units of `unit_s`, are below a second.
 pub(super) fn is_fraction(seconds: &[f64], fractions: &[f64], unit_s: f64) -> bool {
     seconds.iter().all(|value: &f64| value.is_nan() || value.fract() == 0.0)
         && fractions.iter().all(|value| value.is_nan() || (0.0..1.0).contains(&(value * unit_s)))
@@ -147,7 +147,7 @@ fn join(
     [stamps, other]: [usize; 2],
     unit_s: f64,
 ) {
-    // The sum gets the title of times, and counts as dated, since its unit is seconds.
+    // The sum gets the title of times, and counts as dated, because its unit is seconds.
     let parts = std::mem::take(&mut columns[other].values);
     let column = &mut columns[stamps];
     column.values.iter_mut().zip(parts).for_each(|(stamp, part)| *stamp += unit_s * part);
@@ -158,13 +158,13 @@ fn join(
     columns.remove(other);
 }
 
-/// Refuses a block if more than a tenth of its rows are at another position than the row before, at
-/// the same time: they belong to two drones.
+/// Refuses a block if, for more than a tenth of its rows, the previous row is at the same time but
+/// at another position, because such rows belong to two drones.
 pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
     let mut n_apart = 0;
     for column in ["x_m", "y_m", "z_m"].iter().filter_map(|name| block.column(name)) {
         let pairs = block.time_s.windows(2).zip(column.values.windows(2));
-        // Rows in turn of two drones have equal times and another position.
+        // Alternating rows of two drones have equal times and different positions.
         let jumps = pairs
             .filter(|(time, place)| time[0] == time[1] && (place[1] - place[0]).abs() > APART_M);
         n_apart = n_apart.max(jumps.count());
@@ -174,6 +174,6 @@ pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
     }
     let n = block.time_s.len();
     let rows = format!("{n_apart} of {n} rows at another place at the same time");
-    let hint = "keep the rows of one drone; and see that the stamps have all their digits";
+    let hint = "keep the rows of one drone, and check that the timestamps have all their digits";
     Err(Error::input(file, rows, "one place at a time", hint))
 }

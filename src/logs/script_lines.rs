@@ -1,10 +1,10 @@
-//! The log of an exported script as it comes: one line of JSON for each sample.
+//! Reads the log of an exported script while it is written, with one line of JSON for each sample.
 //!
-//! The first line is the head of the log, `{"noctograph": {…}}`. Each line after it is a sample,
-//! `{"time": ms, "variable": number, …}`, and the last one is the mark `{"end": true}`. Without the
-//! mark, the script or its computer was stopped, and the last line may be torn.
+//! The first line is the head of the log, `{"noctograph": {…}}`. Each further line is a sample,
+//! `{"time": ms, "variable": number, …}`, and the last one is the end mark `{"end": true}`. If the
+//! mark is missing, the script or its computer was stopped, and the last line may be incomplete.
 //!
-//! The variables become the same blocks as those of the whole log, which the script writes at the
+//! The variables form the same blocks as those of the complete log, which the script writes at the
 //! end, so that both give the same flight.
 
 use std::collections::BTreeMap;
@@ -25,29 +25,29 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, push};
 use noctograph_core::settings::Described;
 
-/// Steps of work for a byte and for a value, and memory of a new variable.
+/// Work budget in steps for a byte and for a value, and memory for a new variable in bytes.
 const BYTE_STEPS: usize = 3;
 const VALUE_STEPS: usize = 200;
 const VARIABLE_BYTES: usize = 400;
 
-/// Begin of a log's head, and the largest head: a scene has some kilobytes.
+/// Beginning of a log's head, and its maximum length. A scene takes some kilobytes.
 const HEAD: &[u8] = b"{\"noctograph\"";
 const MAX_HEAD_BYTES: usize = 1 << 20;
 
-/// Names of the time and of the mark of the end in a line.
+/// Names of the time and of the end mark in a line.
 const TIME: &str = "time";
 const END: &str = "end";
 
-/// Times and values of each variable, as logged.
+/// Times and values of each variable, in the units of the log.
 type Columns = BTreeMap<String, [Vec<f64>; 2]>;
 
-/// The samples that were read so far.
+/// The samples that have been read so far.
 #[derive(Debug, Default)]
 pub(super) struct Lines {
     file: String,
     /// Number of lines that were read.
     n_lines: u64,
-    /// Bytes of the last line, which has no end yet.
+    /// Bytes of the last line, which is still incomplete.
     rest: Vec<u8>,
     firmware: Option<String>,
     columns: Columns,
@@ -61,14 +61,14 @@ struct Head {
     noctograph: BTreeMap<String, Value>,
 }
 
-/// True for a log as it comes: its first line is the whole head.
+/// Returns true for a script's log in lines, whose first line is a complete head.
 pub(super) fn is_lines(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     let end = text.iter().position(|byte| *byte == b'\n');
     end.is_some_and(|end| serde_json::from_slice::<Head>(&text[..end]).is_ok())
 }
 
-/// Reads a whole file.
+/// Reads a complete file.
 pub(super) fn read(text: &[u8], Job { file, options, budget }: Job<'_>) -> Result<Recording> {
     let mut lines = Lines::new(file);
     lines.push(text, budget)?;
@@ -81,7 +81,7 @@ impl Lines {
         Self { file: file.to_owned(), ..Self::default() }
     }
 
-    /// Reads the lines that are whole, and keeps the rest for the next bytes.
+    /// Reads the complete lines, and keeps the rest for the next bytes.
     fn push(&mut self, bytes: &[u8], budget: &Budget) -> Result<()> {
         budget.steps(BYTE_STEPS * bytes.len())?;
         let Some(last) = bytes.iter().rposition(|byte| *byte == b'\n') else {
@@ -102,9 +102,9 @@ impl Lines {
         Ok(())
     }
 
-    /// Reads a line.
+    /// Reads a line: the head, a sample or the end mark.
     fn line(&mut self, line: &[u8], budget: &Budget) -> Result<()> {
-        // The head comes first, then samples until the mark of the end.
+        // The head comes first, followed by samples up to the end mark.
         if self.n_lines == 1 {
             let head: Head =
                 serde_json::from_slice(line).map_err(|source| self.headless(source))?;
@@ -139,7 +139,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Returns the error for a file without the head of a log.
+    /// Returns the error for a file that does not begin with the head of a log.
     fn headless(&self, actual: impl fmt::Display) -> Error {
         let wanted = "the log that an exported script keeps as it flies, whose first line is its \
                       head, {\"noctograph\": ...}";
@@ -147,15 +147,15 @@ impl Lines {
         Error::input("", actual, wanted, hint).in_file(&self.file, 1_u64)
     }
 
-    /// Returns the error for a line that is no sample.
+    /// Returns the error for a line that is not a sample.
     fn broken(&self, actual: impl fmt::Display) -> Error {
         let wanted = "a sample, such as {\"time\": 20, \"stateEstimate.x\": 0.1}";
-        let hint = "take the whole log (.json) that the script wrote after the flight, or remove \
+        let hint = "use the whole log (.json) that the script wrote after the flight, or remove \
                     the lines from there on";
         Error::input("", actual, wanted, hint).in_file(&self.file, self.n_lines)
     }
 
-    /// Returns samples as a recording. A log without the mark of its end has a warning.
+    /// Returns the samples as a recording. If the end mark is missing, a warning is added.
     fn recording(&self, columns: Columns, options: &ImportOptions) -> Recording {
         let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(&self.file) };
         log.firmware.clone_from(&self.firmware);
@@ -166,7 +166,7 @@ impl Lines {
         if !self.has_ended {
             let torn = match self.rest.len() {
                 0 => String::new(),
-                n => format!(", and {n} bytes of a torn line are not read"),
+                n => format!(", and {n} bytes of an incomplete line are not read"),
             };
             let note = format!(
                 "the log ends early, after line {}: its script did not end it{torn}",
@@ -178,7 +178,7 @@ impl Lines {
     }
 }
 
-/// True if bytes are a log's head, or may become one with those that are still to come.
+/// Returns true if the bytes are a log's head, or may become one with further bytes.
 fn may_become_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD[..bytes.len().min(HEAD.len())])
         && bytes.len() < MAX_HEAD_BYTES
@@ -186,7 +186,7 @@ fn may_become_head(bytes: &[u8]) -> bool {
             || serde_json::from_slice::<Head>(bytes).is_ok())
 }
 
-/// Returns a number. A missing one is NaN, and anything else is `None`.
+/// Returns a number. A missing number is NaN, and any other value is `None`.
 fn number(value: &RawValue) -> Option<f64> {
     match value.get() {
         "null" | "\"\"" => Some(f64::NAN),
@@ -194,7 +194,7 @@ fn number(value: &RawValue) -> Option<f64> {
     }
 }
 
-/// The log of an exported script while it is written.
+/// The log of an exported script while it is being written.
 pub struct GrowingLog {
     file: Box<dyn Read + Send>,
     path: PathBuf,
@@ -213,7 +213,7 @@ impl GrowingLog {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if it cannot be opened.
+    /// Returns [`Error::Io`] if the file cannot be opened.
     pub fn open(path: &Path) -> Result<Self> {
         Ok(Self::reading(Box::new(LIMIT.open(path)?), path))
     }
@@ -224,44 +224,43 @@ impl GrowingLog {
         Self { file, path: path.to_owned(), lines, budget }
     }
 
-    /// Reads what the script has added. Its last line may be incomplete. Returns true if there was
-    /// anything.
+    /// Reads what the script has added. The last line may be incomplete. Returns true if it did.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if it cannot be read or is too large, [`Error::Input`] for a line that is no
-    /// sample, and for a file that is no log of a script as it comes.
+    /// Returns [`Error::Io`] if the file cannot be read or is too large, and [`Error::Input`] for a
+    /// line that is not a sample and for a file that is not a script's log in lines.
     pub fn grow(&mut self) -> Result<bool> {
         let mut bytes = Vec::new();
         let read = self.file.read_to_end(&mut bytes);
         read.map_err(|source| Error::read(&self.path, source))?;
-        // As for the whole file, so that what can be followed can be imported.
+        // The limit is that of a complete file, so that what can be followed can be imported.
         self.budget.bytes(bytes.len())?;
         self.lines.push(&bytes, &self.budget)?;
-        // A file without lines is not waited for.
+        // A file that cannot become a log is refused at once, instead of waiting for more.
         if self.lines.n_lines == 0 && !may_become_head(&self.lines.rest) {
             return Err(self.lines.headless("no lines of a script's log"));
         }
         Ok(!bytes.is_empty())
     }
 
-    /// True if its head was read.
+    /// Returns true if the log's head was read.
     #[must_use]
     pub fn has_begun(&self) -> bool {
         self.lines.n_lines > 0
     }
 
-    /// True if the script has ended the log.
+    /// Returns true if the script has written the end mark.
     #[must_use]
     pub fn has_ended(&self) -> bool {
         self.lines.has_ended
     }
 
-    /// Returns the flight so far, as [`super::import_on_clock`] returns that of the file.
+    /// Returns the flight so far, as [`super::import_on_clock`] does for the complete file.
     ///
     /// # Errors
     ///
-    /// As [`super::import`].
+    /// Returns the errors of [`super::import`].
     pub fn flight(&self, options: &ImportOptions) -> Result<OnClock> {
         options.check("import", None)?;
         let (file, budget) = (&*self.lines.file, &Budget::new(&*self.lines.file, HINT));
@@ -331,7 +330,7 @@ mod tests {
         }
     }
 
-    /// A file that grows by a byte each time that it is read to its end.
+    /// A file that grows by a byte each time it is read to its end.
     struct Drip(Vec<u8>, bool);
 
     impl Read for Drip {

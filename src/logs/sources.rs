@@ -1,12 +1,12 @@
-//! Sources of quantities: converts logged variables to SI units and to standard frames and signs.
+//! Sources of quantities: converts logged variables to SI units and standard frames.
 //!
 //! The tables below define all known variables and convert degrees, millimeters and the firmware's
-//! inverted pitch. They are sorted by preference: the first source that is logged, sound and alive
-//! is used. A source is sound if its numbers are plausible for a drone, and alive if it changes
-//! while others do. A quantity that is frozen while the drone moves counts as not logged. Warnings
-//! name what is ignored.
+//! inverted pitch. The sources of a quantity are sorted by preference: the first source that is
+//! logged, plausible and live is used. A source is plausible if its numbers are in the range of a
+//! drone, and live if it changes while others do. A quantity that is frozen while the drone moves
+//! counts as not logged. Warnings name everything that is ignored.
 //!
-//! Signs and units are from these files:
+//! Signs and units come from these files:
 //!
 //! - crazyflie-firmware: `stabilizer_types.h` and `stabilizer.c` (degrees with inverted pitch,
 //!   compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity in the body frame,
@@ -28,28 +28,28 @@ use noctograph_core::flight::table::on_grid;
 use noctograph_core::geometry::Attitude;
 use noctograph_core::product::MAX_QUANTITY;
 
-/// Variables of one quantity: kind, pattern of names, and factors to SI units and standard signs,
-/// or none for 1.
+/// Variables of one quantity: their kind, a pattern of their names, and factors to SI units and
+/// standard signs. An empty list of factors means 1.
 struct Source(PositionSource, &'static str, &'static [f64]);
 
-/// Least time for which a live source changes, relative to the one that changes longest.
+/// Minimum time during which a live source changes, relative to the source that changes longest.
 const ALIVE_FRACTION: f64 = 0.1;
 
-/// Least range of a moving drone's positions: more than the position noise at rest.
+/// Minimum range of the positions of a moving drone, which exceeds the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
-/// Codes of the warnings of a log with a heading and no attitude, and of a source that diverged.
+/// Codes of warnings: a heading but no attitude, and a source that diverged.
 const YAW_ONLY: &str = "yaw-only";
 const DIVERGED: &str = "source-diverged";
 
-/// Least speed and distance of a jump to (0, 0, 0) from which zeros are a lost body.
+/// Minimum speed and distance of a jump to (0, 0, 0) at which zeros are those of a lost body.
 const LOST_M_S: f64 = 5.0;
 const LOST_M: f64 = 0.2;
 
 use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
-/// World position, m. Lighthouse comes last, since its raw fixes are held between sweeps and drop
-/// out. The estimators filter them (reference flight: 5 mm r.m.s. difference).
+/// World position, m. Lighthouse comes last, because its raw fixes are held between sweeps and drop
+/// out. The estimators filter them (the reference flight differs by 5 mm rms).
 const POSITION: &[Source] = &[
     Source(Mocap, "mocap.{x y z}", &[]),
     Source(Mocap, "ae483log.p_{x y z}_mocap", &[]),
@@ -68,7 +68,7 @@ const POSITION: &[Source] = &[
     Source(Firmware, "navPos[{0 1 2}]", &[1e-2, -1e-2, 1e-2]),
 ];
 
-/// Setpoint, m in the world.
+/// Setpoint in the world frame, m.
 const DESIGN: &[Source] = &[
     Source(Custom, "ae483log.o_{x y z}_des", &[]),
     Source(Custom, "ae483log.p_{x y z}_des", &[]),
@@ -98,7 +98,7 @@ const QUATERNIONS: &[Source] = &[
     Source(Mocap, "locSrv.q{w x y z}", &[]),
 ];
 
-/// The attitude in 32 bits, for logs without any other.
+/// Attitude compressed to 32 bits, for logs without any other attitude.
 const COMPRESSED_QUATERNION: &str = "stateEstimateZ.quat";
 
 /// Velocity in the body frame, m/s.
@@ -136,13 +136,13 @@ const MOTORS: &[Source] = &[
     Source(Best, "m{1 2 3 4}", &[]),
 ];
 
-/// The quantities of a log.
+/// Quantities of a log.
 #[derive(Debug)]
 pub(super) struct Quantities {
-    /// Channels of each quantity, ordered like its columns in a flight file. Yaw and roll have no
-    /// jumps at ±π.
+    /// Channels of each quantity, in the order of its columns in a flight file. Yaw and roll have
+    /// no jumps at ±π.
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
-    /// True if the velocity is in the world frame, false for the body frame.
+    /// True if the velocity is in the world frame, false if it is in the body frame.
     pub(super) has_world_velocity: bool,
     pub(super) used: BTreeSet<String>,
     pub(super) warnings: Vec<Diagnostic>,
@@ -156,7 +156,7 @@ struct Search<'a> {
 }
 
 impl PositionSource {
-    /// Returns the kinds of sources that are allowed.
+    /// Returns the kinds of sources that may be used.
     fn kinds(self) -> &'static [Self] {
         match self {
             Best => ANY,
@@ -171,12 +171,12 @@ impl PositionSource {
 
 const ANY: &[PositionSource] = &[Best, Mocap, Custom, Firmware, Lighthouse];
 
-/// True for the first variable of a position source.
+/// Returns true for the first variable of a position source.
 pub(super) fn is_position(name: &str) -> bool {
     POSITION.iter().any(|source| names(source.1).next().is_some_and(|first| first == name))
 }
 
-/// Returns the position from a wanted source, if it is logged.
+/// Returns the position from the requested source, if it is logged.
 pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<Vec<Channel>> {
     Search::new(recording).position(wanted.kinds())
 }
@@ -185,7 +185,7 @@ pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut search = Search::new(recording);
     let (any, truth) = (ANY, wanted.kinds());
-    // The order is that of the warnings.
+    // The order of these quantities is also that of their warnings.
     let mut channels = BTreeMap::new();
     for (quantity, taken) in [
         (Quantity::Position, search.position(truth)),
@@ -196,7 +196,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     ] {
         channels.extend(taken.map(|taken| (quantity, taken)));
     }
-    // The firmware's velocity in the world is preferred to that in the body frame.
+    // The firmware's velocity in the world frame is preferred to its velocity in the body frame.
     let (first, last): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocity = search.first(first.into_iter().chain(VELOCITY_WORLD).chain(last));
     let has_world_velocity =
@@ -210,7 +210,7 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     Quantities { channels, has_world_velocity, used, warnings }
 }
 
-/// Returns the time for which a drone moves, zero for a drone at rest.
+/// Returns the time during which a drone moves, which is zero for a drone at rest.
 fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     let moving = position.into_iter().flatten().filter(|channel| {
         let values = channel.values.iter().copied();
@@ -231,14 +231,14 @@ impl<'a> Search<'a> {
         Some(self.without_zeros(channels))
     }
 
-    /// Returns the channels of a table's best source among those of some kinds.
+    /// Returns the channels of a table's best source among the given kinds.
     fn of_kinds(&mut self, table: &[Source], kinds: &[PositionSource]) -> Option<Vec<Channel>> {
         let sources = table.iter().filter(|source| kinds.contains(&source.0));
         Some(self.first(sources)?.1)
     }
 
-    /// Returns the first source that is sound and alive, in SI units. An observer that did not run
-    /// logs a constant. If no source changes, returns the first that is not zero, else the first.
+    /// Returns the first plausible and live source in SI units. An observer that did not run logs a
+    /// constant. If no source changes, returns the first that is not zero, or else the first.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
@@ -250,24 +250,27 @@ impl<'a> Search<'a> {
             }
             Some((source, channels))
         });
-        // A source is sound if its numbers are in range.
+        // A source is plausible if its numbers are in range.
         let (mut logged, diverged): (Vec<_>, Vec<_>) = logged
             .partition(|(_, channels)| numbers(channels).all(|value| value.abs() <= MAX_QUANTITY));
         if let Some((source, _)) = diverged.first() {
             self.warn_of_diverged(source, !logged.is_empty());
         }
-        // A log whose only position diverged is refused later, at the first bad number.
+        // A log whose only position diverged is refused later, at the first number out of range.
         if logged.is_empty() {
             logged = diverged;
             logged.retain(|(source, _)| POSITION.iter().any(|p| p.1 == source.1));
         }
-        // A source is alive if it changes for about as long as others do.
+        // A source is live if it changes for about as long as others do.
         let active_s =
             logged.iter().map(|(_, channels)| channels.iter().map(active_s).fold(0.0, f64::max));
         let most_s = active_s.clone().fold(0.0, f64::max);
-        let mut alive = active_s.zip(&logged).map(|(active_s, (_, channels))| match most_s > 0.0 {
-            true => active_s >= ALIVE_FRACTION * most_s,
-            false => numbers(channels).any(|value| *value != 0.0),
+        let mut alive = active_s.zip(&logged).map(|(active_s, (_, channels))| {
+            if most_s > 0.0 {
+                active_s >= ALIVE_FRACTION * most_s
+            } else {
+                numbers(channels).any(|value| *value != 0.0)
+            }
         });
         let first = alive.position(|is_alive| is_alive).unwrap_or(0);
         let (source, channels) = logged.into_iter().nth(first)?;
@@ -283,15 +286,16 @@ impl<'a> Search<'a> {
         let names = shortened(&names(source.1).collect::<Vec<_>>());
         let instead = if is_replaced { "replaced by another source" } else { "not logged" };
         let text = format!(
-            "{names} goes beyond ±{MAX_QUANTITY:e}, as an observer that diverged: taken as {instead}"
+            "{names} goes beyond ±{MAX_QUANTITY:e}, like an observer that diverged: taken as {instead}"
         );
         if !self.warnings.iter().any(|known| known.code == DIVERGED && known.detail() == names) {
             self.warnings.push(Diagnostic::warning(DIVERGED, text).detailed(names));
         }
     }
 
-    /// True if a quantity counts as logged. It must change while the drone moves, and each motor
-    /// must. A setpoint may be constant if not zero, and a heading if pitch and roll are zero.
+    /// Returns true if a quantity counts as logged. The quantity, and each motor, must change while
+    /// the drone moves. A nonzero setpoint may be constant, and so may a heading if pitch and roll
+    /// are zero.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
         let active = channels.iter().map(active_s);
         let active_s = match quantity {
@@ -303,7 +307,7 @@ impl<'a> Search<'a> {
         if may_stay || active_s >= ALIVE_FRACTION * moving_s {
             return true;
         }
-        // The quantity is frozen. Only a heading beside zeros is kept.
+        // The quantity is frozen. Only a heading with zero pitch and roll is kept.
         let last = channels.iter().map(|channel| channel.values[channel.values.len() - 1]);
         let last: Vec<f64> = last.collect();
         if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, &last[..])
@@ -332,17 +336,18 @@ impl<'a> Search<'a> {
         false
     }
 
-    /// Returns the attitude from the position's source, from others, from quaternions, or from yaw
-    /// only.
+    /// Returns the attitude from the position's source, or else from another source, from
+    /// quaternions, or from the yaw only.
     fn attitude(&mut self, truth: &[PositionSource]) -> Option<Vec<Channel>> {
         let (preferred, others): (Vec<_>, Vec<_>) =
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
         let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
         let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
-        // Frozen angles beside live quaternions are those of an observer that did not run.
-        let quaternions = match angles.as_deref().is_some_and(is_alive) {
-            true => None,
-            false => self.angles_from_quaternions(),
+        // If angles are frozen while quaternions change, their observer did not run.
+        let quaternions = if angles.as_deref().is_some_and(is_alive) {
+            None
+        } else {
+            self.angles_from_quaternions()
         };
         let mut angles = quaternions
             .filter(|turned| angles.is_none() || is_alive(turned))
@@ -360,9 +365,9 @@ impl<'a> Search<'a> {
             let yaw = self.recording.channel(&name)?;
             Some((name, source.2.first().copied().unwrap_or(1.0), yaw))
         })?;
-        // Pitch and roll of zero misplace the lamp by only millimeters.
+        // Assuming zero pitch and roll displaces the lamp by only millimeters.
         yaw.values.iter_mut().for_each(|value| *value *= factor);
-        let text = "of the attitude, the yaw alone is logged";
+        let text = "of the attitude, only the yaw is logged";
         self.warn(YAW_ONLY, format!("{text} ({name}): the drone counts as level"));
         self.used.insert(name);
         let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
@@ -371,7 +376,7 @@ impl<'a> Search<'a> {
 
     /// Returns the angles of logged quaternions, if there are any.
     fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
-        // Compressed quaternions are the last choice, since their error is up to 0.1°.
+        // Compressed quaternions are the last choice, because their error is up to 0.1°.
         let quaternions: Vec<(f64, [f64; 4])> =
             if let Some((_, parts)) = self.first(QUATERNIONS.iter()) {
                 let times_s = parts[0].time_s.iter().copied();
@@ -394,8 +399,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Removes the positions (0, 0, 0) that a motion capture writes for a lost body. They are
-    /// recognized by the jump.
+    /// Removes the positions (0, 0, 0) that a motion capture system writes for a lost body, which
+    /// are recognized by the jump.
     fn without_zeros(&mut self, mut channels: Vec<Channel>) -> Vec<Channel> {
         let [x, y, z] = &channels[..] else { return channels };
         if x.time_s != y.time_s || x.time_s != z.time_s {
@@ -404,7 +409,7 @@ impl<'a> Search<'a> {
         let positions_m: Vec<Vector3<f64>> = (0..x.values.len())
             .map(|i| Vector3::new(x.values[i], y.values[i], z.values[i]))
             .collect();
-        // Zeros belong to a lost body if the drone would have jumped to them or back.
+        // Zeros belong to a lost body if the drone would have jumped to them or back from them.
         let jumps = positions_m.windows(2).zip(x.time_s.windows(2)).map(|(pair_m, time_s)| {
             let apart_m = (pair_m[1] - pair_m[0]).norm();
             apart_m > LOST_M && apart_m > LOST_M_S * (time_s[1] - time_s[0])
@@ -440,7 +445,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// True if any angle changes.
+/// Returns true if any angle changes.
 fn is_alive(angles: &[Channel]) -> bool {
     angles.iter().any(|angle| active_s(angle) > 0.0)
 }
@@ -457,15 +462,16 @@ fn active_s(channel: &Channel) -> f64 {
     first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
 }
 
-/// Decompresses a quaternion of `quatcompress.h` to w x y z. Two bits are the index in x y z w of
-/// the largest part, which is omitted. The others have a sign and nine bits each, of 1/√2.
+/// Decompresses a quaternion of `quatcompress.h` to w x y z. Two bits are the index (in x y z w) of
+/// the largest component, which is omitted. Each of the others has a sign bit and nine bits, in
+/// units of 1/√2 divided by 511.
 fn decompressed(code: f64) -> [f64; 4] {
     const MASK: u32 = (1 << 9) - 1;
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let mut code = code as u32;
     let largest = (code >> 30) as usize;
     let (mut q, mut sum_sq) = ([0.0; 4], 0.0);
-    // From the last of the three to the first.
+    // The three components are stored in order, so that the last one is read first.
     for i in (0..4).rev().filter(|&i| i != largest) {
         let sign = if code >> 9 & 1 == 1 { -1.0 } else { 1.0 };
         q[i] = sign * std::f64::consts::FRAC_1_SQRT_2 * f64::from(code & MASK) / f64::from(MASK);
@@ -487,7 +493,7 @@ fn attitude_from_quaternion(q: [f64; 4]) -> Attitude {
     }
 }
 
-/// Removes the jumps of 2π from an angle, so that it is interpolated the short way.
+/// Removes jumps of 2π from an angle, so that it is interpolated the short way around.
 fn unwrap_angle(channel: &mut Channel) {
     let turn = std::f64::consts::TAU;
     let (mut turns, mut last) = (0.0, channel.values[0]);
@@ -526,7 +532,7 @@ mod tests {
         assert!(!used.contains("ae483log.o_x"), "the zeros are kept as columns");
     }
 
-    /// A log of 10 s in which each column is a constant plus a multiple of the time.
+    /// Returns a log of 10 s in which each column is a constant plus a multiple of the time.
     fn moving(columns: &[(&str, f64, f64)]) -> Recording {
         let time_s: Vec<f64> = (0..100).map(|i| f64::from(i) * 0.1).collect();
         let values = |start: f64, speed: f64| time_s.iter().map(|t| start + speed * t).collect();
@@ -590,7 +596,8 @@ mod tests {
 
     #[test]
     fn thirty_two_bits_hold_an_attitude() {
-        // quatcompress of (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…): w is largest.
+        // The test compresses (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…), whose largest component is
+        // w.
         let pack = |part: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "at most 511")]
             let size = (part.abs() / std::f64::consts::FRAC_1_SQRT_2 * 511.0 + 0.5) as u32;

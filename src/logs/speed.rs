@@ -1,5 +1,5 @@
-//! Speed of a logged position. A position that is too fast for a drone has the wrong unit or times,
-//! or belongs to two drones. A few such steps are sensor glitches.
+//! Checks the speed of a logged position. A position that is too fast for a drone has the wrong
+//! unit or times, or belongs to two drones. A few such steps are sensor glitches.
 
 use super::ImportOptions;
 use super::recording::Channel;
@@ -8,27 +8,27 @@ use noctograph_core::error::{Error, Result};
 
 const GLITCHES: &str = "position-glitches";
 
-/// Least step that counts as movement, m.
+/// Minimum step that counts as movement, m.
 const STEP_M: f64 = 1e-3;
 
-/// Least size of a glitch, m. Smaller steps may be fast because of errors of their times.
+/// Minimum size of a glitch, m. Smaller steps may be fast because of errors in their times.
 const GLITCH_M: f64 = 0.2;
 
-/// Least acceleration of a spike, a single sample that leaves the path and returns, m/s²: more than
-/// any drone has.
+/// Minimum acceleration of a spike, m/s², which no drone reaches. A spike is a single sample that
+/// leaves the path and returns.
 const SPIKE_M_S2: f64 = 40.0;
 
-/// Least distance of a spike from its neighbors' middle, m, and largest distance between these,
-/// relative to it.
+/// Minimum distance of a spike from the midpoint of its neighbors, m, and maximum distance between
+/// the neighbors, relative to it.
 const SPIKE_M: f64 = 0.1;
 const RETURN_FRACTION: f64 = 0.5;
 
-/// Least number of fast steps that are more than glitches, and their fraction of all moving steps.
+/// Minimum number of fast steps that are no glitches, and minimum fraction of moving steps.
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 
-/// Refuses a position of which many steps are too fast. Returns a warning if only a few are, or for
-/// spikes, else `None`.
+/// Refuses a position if many of its steps are too fast. Returns a warning if only a few are, or
+/// about spikes, and otherwise `None`.
 pub(super) fn check(
     position: &[Channel],
     options: &ImportOptions,
@@ -50,7 +50,7 @@ pub(super) fn check(
     else {
         return Ok(spikes(position));
     };
-    // A few fast steps are glitches. Small ones are errors of the times.
+    // A few fast steps are glitches, and small ones are errors of the times.
     let (n, most_m_s) = (fast.len(), options.max_speed_m_s);
     let seen = format!(
         "{n} of {n_moving} steps faster than {most_m_s} m/s (at {time_s:.2} s {fastest_m_s:.0} m/s)"
@@ -60,7 +60,7 @@ pub(super) fn check(
         let text = format!("the position has {seen}: glitches of its sensor?");
         return Ok(is_far.then(|| Diagnostic::warning(GLITCHES, text)));
     }
-    let hint = "name the unit of the columns (x_cm, x_mm) or of the stamps (t_ms, t_min); keep the \
+    let hint = "name the unit of the columns (x_cm, x_mm) or of the times (t_ms, t_min); keep the \
                 rows of one drone alone; a drone that is as fast: raise the limit";
     Err(Error::input("max_speed_m_s", seen, "the position of one drone, in m and s", hint)
         .in_file(file, None))
@@ -74,7 +74,7 @@ fn spikes(position: &[Channel]) -> Option<Diagnostic> {
         for (time_s, position_m) in pairs {
             let distance_m = (position_m[1] - f64::midpoint(position_m[0], position_m[2])).abs();
             let step_s = 0.5 * (time_s[2] - time_s[0]);
-            // The sample leaves and returns with a = 2 x / t², more than a drone has.
+            // The sample leaves and returns with a = 2 x / t², which no drone can reach.
             if distance_m > SPIKE_M
                 && (position_m[2] - position_m[0]).abs() < RETURN_FRACTION * distance_m
                 && 2.0 * distance_m > SPIKE_M_S2 * step_s * step_s

@@ -1,8 +1,9 @@
-//! Subjects in titles: a position whose columns are named after a subject (`drone_x`, `tracker_x`),
-//! or after compass directions (`PN`, `PE`, `PD`).
+//! Subjects in titles: reads a position whose columns are named after a subject (`drone_x`,
+//! `tracker_x`) or after compass directions (`PN`, `PE`, `PD`).
 //!
-//! Such columns are read if no other column is a position and one known subject has all three. A
-//! table with several subjects, or an unknown one, is refused, since it would have no position.
+//! Columns of a subject are read if no other column is a position and if exactly one known subject
+//! has all three of them. A table with several subjects, or an unknown one, is refused, because it
+//! would have no position.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +21,7 @@ const SUBJECTS: &str = "drone uav quad quadrotor quadcopter copter multirotor cr
     optitrack mocap qualisys vive lighthouse uwb lps dwm kalman ekf ekf2 filtered fused slam vio \
     state current position pos global self ego actual";
 
-/// Titles of positions by compass directions, in meters or with a unit, and their axes.
+/// Titles of positions by compass directions, with or without a unit, and their axes.
 const COMPASS: [(&str, Axes); 8] = [
     ("pn pe pd", Axes::ZDown),
     ("pos_n pos_e pos_d", Axes::ZDown),
@@ -32,10 +33,10 @@ const COMPASS: [(&str, Axes); 8] = [
     ("x_enu y_enu z_enu", Axes::ZUp),
 ];
 
-/// Units after compass directions. `north_m_s` is a velocity.
+/// Units that may follow a compass direction. `north_m_s` is a velocity.
 const LENGTHS: &str = "m meter meters cm mm ft feet";
 
-/// Parts of names that show that a column is not a position.
+/// Parts of names that indicate that a column is not a position.
 const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic vel velocity speed \
     linear angular rate rates omega force torque thrust target goal ref reference cmd command des \
     desired sp setpoint set error err bias cov covariance var variance std sigma imu quat rot wind \
@@ -43,7 +44,7 @@ const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic 
 
 const POSITION: [&str; 3] = ["x_m", "y_m", "z_m"];
 
-/// Renames the columns of a position with a subject or compass directions, unless a column is
+/// Renames the columns of a position with a subject or compass directions, unless another column is
 /// already a position.
 pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()> {
     if POSITION.iter().any(|name| has(columns, name))
@@ -51,7 +52,7 @@ pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()>
     {
         return Ok(());
     }
-    // Compass directions are less ambiguous than a subject.
+    // Compass directions come first, because they are less ambiguous than a subject.
     let renamed = match compass_position(columns) {
         Some((renamed, axes)) => {
             (log.axes, log.in_format) = (axes, Some("a table of north, east and down"));
@@ -72,7 +73,8 @@ pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()>
         columns[index] = in_si_units(title.name, title.unit, std::mem::take(values));
     }
     if !named.is_empty() {
-        let text = format!("columns are taken by their last part: {}", named.join(", "));
+        let text =
+            format!("columns are named by the last part of their titles: {}", named.join(", "));
         log.warn("columns-by-part", text);
     }
     Ok(())
@@ -81,7 +83,7 @@ pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()>
 /// Indices of columns, with their new titles.
 type Renamed = Vec<(usize, Title)>;
 
-/// True if a column has this name.
+/// Returns true if a column has this name.
 fn has(columns: &[Column], name: &str) -> bool {
     columns.iter().any(|column| column.name == name)
 }
@@ -101,7 +103,7 @@ fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     })
 }
 
-/// Returns the unit of a title that is a name, or a name and a unit of length. `None` for others.
+/// Returns the unit of a title that is a name with or without a unit of length, else `None`.
 fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     let title = simplified(title);
     let rest = title.strip_prefix(name)?;
@@ -109,8 +111,8 @@ fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     if rest.is_empty() { Some(None) } else { Some(unit(length?, false)) }
 }
 
-/// Returns the columns of the only known subject with a position, or none if no subject has one.
-/// Several known subjects, or only unknown ones, are an error.
+/// Returns the columns of the only known subject with a position, or none if no subject has a
+/// position. Several known subjects, or only unknown ones, are an error.
 fn subject_position(columns: &[Column]) -> Result<Renamed> {
     let mut subjects: BTreeMap<String, Renamed> = BTreeMap::new();
     for (index, column) in columns.iter().enumerate() {
@@ -118,7 +120,7 @@ fn subject_position(columns: &[Column]) -> Result<Renamed> {
             subjects.entry(subject).or_default().push((index, title));
         }
     }
-    // Another known subject counts as a second body even with only a part of a position.
+    // Another known subject counts as a second body even if only a part of its position is present.
     subjects.retain(|subject, parts| {
         let n = n_coordinates(parts);
         n == POSITION.len() || n > 0 && is_known(subject)
@@ -136,11 +138,11 @@ fn subject_position(columns: &[Column]) -> Result<Renamed> {
     let parts = parts.filter(|(_, title)| POSITION.contains(&&*title.name));
     let names: Vec<&str> = parts.map(|(index, _)| &*columns[*index].name).collect();
     let hint = "name the columns of the drone's position x, y and z";
-    let wanted = "the position of one drone, under a name that is known";
+    let wanted = "the position of one drone, under a known name";
     Err(Error::input("columns", format!("the columns {}", names.join(", ")), wanted, hint))
 }
 
-/// True for one of [`SUBJECTS`], with or without a number.
+/// Returns true for one of [`SUBJECTS`], with or without a number.
 fn is_known(subject: &str) -> bool {
     let plain = simplified(subject);
     let plain = plain.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
@@ -152,12 +154,12 @@ fn n_coordinates(parts: &[(usize, Title)]) -> usize {
     POSITION.iter().filter(|name| parts.iter().any(|(_, title)| title.name == **name)).count()
 }
 
-/// Splits a title into its subject and the title of a quantity. `None` for an unknown quantity, and
-/// for one of [`OTHERS`].
+/// Splits a title into its subject and the title of a quantity. Returns `None` for an unknown
+/// quantity, and for one of [`OTHERS`].
 fn split_subject(title: &str) -> Option<(String, Title)> {
     let signs = title.char_indices().skip(1);
     let mut breaks = signs.filter_map(|(place, sign)| {
-        // A sign is dropped. A capital, as in droneX, stays.
+        // A separator is dropped, but a capital letter, as in droneX, is kept.
         let is_camel = sign.is_uppercase() && title[..place].ends_with(char::is_lowercase);
         let is_sign = "_./ :-".contains(sign);
         (is_camel || is_sign).then_some((place, place + usize::from(is_sign)))

@@ -1,4 +1,4 @@
-//! Titles of columns: the standard name and the unit for each usual title.
+//! Titles of columns: determines the standard name and the unit for each usual title.
 
 use super::recording::Column;
 use noctograph_core::files::{bracketed, simplified, unit};
@@ -31,7 +31,7 @@ const NAMES: [(&str, &str, &str); 18] = [
     ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_* *_desired desired_* *_reference"),
     ("xyz", "*_design_m", "*des *ref *sp *cmd *target *desired"),
     ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
-    // The last one is the empty title.
+    // The last pattern is for the empty title.
     (" ", "index", "index row "),
 ];
 
@@ -40,24 +40,24 @@ pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 /// A parsed title.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Title {
-    /// Standard name, or an unknown title unchanged.
+    /// Standard name, or the unchanged title if it is unknown.
     pub(super) name: String,
     pub(super) is_known: bool,
-    /// Factor from the title's unit to SI units, if it names one.
+    /// Factor from the title's unit to SI units, if the title contains a unit.
     pub(super) unit: Option<f64>,
-    /// The path before the quantity.
+    /// Path before the name of the quantity.
     pub(super) body: String,
-    /// An unknown unit in brackets.
+    /// Unknown unit in brackets, if there is one.
     pub(super) other_unit: Option<String>,
 }
 
-/// Returns a column with the standard name of its title, in SI units if the title names a unit.
+/// Returns a column with the standard name of its title, in SI units if the title contains a unit.
 pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
     let Title { name, unit, .. } = Title::parse(title);
     in_si_units(name, unit, values)
 }
 
-/// Returns a column in SI units, from values in `unit` if that is known.
+/// Returns a column in SI units, from values in `unit` if the unit is known.
 pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
     let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
     let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
@@ -65,14 +65,14 @@ pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>)
     Column { name, values, is_open_angle, unknown: None }
 }
 
-/// Returns the standard name of a title, and the factor to SI units if it names a unit. An unknown
-/// title stays unchanged.
+/// Returns the standard name of a title, and the factor to SI units if the title contains a unit.
+/// An unknown title stays unchanged.
 pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
     let Title { name, unit, .. } = Title::parse(title);
     (name, unit)
 }
 
-/// Returns the standard name of a usual name without unit, `None` for any other.
+/// Returns the standard name for a usual name without unit, or `None` for any other name.
 fn standard_name(name: &str) -> Option<String> {
     NAMES.iter().find_map(|(letters, standard, names)| {
         letters.chars().map(String::from).find_map(|letter| {
@@ -84,12 +84,12 @@ fn standard_name(name: &str) -> Option<String> {
 }
 
 impl Title {
-    /// Returns a known title.
+    /// Returns the parsed form of a known title.
     fn known(name: String, unit: Option<f64>, body: String) -> Self {
         Self { name, is_known: true, unit, body, other_unit: None }
     }
 
-    /// Parses a title with a unit in brackets, without unit, or with a unit after `_`.
+    /// Parses a title with a unit in brackets, without a unit, or with a unit after `_`.
     pub(super) fn parse(title: &str) -> Self {
         let (bare, bracket) = bracketed(title);
         let (body, bare) = split_path(bare);
@@ -106,7 +106,7 @@ impl Title {
         if let Some(name) = standard_name(&simple) {
             return Self::known(name, None, body);
         }
-        // Try each underscore as the start of a unit.
+        // Each underscore is tried as the start of a unit.
         match simple.match_indices('_').find_map(|(place, _)| {
             let name = standard_name(&simple[..place])?;
             let unit = unit(&simple[place + 1..], name == "t")?;
@@ -118,7 +118,7 @@ impl Title {
     }
 }
 
-/// Splits a path to a quantity of a pose into the part before it and the quantity's name. Another
+/// Splits a path to a quantity of a pose into the part before it and the quantity's name. Any other
 /// title stays unchanged, without a part before it.
 fn split_path(title: &str) -> (String, String) {
     let parts: Vec<&str> = title.split(['/', '.']).collect();
@@ -126,14 +126,14 @@ fn split_path(title: &str) -> (String, String) {
         match &*group.to_lowercase() {
             "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
             "attitude" => return (before.join("/"), (*axis).to_owned()),
-            // Angles keep their names, as the yaw that PlotJuggler computes.
+            // Angles keep their names, such as the yaw that PlotJuggler computes.
             "orientation" | "rotation"
                 if matches!(&*axis.to_lowercase(), "yaw" | "pitch" | "roll") =>
             {
                 return (before.join("/"), (*axis).to_owned());
             }
             "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
-            // The time of a message is that of all its bodies.
+            // The time of a message applies to all of its bodies.
             "header" => return (String::new(), format!("header_{axis}")),
             "stamp" => return (String::new(), format!("stamp_{axis}")),
             _ => {}

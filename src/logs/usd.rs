@@ -1,13 +1,13 @@
-//! Binary logs of the µSD-card deck, versions 1 and 2.
+//! Reads binary logs of the µSD-card deck, versions 1 and 2.
 //!
 //! Header: `0xBC`, u16 version, u16 number of event types. For each type: u16 id, name, u16 number
-//! of variables, and each of these as `name(type)`. Texts end in a zero byte. Records: u16 id, time
-//! (version 1: u32 ms, version 2: u64 µs) and the variables, packed. End: CRC32 of the rest.
-//! All numbers are little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of
+//! of variables, and each variable as `name(type)`. Texts end with a zero byte. Records: u16 id,
+//! time (version 1: u32 ms, version 2: u64 µs) and the packed variables. End: CRC32 of everything
+//! before it. All numbers are little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of
 //! crazyflie-firmware.
 //!
-//! A drone that is switched off while it logs leaves half a record and no CRC. Such a file is read
-//! up to that record, with a warning. A complete file that does not match its CRC is refused,
+//! A drone that is switched off while logging leaves an incomplete record and no CRC. The file is
+//! read up to that record, with a warning. A complete file that does not match its CRC is refused,
 //! except with [`Damaged::Recover`].
 
 use std::collections::BTreeMap;
@@ -19,13 +19,13 @@ use noctograph_core::files::{Budget, push};
 
 pub(super) const MAGIC: u8 = 0xBC;
 
-/// Version 1 has 32-bit times in milliseconds.
+/// Period after which the times of version 1, which are 32-bit milliseconds, restart at zero.
 const WRAP_V1_S: f64 = 4_294_967.296;
 
 const HINT: &str =
-    "copy the file from the card again; if it is still damaged, recover its whole part";
+    "copy the file from the card again, or if it is still damaged, recover its intact part";
 
-/// Reads a µSD log: a block for each event.
+/// Reads a µSD log, with a block for each event.
 pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     let mut cursor = Cursor { bytes, offset: 1, file };
@@ -34,7 +34,7 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         return Err(cursor.error(1, format_args!("version {version}"), "version 1 or 2"));
     }
     let mut events = cursor.header()?;
-    // With a right CRC, its four bytes are not records.
+    // If the CRC is right, its four bytes are not part of the records.
     let body = &bytes[cursor.offset..];
     let is_crc_right = bytes.split_last_chunk::<4>().is_some_and(|(before, crc)| {
         before.len() >= cursor.offset && crc32fast::hash(before) == u32::from_le_bytes(*crc)
@@ -59,18 +59,18 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// An event type, with the records read so far.
+/// An event type with the records that have been read so far.
 struct Event {
     decoders: Vec<Decoder>,
     n_bytes: usize,
     block: Block,
 }
 
-/// Steps of reading a number.
+/// Work budget in steps for reading a number.
 const STEPS: usize = 5;
 
-/// Reads records up to the first that is incomplete or unknown. Returns the number of bytes read,
-/// true if the log may be cut off there, and the reason.
+/// Reads records up to the first one that is incomplete or unknown. Returns the number of bytes
+/// read, true if the log may be truncated there, and the reason.
 fn records(
     body: &[u8],
     version: u16,
@@ -88,8 +88,8 @@ fn records(
             return Ok((offset, true, if rest.is_empty() { between } else { SHORT }.into()));
         };
         let id = u16::from_le_bytes(*id);
-        // Zeros are not a record, since the drone's counter is never zero. They are clusters of the
-        // card that were allocated and never written.
+        // Zeros are not a record, because the drone's counter is never zero. Zeros are clusters of
+        // the card that were allocated but never written.
         if id == 0 && rest.len() > 4 && offset >= zeros_from {
             return Ok((offset, true, "zeros up to the end: the log was cut off".into()));
         }
@@ -120,7 +120,7 @@ fn records(
     }
 }
 
-/// Returns the seconds in four bytes of ms or eight bytes of µs.
+/// Returns the time in seconds from four bytes of ms or eight bytes of µs.
 fn stamp_s(bytes: &[u8]) -> f64 {
     let mut wide = [0; 8];
     wide[..bytes.len()].copy_from_slice(bytes);
@@ -131,7 +131,7 @@ fn stamp_s(bytes: &[u8]) -> f64 {
 /// Number of bytes of a type, and the function that decodes them.
 type Decoder = (usize, fn(&[u8]) -> f64);
 
-/// Returns the decoder of a type, given by its letter in Python's `struct`.
+/// Returns the decoder of a type that is given by its letter in Python's `struct`.
 fn decoder(kind: &str) -> Option<Decoder> {
     macro_rules! decoder {
         ($type:ty, $number:expr) => {
@@ -141,7 +141,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
             }))
         };
     }
-    // The types of usddeck.c and of its Python reader.
+    // The types are those in usddeck.c and in its Python reader.
     match kind {
         "b" => decoder!(i8, f64::from),
         "B" | "c" | "?" => decoder!(u8, f64::from),
@@ -158,7 +158,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
     }
 }
 
-/// A reading position in a log.
+/// A reading position within a log.
 struct Cursor<'a> {
     bytes: &'a [u8],
     offset: usize,
@@ -166,7 +166,7 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    /// Reads the header of a µSD log. Returns its events by number.
+    /// Reads the header of a µSD log, and returns its events by number.
     fn header(&mut self) -> Result<BTreeMap<u16, Event>> {
         let n_events = self.u16("the number of event types")?;
         let (mut events, mut n_all) = (BTreeMap::new(), 0);
@@ -194,10 +194,12 @@ impl Cursor<'_> {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
-                // Variables of the log table have a group. Others get the event's name.
-                let full_name = match variable.contains('.') {
-                    true => variable.to_owned(),
-                    false => format!("{name}.{variable}"),
+                // The name of a variable of the log table contains its group. Other variables get
+                // the event's name.
+                let full_name = if variable.contains('.') {
+                    variable.to_owned()
+                } else {
+                    format!("{name}.{variable}")
                 };
                 event.n_bytes += decoder.0;
                 event.decoders.push(decoder);
@@ -210,7 +212,7 @@ impl Cursor<'_> {
         Ok(events)
     }
 
-    /// Reads two bytes. `wanted_item` names them in the error.
+    /// Reads two bytes. `wanted_item` describes them in the error.
     fn u16(&mut self, wanted_item: &str) -> Result<u16> {
         let Some((number, _)) = self.bytes[self.offset..].split_first_chunk::<2>() else {
             return Err(self.error(self.offset, "the end of the file", wanted_item));
@@ -219,7 +221,7 @@ impl Cursor<'_> {
         Ok(u16::from_le_bytes(*number))
     }
 
-    /// Reads a text up to its zero byte. `wanted_item` names it in the error.
+    /// Reads a text up to its zero byte. `wanted_item` describes it in the error.
     fn text(&mut self, wanted_item: &str) -> Result<String> {
         let rest = &self.bytes[self.offset..];
         let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {
@@ -227,7 +229,7 @@ impl Cursor<'_> {
             return Err(self.error(self.offset, "no zero byte", wanted));
         };
         let Ok(text) = std::str::from_utf8(&rest[..length]) else {
-            return Err(self.error(self.offset, "bytes that are no text", wanted_item));
+            return Err(self.error(self.offset, "bytes that are not text", wanted_item));
         };
         self.offset += length + 1;
         Ok(text.to_owned())

@@ -1,11 +1,11 @@
-//! Sets `NOCTOGRAPH_SOURCE` to a digest of the source that decides a flight's outcome. Builds of
-//! one source have the same digest, from a clone or an archive, on every system.
+//! Sets `NOCTOGRAPH_SOURCE` to a digest of the source that determines a flight's outcome. Builds of
+//! the same source have the same digest, whether from a clone or an archive, on every system.
 
 #![expect(clippy::disallowed_methods, reason = "the source")]
 
 use std::path::{Path, PathBuf};
 
-/// Paths relative to this crate: the crates that decide an outcome, the fonts and the shaders.
+/// Paths relative to this crate: the crates that determine an outcome, the fonts and the shaders.
 const FOLDERS: [&str; 10] = [
     "../core",
     "../letters",
@@ -26,7 +26,7 @@ fn main() {
         walk(Path::new(folder), &mut files);
     }
     files.sort();
-    // 64-bit FNV-1a, which detects mistakes, not attacks.
+    // The hash is 64-bit FNV-1a, which detects mistakes but not attacks.
     let mut digest = 0xcbf2_9ce4_8422_2325_u64;
     for path in files {
         let name = path.to_string_lossy().replace('\\', "/");
@@ -39,7 +39,7 @@ fn main() {
     println!("cargo::rustc-env=NOCTOGRAPH_SOURCE={digest:016x}");
 }
 
-/// Appends the files in a folder and its subfolders, except Cargo.toml and editors' hidden files.
+/// Appends the files in a folder and its subfolders, except Cargo.toml and hidden files of editors.
 fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
     let entries = std::fs::read_dir(folder).expect("a folder of the source can be read");
     for path in entries.map(|entry| entry.expect("an entry can be read").path()) {

@@ -1,9 +1,10 @@
-//! Conditions: how much a real drone differs from its scene, flight by flight.
+//! Conditions: how much the real drone differs from its scene in each flight.
 //!
-//! A controller is designed for the scene. The flying drone departs from the scene, differently for
-//! each seed and drone. Departures are constant during a flight. Only gusts and sensor noise vary
-//! within a flight. The same seed draws the same departure under every controller (common random
-//! numbers), and each factor has a separate stream, so that adding a factor changes no other.
+//! A controller is designed for the scene. The drone that flies departs from the scene, differently
+//! for each seed and drone. Departures are constant during a flight, in which only gusts and sensor
+//! noise vary within it. The same seed draws the same departures under every controller (common
+//! random numbers). Each factor has a separate random stream, so that adding a factor changes no
+//! other.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -21,91 +22,92 @@ use noctograph_sim::SimOptions;
 use noctograph_sim::sensors::LighthouseOptions;
 use noctograph_sim::vehicle::{GustOptions, Gusts, VehicleOptions};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), used with gusts if the scene has
-/// no drag.
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`). Flights in gusts use this drag if
+/// the scene has none.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
-/// Mean time between two radio outages.
+/// Mean time between the starts of two radio outages.
 pub(super) const OUTAGE_EVERY_S: f64 = 10.0;
 
-/// Standard deviation of gusts in a ventilated room.
+/// Standard deviation of the gusts in a ventilated room.
 pub(super) const ROOM_GUST_M_S: f64 = 0.08;
 
 settings! {
-    /// How much flights differ from their scene. 0 leaves a factor as the scene has it. The
-    /// default, `room`, is an ordinary room with a drone whose mass and trim the scene knows.
-    /// [`Self::any_drone`] is any drone of its make.
+    /// How much flights differ from their scene. A value of 0 leaves a factor as the scene has it.
+    /// The default, `room`, is an ordinary room, and a drone whose mass and trim the scene knows.
+    /// [`Self::any_drone`] is any drone of the same make.
     ///
-    /// Measured on the reference flight, to which mass and trim were fitted, and on which the
-    /// widths below were chosen: the 90 % band of 40 replays under `room` holds it 87 to 97 % of
-    /// the time on each axis (`tests/it/team_data.rs`). With noise and gusts only it holds 64 to 87
-    /// %. Of other flights it holds nine tenths under PID, and fewer in y without an integral
+    /// The widths below were chosen on the reference flight, to which mass and trim were fitted.
+    /// The 90 % band of 40 replays under `room` contains that flight 87 to 97 % of the time on each
+    /// axis (`tests/it/team_data.rs`), and with noise and gusts only, 64 to 87 %. The band contains
+    /// nine tenths of other flights under PID, and less in y without an integral term
     /// (`docs/model.md`).
     pub struct Conditions {
-        /// Mass: σ as a fraction of the scene's mass. 0.5 g of 35 g, for tape or a different
-        /// battery.
+        /// Mass: standard deviation as a fraction of the scene's mass. The default is 0.5 g of 35
+        /// g, for tape or a different battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
-        /// Center of mass in body x and y: σ, m. A battery of 7 g slides half a millimeter in its
-        /// holder. Unequal motors have the same effect: 3 % (σ) act like 0.5 mm.
+        /// Center of mass along body x and y: standard deviation, m. A battery of 7 g slides half a
+        /// millimeter in its holder. Unequal motors act the same way: 3 % corresponds to 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
-        /// Moments of inertia: σ as a fraction of the scene's. Published values for one drone
-        /// differ by a fifth.
+        /// Moments of inertia: standard deviation as a fraction of the scene's values. Published
+        /// values for one drone differ by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
-        /// Time constant of the rotors on top of the scene's, uniform from 0 to this, s: the lower
-        /// half of the published values (0.02 to 0.14 s), since gains that were flown tolerate it.
+        /// Additional time constant of the rotors, uniform from 0 to this, s. The default is the
+        /// lower half of the published range (0.02 to 0.14 s), which flown gains tolerate.
         motor_lag_s: f64 = 0.05, in 0.0..=5.0;
-        /// Position error that changes smoothly over the room, σ on top of the scene's, m:
-        /// distortion if `sensors.positioning` is `position`, misplaced stations if it is
-        /// Lighthouse. Half of the 13 mm rms in Bitcraze's `positioning_dataset`.
+        /// Standard deviation, m, of a position error that varies smoothly over the room, in
+        /// addition to the scene's. The error is distortion if `sensors.positioning` is `position`,
+        /// and is caused by misplaced stations with Lighthouse. The default is half of the 13 mm
+        /// rms in Bitcraze's `positioning_dataset`.
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
-        /// Rotation of the Lighthouse's frame about each axis, rad, and error of its scale: σ. For
-        /// the estimation of the geometry (cflib, `multi_bs_geometry_estimation.py`) the drone is
-        /// placed by hand at the origin, one meter along the x-axis, and on the floor. Each
-        /// position has an error of 7.5 mm, the distortion in that data set: 0.0075 √2 of a meter.
-        /// The data set itself was first rotated onto its reference, so it does not contain this
-        /// error.
+        /// Standard deviation of the rotation of the Lighthouse's frame about each axis, rad, and
+        /// of the error of its scale. When the geometry is estimated (cflib,
+        /// `multi_bs_geometry_estimation.py`), the drone is placed by hand at the origin, one meter
+        /// along the x-axis, and on the floor. Each placement has an error of 7.5 mm, the
+        /// distortion in that data set, which makes 0.0075 √2 of a meter. The data set itself was
+        /// first rotated onto its reference, so that it does not contain this error.
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
-        /// Moment of the air per airspeed, added to the scene's, uniform from 0 to this, N m/(m/s):
-        /// it pitches the drone up against its motion. As large as in the log of the reference
-        /// flight ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is
-        /// measured on other drones.
+        /// Additional moment of the air per airspeed, uniform from 0 to this, N m/(m/s). The moment
+        /// pitches the drone up against its motion. The default is the value in the log of the
+        /// reference flight ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]).
+        /// Other drones have not been measured.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
-        /// Gusts: σ, m/s (Ornstein–Uhlenbeck). Those of a ventilated room, or the scene's if these
-        /// are stronger. Uneven air rotates the drone in proportion, as measured at 0.08.
+        /// Gusts: standard deviation, m/s (Ornstein–Uhlenbeck). The default is that of a ventilated
+        /// room. Stronger gusts of the scene stay as they are. Uneven air rotates the drone in
+        /// proportion to the gusts, as measured at 0.08 m/s.
         gust_m_s: f64 = 0.08, in 0.0..=30.0;
-        /// Delay of the light commands on top of the scene's, uniform from 0 to this, s: one
+        /// Additional delay of the light commands, uniform from 0 to this, s. The default is one
         /// repeated radio packet.
         led_delay_s: f64 = 0.05, in 0.0..=5.0;
-        /// Fraction of the charge that the battery has lost, uniform from 0 to this, if the scene
-        /// has a battery.
+        /// Charge that the battery has lost, as a fractionuniform from 0 to this.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
-        /// Mean duration of a radio outage, one in 10 s (`[radio]`), s. 0: none. With the value of
-        /// `evening` the longest of six in a minute lasts 0.73 s, as in the log of the reference
-        /// flight.
+        /// Mean duration of a radio outage, s, with one outage in 10 s (`[radio]`). 0: no outages.
+        /// At the value of `evening` the longest of the six outages in a minute lasts 0.73 s, as in
+        /// the log of the reference flight.
         radio_outage_s: f64 = 0.0, in 0.0..=100.0;
-        /// Heading drift from the gyroscope: σ, rad/s. Only a magnetometer or a deck that measures
-        /// directions would correct it. Value of `evening`: 0.015 °/s/K (data sheet of
-        /// the BMI088) times 10 K from calibration to flight.
+        /// Heading drift of the gyroscope: standard deviation, rad/s. Only a magnetometer or a deck
+        /// that measures directions could correct it. The value of `evening` is 0.015 °/s/K (data
+        /// sheet of the BMI088) times 10 K from calibration to flight.
         yaw_drift_rad_s: f64 = 0.0, in 0.0..=1.0;
-        /// Fraction of its thrust that one motor loses, uniform from 0 to this. Value of `evening`:
-        /// a millimeter less on one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a
-        /// blade's lift grows with r². Small faults begin at 5 % of a blade's length (Baldini et
-        /// al. 2026, doi 10.1007/s10846-026-02369-x).
+        /// Fraction of its thrust that one motor loses, uniform from 0 to this. The value of
+        /// `evening` is a millimeter missing from one of two blades of 23 mm, which costs `(1 −
+        /// (22/23)³) / 2`, because a blade's lift grows with r². Small faults begin at 5 % of a
+        /// blade's length (Baldini et al. 2026, doi 10.1007/s10846-026-02369-x).
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
-        /// Age of the battery, uniform from 0 to this. At 1 it has 80 % of its capacity, at which
-        /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996). It
-        /// then fails the firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`,
-        /// firmware pull request 1192) under motors at 61 %
-        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). The scene's resistance has 0.57 V at
-        /// that load, which is hovering.
+        /// Age of the battery, uniform from 0 to this. At age 1 it has 80 % of its capacity, at
+        /// which cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996).
+        /// Such a battery fails the firmware's test, with a sag of 0.70 V
+        /// (`BAT_LOADING_SAG_THRESHOLD`, firmware pull request 1192) under motors at 61 %
+        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). The scene's resistance causes a sag
+        /// of 0.57 V at that load, which is hovering.
         battery_age: f64 = 0.0, in 0.0..=1e3;
     }
 }
 
 impl Conditions {
-    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. Its
-    /// mass differs by a gram of 35, and its motors by 3 %, half of the difference that the
-    /// reference flight's trim shows.
+    /// Returns the conditions `drone`: an ordinary room, and any drone of the scene's make. The
+    /// drone's mass differs by 1 g of 35 g, and its motors differ by 3 %, half of the difference
+    /// that follows from the reference flight's trim.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
@@ -126,7 +128,7 @@ impl Conditions {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for another name, and those of the file.
+    /// Returns [`Error::Input`] for another name, and the errors of the file.
     pub fn find(named: &str) -> Result<Self> {
         type Constructor = fn() -> Conditions;
         let by_name: [(&str, Constructor); 4] = [
@@ -138,7 +140,7 @@ impl Conditions {
         if let Some((_, constructor)) = by_name.iter().find(|(name, _)| *name == named) {
             return Ok(constructor());
         }
-        // A name in the table has precedence over a file with that name.
+        // A name in the table takes precedence over a file of the same name.
         if Path::new(named).exists() {
             let hint = "leave out keys that are not conditions";
             let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
@@ -149,31 +151,31 @@ impl Conditions {
         Err(Error::input("conditions", named, names.join(", ") + ", or a TOML file", hint))
     }
 
-    /// Returns conditions in which no flight differs from its scene except in noise.
+    /// Returns conditions under which a flight differs from its scene only in noise.
     pub fn still() -> Self {
         let keys = Self::SHAPE.settings().iter();
         let zeros: toml::Table = keys.map(|setting| (setting.key.to_owned(), 0.0.into())).collect();
         zeros.try_into().expect("every key of conditions")
     }
 
-    /// Checks the ranges.
+    /// Checks that every value is in its range.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the key that is out of range.
+    /// Returns [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "", None)
     }
 
-    /// Reads the text of a conditions file (TOML). `file` is its name in messages.
+    /// Reads the text of a conditions file (TOML). `file` is the file name to show in messages.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for an unknown key or a value out of range.
+    /// Returns [`Error::Input`] for an unknown key or a value out of range.
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         let hint = "set keys such as motor_lag_s = 0.05; 0 switches one off";
         let keys: Vec<&str> = Self::SHAPE.settings().iter().map(|setting| setting.key).collect();
-        // Unknown keys first: serde would not suggest the nearest one.
+        // Unknown keys are checked first, because serde would not suggest the nearest key.
         let table: toml::Table = toml.parse().unwrap_or_default();
         if let Some(unknown) = table.keys().find(|key| !keys.contains(&key.as_str())) {
             let listed = format!("the keys are {}", keys.join(", "));
@@ -189,7 +191,7 @@ impl Conditions {
         Ok(conditions)
     }
 
-    /// Draws the actual drone and lamps of one flight, for a seed and the drone's index.
+    /// Draws the actual drone and lamps of one flight, from a seed and the drone's index.
     pub fn draw(&self, scene: &Scene, seed: u64, drone: u64) -> Actual {
         let chance = FlightDraw { seed, drone };
         let (mut sim, mut light) = (scene.sim(), scene.light.clone());
@@ -219,7 +221,7 @@ impl Conditions {
     /// Draws mass, center of mass, inertia, rotor lag, moment of the air, and one weak propeller.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
-        // At least a tenth of the mass and of each moment of inertia remains.
+        // At least a tenth of the mass and of each moment of inertia remainsand stays positive.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();
@@ -237,7 +239,7 @@ impl Conditions {
         let lost_frac = self.motor_loss_frac * propeller.uniform();
         #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let motor = (4.0 * propeller.uniform()) as usize;
-        // The remaining fractions of the scene's loss and of this loss multiply.
+        // The fraction of thrust that remains is the product of the scene's and of this draw's.
         let loss_frac = &mut body.motor_loss_frac[motor];
         *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
     }
@@ -247,7 +249,7 @@ impl Conditions {
         for error_m in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *error_m = libm::hypot(*error_m, self.lighthouse_distortion_m);
         }
-        // All drones in a room have one frame, so it is drawn for drone 0.
+        // All drones in a room use one frame, so that it is drawn for drone 0.
         let mut frame = FlightDraw { drone: 0, ..*chance }.factor("lighthouse frame");
         for turn_rad in &mut sensors.frame_turn_rad {
             *turn_rad += self.lighthouse_frame_frac * frame.normal();
@@ -255,7 +257,8 @@ impl Conditions {
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
     }
 
-    /// Raises gusts to at least those of the conditions, and adds drag if the drone has none.
+    /// Raises the scene's gusts to at least those of the conditions, and adds drag if there is
+    /// none.
     fn draw_gusts(&self, sim: &mut SimOptions) {
         if self.gust_m_s <= 0.0 {
             return;
@@ -269,28 +272,28 @@ impl Conditions {
         gusts.sigma_m_s = gusts.sigma_m_s.map(|sigma_m_s| sigma_m_s.max(self.gust_m_s));
         sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         if sim.vehicle.body_drag_n_s_m == [0.0; 3] {
-            // In proportion to the gusts, so that the change vanishes continuously with them.
+            // The drag is proportional to the gusts, so that both vanish together.
             let fraction = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
             sim.vehicle.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * fraction);
         }
     }
 }
 
-/// Identifies the flight and drone whose factors are drawn.
+/// Key of the random streams of one flight of one drone.
 struct FlightDraw {
     seed: u64,
     drone: u64,
 }
 
 impl FlightDraw {
-    /// Returns the random stream of a factor, which depends on seed, drone and the factor's name.
+    /// Returns the random stream of a factor, which depends on seed, drone and name.
     fn factor(&self, factor: &str) -> Stream {
         let drone = if self.drone == 0 { String::new() } else { format!("{}:", self.drone) };
         Stream(stream(self.seed, format!("study:{drone}{factor}").bytes()))
     }
 }
 
-/// Random numbers of one factor in one flight.
+/// Random number generator of one factor in one flight.
 struct Stream(ChaCha8Rng);
 
 impl Stream {

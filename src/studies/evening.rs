@@ -1,13 +1,13 @@
-//! Evening: identifies drones and air from the logs of an evening's flights, and derives their
-//! [`super::Conditions`].
+//! Evening: identifies the drones and the air from the logs of an evening's flights, and derives
+//! [`super::Conditions`] from them.
 //!
-//! In: a folder of logs, and the scene's drone, since logs do not contain the mass. Out: a row for
-//! each log, with its figures and flaws, and the widths of conditions. Each log is identified
-//! separately ([`identify`]). Its thrust per command is relative to the weight, so that a heavy
-//! drone and a weak drone look the same.
+//! In: a folder of logs, and the drone of a scene, because logs do not contain the mass. Out: a row
+//! for each log, with its figures and flaws, and the widths of conditions. Each log is identified
+//! separately ([`identify`]). The identified thrust per command is relative to the weight, so that
+//! a heavy drone and a weak drone look the same.
 //!
 //! Not identified: distortion and rotation of the Lighthouse's frame, which need a second source of
-//! position, inertia, delay of the lamps, charge and age of the battery.
+//! positions, moments of inertia, delay of the lamps, charge and age of the battery.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -31,49 +31,53 @@ use noctograph_pipeline::preflight::MAX_SATURATED_S;
 use noctograph_pipeline::scene::Scene;
 use noctograph_sim::vehicle::GustOptions;
 
-/// Least sample rate of a flight made from a log: a command that appears 5 ms late looks like a lag
-/// that is 20 ms shorter.
+/// Minimum sample rate of a flight that is read from a log. A command that appears 5 ms late makes
+/// the lag look 20 ms shorter.
 const LEAST_RATE_HZ: f64 = 500.0;
-/// Shortest flight that is used: the trim's error falls with the square root of the duration.
+/// Minimum time in the air of a flight that is used. The error of the trim decreases with the
+/// square root of this time.
 const LEAST_AIR_S: f64 = 10.0;
-/// Largest fraction of a flight that may be missing from its log.
+/// Maximum fraction of a flight that may be missing from its log.
 const MAX_MISSING_FRAC: f64 = 0.1;
-/// Least gusts in a log: the noise of the quietest sensor looks like more.
+/// Minimum strength of the gusts in a log. The noise of any real sensor looks stronger.
 const LEAST_GUST_M_S: f64 = 1e-6;
-/// Least number of flights with a spread.
+/// Minimum number of flights from which a spread is computed.
 const LEAST_FLIGHTS: usize = 3;
-/// Standard deviation of an evening's mean ratio of thrust to weight. Its error is common to all
-/// flights. In nine simulated flights of known thrust it was below three standard deviations.
+/// Standard deviation of an evening's mean ratio of thrust to weight, for an error common to all
+/// flights. In nine simulated flights of known thrust the error was below three standard
+/// deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
-/// Largest size of an evening's logs: thirty flights of ten minutes, fifty variables at 100 Hz.
+/// Maximum total size of an evening's logs: thirty flights of ten minutes, fifty variables at 100
+/// Hz.
 const LOGS_LIMIT: Limit = Limit {
     bytes: 512 << 20,
     what: "the logs of an evening",
     hint: "import a part of the folder at a time, or log fewer variables",
 };
-/// Number of logs that are read at the same time. Each may use 240 MiB
+/// Number of logs that are read at the same time. Each may use up to 240 MiB
 /// ([`Budget`](noctograph_core::files::Budget)).
 const AT_ONCE: usize = 3;
 
-/// The logs of a folder.
+/// The logs in a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evening {
-    /// One for each flight, by the drone's name and then the log's, with 2 before 10.
+    /// Rows, one for each flight, sorted by drone and then by log, with 2 before 10.
     pub logs: Vec<EveningLog>,
 }
 
-/// A log with its flaws and figures.
+/// A log with its flaws and the figures of its flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EveningLog {
-    /// Its drone's name.
+    /// Name of the drone that wrote the log.
     pub drone: String,
-    /// Its path within the folder.
+    /// Path of the log within the folder.
     pub log: String,
-    /// Reasons not to use it. A sound log has none.
+    /// Reasons not to use the log, empty for a valid log.
     pub flaws: Vec<Flaw>,
-    /// Figures of its drone. `None` if nothing is identified.
+    /// Figures of the drone. `None` if nothing can be identified.
     pub figures: Option<LogFigures>,
-    /// Guesses, repairs and omissions while the log was read. JSON has the sentences.
+    /// Warnings about guesses, repairs and omissions while the log was read. The JSON output
+    /// contains them as full sentences.
     #[serde(serialize_with = "sentences")]
     pub warnings: Vec<Diagnostic>,
 }
@@ -90,19 +94,19 @@ fn sentences<S: Serializer>(
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Flaw {
-    /// It is the same file as this other log: a link, or another name.
+    /// The log is the same file as this other log: a link, or another name for it.
     Again(String),
-    /// It cannot be read, for this reason.
+    /// The log cannot be read, for this reason.
     Unreadable(String),
-    /// Nothing is identified, for this reason: no motor commands, or a drone on the floor.
+    /// Nothing can be identified, for this reason, such as a drone that stays on the floor.
     Silent(String),
-    /// Too few seconds in the air.
+    /// The drone is in the air for too short a time, in seconds.
     Short(f64),
     /// Too large a fraction of the flight is missing.
     Gaps(f64),
-    /// Too many seconds with a motor at its limit.
+    /// A motor is at its limit for too long, in seconds.
     Saturated(f64),
-    /// The drone never rotates: all rows repeat one.
+    /// The drone never rotates, because all rows repeat the same values.
     Frozen,
 }
 
@@ -114,63 +118,65 @@ impl fmt::Display for Flaw {
             Self::Silent(why) => write!(f, "no figures: {why}"),
             Self::Short(air_s) => write!(f, "only {air_s:.1} s in the air"),
             Self::Gaps(frac) => write!(f, "gaps: {:.0} % of the flight unknown", 100.0 * frac),
-            Self::Frozen => write!(f, "frozen: its rows repeat one"),
+            Self::Frozen => write!(f, "frozen: all rows repeat the same values"),
             Self::Saturated(s) => write!(f, "a motor at its limit for {s:.1} s"),
         }
     }
 }
 
-/// Figures of a drone and its air, from one log.
+/// Figures of a drone and of the air, from one log.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LogFigures {
     /// Time in the air.
     pub air_s: f64,
-    /// Longest gap in the log.
+    /// Duration of the longest gap in the log.
     pub longest_gap_s: f64,
-    /// Thrust per command and weight, as a fraction of the scene's.
+    /// Thrust per command and weight, as a fraction of the scene's value.
     pub thrust_frac: f64,
-    /// Center of mass in body x and y.
+    /// Center of mass along body x and y.
     pub trim_m: [f64; 2],
-    /// Standard deviation of the trim that uneven air causes. `None` for too short a flight.
+    /// Standard deviation of the trim that uneven air causes. `None` if the flight is too short.
     pub trim_sigma_m: Option<[f64; 2]>,
-    /// Lag of the rotors. `None` if the log does not show it.
+    /// Lag of the rotors. `None` if it cannot be identified from the log.
     pub lag_s: Option<f64>,
     /// Standard deviation of the lag.
     pub lag_sigma_s: Option<f64>,
-    /// Gusts (σ) that would rotate the drone as its air did. `None` for too short a flight.
+    /// Standard deviation of gusts that would rotate the drone as much as the air did. `None` if
+    /// the flight is too short.
     pub gust_m_s: Option<f64>,
 }
 
-/// A width of the conditions, with the figures from which it was derived.
+/// Width of a condition, with the figures from which it was derived.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FoundCondition {
-    /// Key of [`super::Conditions`].
+    /// Key in [`super::Conditions`].
     pub key: &'static str,
-    /// Its value.
+    /// Value of the key.
     pub value: f64,
-    /// The figures from which it was derived.
+    /// Description of the figures from which the value was derived.
     pub from: String,
 }
 
-/// Means of the sound flights' figures, for a scene with these drones. A figure within three
-/// standard deviations of the scene's value is replaced by it.
+/// Mean figures of the valid flights, with which a scene flies such a drone. A mean within three
+/// standard deviations of the scene's value is replaced by the scene's value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MeanDrone {
-    /// Thrust of a motor per unit of its command, with the scene's mass.
+    /// Thrust of a motor per unit of its command, for the scene's mass.
     pub k_f_n: f64,
-    /// Center of mass in body x and y.
+    /// Center of mass along body x and y.
     pub center_of_mass_m: [f64; 2],
-    /// Lag of the rotors. `None` if no log shows it.
+    /// Lag of the rotors. `None` if it cannot be identified from any log.
     pub lag_s: Option<f64>,
 }
 
 impl Evening {
     /// Reads and identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of
-    /// logs so far.
+    /// logs that are finished.
     ///
     /// # Errors
     ///
-    /// Those of [`logs_in`], and options out of range. A log that cannot be read becomes a row.
+    /// Returns the errors of [`logs_in`], and of options out of range. A log that cannot be read is
+    /// not an error, and its row has a flaw.
     pub fn import(
         folder: &Path,
         options: &ImportOptions,
@@ -182,13 +188,13 @@ impl Evening {
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
         let (logs, count) = (logs_in(folder)?.0, counter(done));
         LOGS_LIMIT.check_all(logs.iter().map(|log| &log.path))?;
-        // Several links may lead to a file, which is read once, under its first name.
+        // If several links lead to the same file, it is read once, under its first name.
         let mut first_names = HashMap::new();
         for log in logs.iter().rev() {
             first_names.extend(log.path.canonicalize().map(|file| (file, log.name.as_str())));
         }
         let mut rows: Vec<EveningLog> = Vec::new();
-        // A few at a time, which limits the memory.
+        // Only a few logs are read at a time, which limits the memory.
         for at_once in logs.chunks(AT_ONCE) {
             rows.par_extend(at_once.par_iter().map(|log| {
                 let first = log.path.canonicalize().ok().and_then(|file| first_names.get(&file));
@@ -204,7 +210,7 @@ impl Evening {
         Ok(Self { logs: rows })
     }
 
-    /// Returns the drones' names, each with its logs.
+    /// Returns the names of the drones, each with its logs.
     pub fn drones(&self) -> Vec<(&str, &[EveningLog])> {
         let drones = self.logs.chunk_by(|a, b| a.drone == b.drone);
         drones.map(|logs| (&logs[0].drone[..], logs)).collect()
@@ -215,14 +221,14 @@ impl Evening {
         self.logs.iter().filter(|log| log.flaws.is_empty()).filter_map(|log| log.figures.as_ref())
     }
 
-    /// Returns the mean drone of the sound flights. `None` if there are none.
+    /// Returns the mean drone of the valid flights, or `None` if there is no valid flight.
     pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
         self.sound().next()?;
         let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
-            // Standard error of the mean. Flights too short for a sigma count as average flights.
+            // Standard error of the mean. A flight without a sigma gets the average variance.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
@@ -235,19 +241,20 @@ impl Evening {
         })
     }
 
-    /// Returns the widths of conditions that the sound flights show about their mean, in the order
-    /// of a conditions file. Widths that they do not show are omitted, and remain those of a room.
+    /// Returns the widths of conditions from the spread of the valid flights, in the order of a
+    /// conditions file. Widths that the flights do not determine are omitted, and stay those of a
+    /// room.
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
         let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
-        // Uneven air changes the mean command of a short flight, so its variance is subtracted.
+        // Uneven air changes the mean command of a short flightand its variance is subtracted.
         let trims_m = [0, 1].map(|axis: usize| {
             let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
             spread(&figures.iter().map(|f| f.trim_m[axis]).zip(sigmas_m).collect::<Vec<_>>())
         });
         let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
-        // The width of a uniform distribution is √12 standard deviations. The mean is not used,
+        // The width of a uniform distribution is √12 standard deviations. The mean lag is not used,
         // because it contains errors that all logs of a session have in common.
         let lags_s: Vec<(f64, f64)> =
             figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
@@ -259,12 +266,12 @@ impl Evening {
         let (n_lags, n_gusts, n_gaps) = (lags_s.len(), gusts.len(), outages_s.len());
         let conditions = [
             ("mass_frac", n, LEAST_FLIGHTS, spread(&thrusts), "thrust over weight"),
-            ("center_of_mass_m", n, LEAST_FLIGHTS, trim_m, "trim beyond what gusts explain"),
+            ("center_of_mass_m", n, LEAST_FLIGHTS, trim_m, "trim that gusts do not explain"),
             ("motor_lag_s", n_lags, LEAST_FLIGHTS, lag_s, "spread of the rotors' lag"),
             ("gust_m_s", n_gusts, 1, gust_m_s, "torque of uneven air"),
-            ("radio_outage_s", n_gaps, 1, mean(&outages_s), "longest gaps, of one in 10 s"),
+            ("radio_outage_s", n_gaps, 1, mean(&outages_s), "longest gaps, if one occurs in 10 s"),
         ];
-        // With too few flights a width is omitted.
+        // A width is omitted if there are too few flights.
         let enough = conditions.into_iter().filter(|(_, n, least, ..)| n >= least);
         let conditions = enough.map(|(key, n, _, value, from)| {
             let flights = if key == "radio_outage_s" { "" } else { &format!(", {n} flights") };
@@ -273,12 +280,12 @@ impl Evening {
         conditions.collect()
     }
 
-    /// Returns a conditions file (TOML) with the given widths and their origin.
+    /// Returns a conditions file (TOML) with the given widths and the figures they come from.
     pub fn conditions_toml(&self, conditions: &[FoundCondition]) -> String {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(
-            "# Conditions of {n} sound flights of {} by {drones} drone(s). Keys that are left out are a\n\
-             # room's: rank and preview --spread take this file as --conditions.\n",
+            "# Conditions from {n} valid flights out of {} by {drones} drone(s). Omitted keys have the values\n\
+             # of a room. rank and preview --spread read this file with --conditions.\n",
             self.logs.len()
         );
         for FoundCondition { key, value, from } in conditions {
@@ -289,8 +296,8 @@ impl Evening {
 }
 
 impl LogFigures {
-    /// Returns the mean outage, estimated from the longest: the longest of n exponential times is
-    /// on average 1 + 1/2 + … + 1/n times their mean.
+    /// Returns the mean outage, estimated from the longest one. The longest of n exponentially
+    /// distributed times is on average 1 + 1/2 + … + 1/n times their mean.
     fn mean_outage_s(&self) -> f64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
         let n = (self.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
@@ -299,19 +306,19 @@ impl LogFigures {
 }
 
 impl EveningLog {
-    /// Returns the row of a log without figures.
+    /// Returns the row of a log that has a flaw and no figures.
     fn flawed(log: &GatheredLog, flaw: Flaw) -> Self {
         let (drone, log) = (log.drone.clone(), log.name.clone());
         Self { drone, log, flaws: vec![flaw], figures: None, warnings: Vec::new() }
     }
 
-    /// Returns the row of a log: the figures of its flight, its flaws and warnings.
+    /// Returns the row of a log, with the figures of its flight, its flaws and its warnings.
     fn new(log: &GatheredLog, flight: Result<Flight>, scene: &Scene) -> Self {
         let flight = match flight {
             Ok(flight) => flight,
             Err(error) => return Self::flawed(log, Flaw::Unreadable(error.to_string())),
         };
-        // Figures need only motors and body rates: other columns may be missing.
+        // Warnings about other missing columns than motor commands and body rates are dropped.
         let mut warnings = flight.warnings.clone();
         warnings.retain(|warning| warning.code != UNLOGGED);
         let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
@@ -328,7 +335,7 @@ impl EveningLog {
             (saturated_s > MAX_SATURATED_S).then_some(Flaw::Saturated(saturated_s)),
             gust_m_s.is_some_and(|gust| gust < LEAST_GUST_M_S).then_some(Flaw::Frozen),
         ];
-        // The lag appears only in commands that rotate the drone along a path.
+        // The lag only affects commands that rotate the drone along a path.
         if samples.windows(2).all(|pair| pair[0].design_m.xy() == pair[1].design_m.xy()) {
             let message = "its setpoints are constant or not logged, so it does not show the \
                            rotors' lag";
@@ -368,7 +375,7 @@ fn figures(
         longest_gap_s: gaps_s(flight, air).into_iter().fold(0.0, f64::max),
         thrust_frac: identified.k_f_n / vehicle.k_f_n,
         trim_m: identified.center_of_mass_m,
-        // A torque about y acts like a shift of the center of mass in x, and about x in y.
+        // A torque about y acts like a shift of the center of mass along x, and vice versa.
         trim_sigma_m: identified
             .air
             .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),
@@ -383,24 +390,24 @@ fn figures(
 }
 
 /// Returns `figure` if it differs from the scene's value by more than three standard deviations,
-/// else the scene's value.
+/// otherwise the scene's value.
 fn significant(figure: f64, sigma: f64, scene: f64) -> f64 {
     if (figure - scene).abs() > 3.0 * sigma { figure } else { scene }
 }
 
-/// Returns the standard deviation of values, given as (value, σ of its error), after the variance
-/// of the errors is subtracted. 0 for fewer than two values.
+/// Returns the standard deviation of values, each given with the σ of its error, after subtracting
+/// the variance of the errors. Returns 0 for fewer than two values.
 fn spread(values: &[(f64, f64)]) -> f64 {
     let n = values.len() as f64;
     let middle = mean(values.iter().map(|(value, _)| value));
     let squares: f64 = values.iter().map(|(value, _)| (value - middle) * (value - middle)).sum();
     let error_squares: f64 = values.iter().map(|(_, sigma)| sigma * sigma).sum();
-    // For fewer than two values this is NaN, which `max` replaces by 0.
+    // For fewer than two values the difference is NaN, which `max` replaces with 0.
     (squares / (n - 1.0) - error_squares / n).max(0.0).sqrt()
 }
 
-/// Returns the sort key of a name that orders the numbers in it by value: numbers before other
-/// characters, and the name itself last.
+/// Returns a sort key by which names are ordered with the numbers in them by value, and with
+/// numbers before other characters. The name itself is the last criterion.
 fn natural(name: &str) -> (Vec<(bool, u64)>, String) {
     let mut parts: Vec<(bool, u64)> = Vec::new();
     for c in name.chars() {

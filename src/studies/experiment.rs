@@ -12,60 +12,61 @@ use noctograph_core::random::PUBLIC_SEEDS;
 use noctograph_pipeline::scene::NamedScene;
 use noctograph_pipeline::shoot::Stop;
 
-/// Most flights in a study: a week on one core.
+/// Maximum number of flights in a study: a week of computing on one core.
 pub(super) const MAX_TRIALS: usize = 500_000;
 
-/// Finals and tests of a search have the search's seed, exclusive-or one of these, as seed.
+/// The seeds of a search's finals and tests are the search's seed, exclusive-or one of these.
 pub(super) const FINALS: u64 = u64::MAX;
 pub(super) const TESTS: u64 = 0x5eed << 48;
 
-/// A study: every contender flies every word with the same seeds. Its trials have a fixed order, so
-/// that any part of them can be flown on any machine.
+/// A study, in which every contender flies every word with the same seeds. The trials have a fixed
+/// order, so that any part of them can be flown on any machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Study {
-    /// Scenes under comparison.
+    /// Scenes to compare.
     pub contenders: Vec<NamedScene>,
     /// Words, each with its number of seeds.
     pub words: Vec<(String, u32)>,
-    /// How flights differ from their scene.
+    /// Conditions that determine how flights differ from their scene.
     pub conditions: Conditions,
-    /// Seed from which the flights' seeds are derived.
+    /// Seed from which the seeds of the flights are derived.
     pub seed: u64,
 }
 
-/// One flight of a study.
+/// Flight of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trial {
-    /// Index of the contender.
+    /// Index of the contender that flies.
     pub contender: usize,
-    /// Index of the word.
+    /// Index of the word that is flown.
     pub word: usize,
-    /// Seed of the flight, the same for every contender.
+    /// Seed of the flight, which is the same for every contender.
     pub seed: u64,
 }
 
 impl Study {
-    /// Checks that there are flights, not too many, with distinct names and words and valid
-    /// conditions.
+    /// Checks that there are flights but not too many, that names and words are unique, and that
+    /// the conditions are valid.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the part that is missing or wrong.
+    /// Returns [`Error::Input`] with the part that is missing or wrong.
     pub fn check(&self) -> Result<()> {
         let (contenders, n_trials) = (&self.contenders, self.n_trials());
         if n_trials == 0 {
             let counts = format!("{} scenes, {} words", contenders.len(), self.words.len());
-            let hint = match contenders.is_empty() {
-                true => "name scenes, or a folder that has some",
-                false => "name words, each with its number of seeds: NOOR:50",
+            let hint = if contenders.is_empty() {
+                "name scenes, or a folder that contains scenes"
+            } else {
+                "name words, each with its number of seeds: NOOR:50"
             };
             return Err(Error::input("study", counts, "at least one of each, and a seed", hint));
         }
-        // Results have rows by contender and strata by word, so both are unique.
+        // Results have rows by contender and strata by word, so that both must be unique.
         let mut names = HashSet::new();
         if let Some(duplicate) = contenders.iter().find(|contender| !names.insert(&contender.name))
         {
-            let wanted = "scenes of different names";
+            let wanted = "scenes with different names";
             return Err(Error::input("study", &duplicate.name, wanted, "rename the file"));
         }
         let mut words = HashSet::new();
@@ -73,7 +74,7 @@ impl Study {
             let hint = "name each word once, with its number of seeds: NOOR:200";
             return Err(Error::input("words", duplicate, "each word once", hint));
         }
-        // A store accepts no more.
+        // A store does not accept more flights.
         if n_trials > MAX_TRIALS {
             let wanted = format!("at most {MAX_TRIALS} flights");
             return Err(Error::input("study", n_trials, wanted, "fewer words or seeds"));
@@ -87,7 +88,7 @@ impl Study {
         n_each.saturating_mul(self.contenders.len())
     }
 
-    /// Returns all trials in order: contender by contender, word by word.
+    /// Returns all trials, ordered by contender, then by word, then by seed.
     pub fn trials(&self) -> impl Iterator<Item = Trial> + '_ {
         (0..self.contenders.len()).flat_map(move |contender| {
             self.words.iter().enumerate().flat_map(move |(word, (name, n))| {
@@ -97,11 +98,12 @@ impl Study {
         })
     }
 
-    /// Returns the seed of a word's flight number `index`. If the study's seed is public, this is
-    /// below 2^31, as in every release. If it is secret, a keyed hash of 63 bits, as many as a
-    /// scene file holds, so that nobody can find seeds by trial or derive one from another.
+    /// Returns the seed of a word's flight number `index`. If the study's seed is public, the
+    /// result is below 2^31, as in every release. If it is secret, the result is a keyed hash of 63
+    /// bits, as many as a scene file can hold. Nobody can then find seeds by trial, or derive one
+    /// from another.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
-        // The word is part of the hashed bytes, so that words have different gusts.
+        // The word is part of the hashed bytes, so that different words fly in different gusts.
         let bytes = index.to_le_bytes().into_iter().chain(word.bytes());
         if self.is_secret() {
             let hash = hmac_sha256(&self.seed.to_le_bytes(), bytes);
@@ -111,13 +113,14 @@ impl Study {
         fnv_1a(self.seed.to_le_bytes().into_iter().chain(bytes)) >> 33
     }
 
-    /// True unless the seed is small enough to be typed or guessed, or derived from such a seed.
+    /// Returns true unless the seed is small enough to be typed or guessedor derived from such a
+    /// seed.
     fn is_secret(&self) -> bool {
         let origins = [self.seed, FINALS ^ self.seed, TESTS ^ self.seed];
         origins.iter().all(|seed| *seed >= PUBLIC_SEEDS)
     }
 
-    /// Prepares every contender for every word. Returns them contender by contender.
+    /// Prepares every contender for every word. The results are ordered by contender, then by word.
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
         let prepared = self.contenders.par_iter().flat_map(|contender| {
             let words = self.words.par_iter();
@@ -127,15 +130,16 @@ impl Study {
     }
 }
 
-/// Flies trials on rayon's threads and returns their records in the order of `trials`, which depend
+/// Flies trials on rayon's threads. Returns their records in the order of `trials`, which depend
 /// only on the study. `prepared` is the result of [`Study::prepare`].
 ///
-/// Trials in the store are not flown again, and new trials are stored at once. `done` is called
-/// with the number of finished trials, from any thread. `stop` ends the study between two flights.
+/// Trials in the store are not flown again, and new ones are stored at once. `done` is called with
+/// the number of finished trials, from any thread. `stop` ends the study between two flights.
 ///
 /// # Errors
 ///
-/// Those of the flights and the store, and [`Error::Stopped`]. Earlier trials stay in the store.
+/// Returns the errors of the flights and the store, and [`Error::Stopped`]. Trials that were
+/// finished before stay in the store.
 pub fn evaluate(
     study: &Study,
     prepared: &[Prepared],
@@ -145,7 +149,7 @@ pub fn evaluate(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let count = counter(done);
-    // A record is stored before it is counted, so that no counted flight is lost.
+    // A record is stored before it is counted, so that no counted flight can be lost.
     let records = trials.par_iter().map(|trial| {
         stop.check()?;
         let scene = &prepared[trial.contender * study.words.len() + trial.word];
@@ -211,7 +215,8 @@ mod tests {
             let seeds = drawn(secret);
             for bit in 0..63 {
                 let n_set = seeds.iter().filter(|seed| *seed >> bit & 1 == 1).count();
-                // 400 seeds, each flown by both scenes: sixty of 800 off are six sigma of 400.
+                // There are 400 seeds, each flown by both scenes. A deviation of 60 from 400 of 800
+                // is six sigma for 400 seeds.
                 assert!(n_set.abs_diff(400) < 2 * 60, "bit {bit}: {n_set}");
             }
             assert!(seeds.iter().all(|seed| i64::try_from(*seed).is_ok()), "for a scene file");
@@ -221,7 +226,7 @@ mod tests {
         for public in [0, 7, 90210, !7, 7 ^ TESTS] {
             assert!(drawn(public).iter().all(|seed| *seed < 1 << 31), "{public}");
         }
-        // Recorded: course.md's figures are of these.
+        // These seeds are recorded, because the figures in course.md come from them.
         assert_eq!(drawn(90210)[..2], [153990008, 260383757]);
     }
 

@@ -1,4 +1,4 @@
-//! Knobs: the parameters of a search. Each is a setting of a scene, or several.
+//! Knobs: the parameters of a search. A knob sets one or several keys of a scene.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -7,28 +7,27 @@ use noctograph_core::error::{Error, Result};
 use noctograph_pipeline::scene::{Scene, reason};
 use noctograph_sim::ControllerKind;
 
-/// A setting that a search varies, or several that it varies together.
+/// A setting that a search varies, or several settings that it varies together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
-    /// Keys of the scene, such as `controller.lqr.q[0]`.
+    /// Keys that the knob sets in a scene, such as `controller.lqr.q[0]`.
     pub keys: Vec<String>,
-    /// The range or choice of its values.
+    /// Range or choice of the knob's values.
     pub turn: Turn,
 }
 
-/// The values of a knob.
+/// The possible values of a knob.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Turn {
-    /// The scene's own value times a factor from this range, on a logarithmic scale.
+    /// The scene's original value times a factor from this range, on a logarithmic scale.
     Times([f64; 2]),
     /// A value from this range, on a logarithmic scale.
     To([f64; 2]),
-    /// One of several words.
+    /// Choice of a word from these words.
     Choice(Vec<String>),
 }
 
-/// The usual knobs of linear-quadratic regulators whose gain is designed, then of other
-/// controllers.
+/// The usual knobs of designed linear-quadratic regulators, followed by those of other controllers.
 const LQR: &str = "
     controller.kind=lqr|lqr-feedforward|lqr-integral
     controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
@@ -68,7 +67,7 @@ impl Knob {
     /// the observer's weights of the measured position, and the stroke speed.
     pub fn usual(scene: &Scene) -> Vec<Self> {
         let controller = match scene.controller.kind {
-            // A fixed gain depends on no weights.
+            // A fixed gain does not depend on any weights.
             _ if scene.controller.lqr.k.is_some() => "",
             ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {
                 LQR
@@ -87,7 +86,7 @@ impl Knob {
     }
 
     /// Sets the knob's keys in a scene to the value at `fraction` of its range, 0 to 1. Refuses a
-    /// key that the scene lacks or whose value is of another kind.
+    /// key that the scene lacks or whose value is of another type.
     fn set(&self, scene: &mut toml::Table, fraction: f64) -> Result<()> {
         for key in &self.keys {
             let value = find(scene, key)?;
@@ -98,12 +97,12 @@ impl Knob {
                 (Turn::To(range), Some(_)) => toml::Value::Float(log_between(*range, fraction)),
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
-                    // Equal parts of the range for the words. A fraction of 1 is the last.
+                    // Words have equal parts of the range. A fraction of 1 selects the last one.
                     let index = (fraction * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }
                 _ => {
-                    let wanted = "a number for a range, a word for a choice";
+                    let wanted = "a number for a range, or a word for a choice";
                     return Err(Error::input(key.as_str(), value.to_string(), wanted, HINT));
                 }
             };
@@ -120,12 +119,12 @@ fn log_between([least, most]: [f64; 2], fraction: f64) -> f64 {
 const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q[2]*=0.1..10 or \
                     controller.kind=lqr|lqr-feedforward";
 
-/// Returns a scene with its knobs set to a point of the unit cube.
+/// Returns a scene whose knobs are set to a point of the unit cube.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a key that the scene lacks or whose value is of another kind. Those of
-/// [`Scene::check`].
+/// Returns [`Error::Input`] for a key that the scene lacks or whose value is of another type.
+/// Returns the errors of [`Scene::check`].
 pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     let mut values = scene.to_table();
     for (knob, fraction) in knobs.iter().zip(point) {
@@ -136,15 +135,15 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the keys of knobs that have no effect in a scene, whatever its choices are set to, each
-/// with the reason.
+/// Returns the keys of knobs without effect in a scene under all combinations of its choices, with
+/// reasons.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
     // The scene under every combination of the choices.
     let mut scenes = vec![scene.clone()];
     for knob in knobs {
         let Turn::Choice(words) = &knob.turn else { continue };
         let before = scenes.clone();
-        // The middle of each word's part of the range.
+        // A word is chosen by the middle of its part of the range.
         for fraction in (0..words.len()).map(|index| (index as f64 + 0.5) / words.len() as f64) {
             let knob = std::slice::from_ref(knob);
             scenes.extend(before.iter().flat_map(|scene| turned(scene, knob, &[fraction])));
@@ -152,7 +151,7 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     }
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     keys.filter_map(|key| {
-        // Reasons are known by key without an index.
+        // The reasons are stored by key without an index.
         let named = key.split('[').next().unwrap_or(key);
         let mut reasons = scenes.iter().map(|scene| reason(scene, named));
         let first = reasons.next()??;
@@ -161,11 +160,11 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     .collect()
 }
 
-/// Returns the scene's values of the knobs' keys, by key.
+/// Returns the scene's values of the keys that the knobs set, by key.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a key that the scene lacks.
+/// Returns [`Error::Input`] for a key that the scene lacks.
 pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::Value>> {
     let mut values = scene.to_table();
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
@@ -174,7 +173,7 @@ pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::
 
 /// Returns the value of a key such as `controller.lqr.q[0]`. Refuses a key that the scene lacks.
 fn find<'a>(scene: &'a mut toml::Table, key: &str) -> Result<&'a mut toml::Value> {
-    // `a.b[2]` is the parts a, b and 2.
+    // For example, `a.b[2]` has the parts a, b and 2.
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
     let first = parts.next().and_then(|part| scene.get_mut(part));
     let value = parts.try_fold(first, |value, part| match value? {
@@ -192,7 +191,7 @@ impl FromStr for Knob {
         let invalid = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
         let (keys, turn) = text.split_once('=').ok_or_else(invalid)?;
         let (keys, is_factor) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
-        // Two numbers are a range. Everything else is a list of words.
+        // Two numbers with `..` between them are a range. Everything else is a list of words.
         let keys = keys.split('+').map(str::to_owned).collect();
         let turn = if let Some((low, high)) = turn.split_once("..") {
             let range @ [low, high] = [low, high].map(|end| end.parse().unwrap_or(f64::NAN));
@@ -256,14 +255,15 @@ mod tests {
 
     #[test]
     fn a_usual_knob_has_an_effect_in_its_scene() {
-        // The default drone's filter is an EKF, the team's an observer of constant gain.
+        // The default drone's filter is an EKF, and that of the team's drone has constant gain.
         let [default, team] = [Preset::default(), Preset::Ae4832022].map(|preset| {
             let knobs = Knob::usual(&Scene::preset(preset));
             knobs.into_iter().flat_map(|knob| knob.keys).collect::<Vec<String>>()
         });
         assert!(!default.iter().any(|key| key.starts_with("observer.luenberger")));
         assert!(team.iter().any(|key| key.starts_with("observer.luenberger")));
-        // A choice gives effect to the settings of its values: here the integral of lqr-integral.
+        // A choice makes settings effective that only one of its values uses, here the integral
+        // weights of lqr-integral.
         assert!(team.iter().any(|key| key == "controller.lqr.q_integral[0]"));
         for &preset in Preset::ALL {
             for &kind in ControllerKind::ALL {

@@ -1,4 +1,4 @@
-//! The result of one trial.
+//! The outcome of one trial.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,16 +9,16 @@ use noctograph_plan::tracking::{Part, track};
 use noctograph_score::Verdict;
 use noctograph_sim::SimOptions;
 
-/// Log-odds are limited to ± this, since those of an illegible word are infinite.
+/// Limit of log-odds in both directions, because those of an illegible word are infinite.
 const MAX_LOG_ODDS: f64 = 10.0;
 
-/// Largest figure of a flight. The energy of a large battery, in J, is far below it.
+/// Maximum figure of a flight. Even the energy of a large battery in J is far below it.
 const MAX_FIGURE: f64 = 1e12;
 
-/// The result of one trial: a line of a [`super::Store`].
+/// The outcome of one trial, stored in a line of a [`super::Store`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// The letters that were read.
+    /// Letters that were read.
     pub read: String,
     /// True if every letter was read as intended.
     pub all_read: bool,
@@ -27,23 +27,24 @@ pub struct Outcome {
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
     /// [`Verdict::read_probability`].
     pub probability: f64,
-    /// Its log-odds, −10 to 10, which still change near 0 and 1.
+    /// Log-odds of the probability, −10 to 10which also change near 0 and 1.
     pub log_odds: f64,
-    /// Mean probability of the intended letters, 0 to 1. It changes even while the word is
-    /// illegible.
+    /// Mean probability of the intended letters, 0 to 1. The mean changes even for an illegible
+    /// word.
     pub similarity: f64,
     /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]
     pub flown: Option<Flown>,
-    /// How a drone was lost. `None` if none was.
+    /// Cause of the loss of a drone. `None` if no drone was lost.
     pub lost: Option<String>,
 }
 
 /// Declares [`Flown`] and the names of its figures.
 macro_rules! figures {
     ($($(#[$doc:meta])* $name:ident,)*) => {
-        /// Figures of a flight, over the letters unless stated otherwise. For several drones: the
-        /// mean, except for the largest drift, tilt and duration, and the total energy.
+        /// Figures of a flight, over the time of the letters unless stated otherwise. For several
+        /// drones these are the means, except that drift, tilt and duration are the maximum and the
+        /// energy is the sum.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         pub struct Flown<T = f64> {
             $($(#[$doc])* pub $name: T,)*
@@ -67,41 +68,41 @@ macro_rules! figures {
 }
 
 figures! {
-    /// Mean distance from the path in the word's plane.
+    /// Mean distance from the path within the word's plane.
     contour_m,
-    /// Lag behind the design.
+    /// Time lag behind the design.
     lag_s,
     /// Root mean square error against the design along x.
     rmse_x_m,
-    /// Along y.
+    /// Root mean square error against the design along y.
     rmse_y_m,
-    /// Along z.
+    /// Root mean square error against the design along z.
     rmse_z_m,
-    /// Largest distance from the word's plane.
+    /// Maximum distance from the word's plane.
     drift_y_m,
-    /// Largest tilt: roll or pitch.
+    /// Maximum tilt: roll or pitch.
     tilt_rad,
     /// Fraction of the time in which a motor is saturated.
     saturated_frac,
     /// Duration of the whole flight.
     duration_s,
-    /// Energy of the whole flight: current of the thrust and of the electronics at the open-circuit
-    /// voltage.
+    /// Energy of the whole flight: current for thrust and electronics times open-circuit voltage.
     energy_j,
 }
 
 impl Outcome {
-    /// Returns the objective of a search: the log-odds of the word, plus the mean similarity of its
-    /// letters, which changes where the log-odds are at their limit and is scaled to the same size.
+    /// Returns the objective of a search: the log-odds of the word plus the scaled mean similarity
+    /// of its letters. The similarity still changes when the log-odds are at their limit, and is
+    /// scaled to the same size.
     pub fn merit(&self) -> f64 {
         self.log_odds + MAX_LOG_ODDS * self.similarity
     }
 
-    /// Checks figures that were read from a file. `place` is the file's name and line.
+    /// Checks figures that were read from a file. `place` is the file's name and the line.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the figure that is out of range.
+    /// Returns [`Error::Input`] with the figure that is out of range.
     pub(super) fn check(&self, place: &str) -> Result<()> {
         // Rounding may make a similarity slightly larger than 1.
         let scores = [
@@ -116,14 +117,14 @@ impl Outcome {
         for (name, value, range) in scores.into_iter().chain(figures.into_iter().flatten()) {
             if !range.contains(&value) {
                 let wanted = format!("a number from {} to {}", range.start(), range.end());
-                let hint = "take the line out, or name another folder";
+                let hint = "remove the line, or name another folder";
                 return Err(Error::input(name, value, wanted, hint).in_file(place, None));
             }
         }
         Ok(())
     }
 
-    /// Creates the outcome of a photo's verdict and its flights' figures.
+    /// Creates an outcome from a photo's verdict and the figures of its flights.
     pub(super) fn new(verdict: &Verdict, flown: Flown) -> Self {
         let (p, letters) = (verdict.read_probability(), &verdict.letters);
         Self {
@@ -138,7 +139,7 @@ impl Outcome {
         }
     }
 
-    /// Returns the outcome of a lost drone, which has no photo. `how` is the cause of the loss.
+    /// Returns the outcome of a flight with a lost drone, which has no photo. `how` is its cause.
     pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
@@ -154,8 +155,7 @@ impl Outcome {
 }
 
 impl Flown {
-    /// Computes the figures of the flights for one photo. `believed` has the scene's drone and
-    /// battery.
+    /// Computes the figures of the flights for one photo. `believed` is the scene's drone.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;
@@ -192,10 +192,12 @@ impl Flown {
     }
 }
 
-/// Returns the fraction of the letters' time in which a motor is saturated. 0 if it is not logged.
+/// Returns the fraction of the letters' time in which a motor is saturated, or 0 if it is not
+/// logged.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(total_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
-    // The column has the saturated time since the start, so its differences over letters are added.
+    // The column contains the saturated time since the startand its increments over letters are
+    // added.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, total_s) in flight.samples.windows(2).zip(total_s.windows(2)) {
         if pair[0].letter.is_some() {
@@ -227,7 +229,7 @@ mod tests {
     use noctograph_plan::PlanOptions;
 
     impl Outcome {
-        /// An outcome that was never flown.
+        /// Returns an outcome with made-up figures.
         pub(crate) fn example(probability: f64) -> Self {
             Self {
                 read: "I".into(),
@@ -252,7 +254,7 @@ mod tests {
             flights(Scene { word: "I".into(), ..Scene::preset(Preset::Ae4832022) })[0].samples[0];
         sample.motors = [10_000.0; 4];
         let later = FlightSample { time_s: sample.time_s + 2.0, ..sample };
-        // 40 000 units of 1.95 µN draw 6.68 A/N. A full battery has 4.2 V.
+        // A command of 40 000 units at 1.95 µN each draws 6.68 A/N. A full battery has 4.2 V.
         let want_j = 2.0 * 4.2 * (0.24 + 6.68 * 0.078);
         let found_j = modeled_energy_j(&[sample, later], &SimOptions::default());
         assert!((found_j - want_j).abs() < 1e-9, "{found_j} for {want_j}");

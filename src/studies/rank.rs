@@ -1,4 +1,4 @@
-//! Ranking: contenders in order of legibility, and which of them are distinguishable.
+//! Ranking: orders contenders by legibility, and determines which of them are distinguishable.
 
 use serde::Serialize;
 
@@ -8,14 +8,14 @@ use super::statistics::{
 };
 use super::{Acuity, Flown, Record, Study};
 
-/// Contenders in order of their mean probability of being read, the best first.
+/// Contenders ordered by their mean probability of being read, with the best first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranking {
-    /// One for each contender.
+    /// Measures of each ranked contender.
     pub measures: Vec<Measures>,
-    /// All pairs of contenders.
+    /// Comparisons of all pairs of contenders.
     pub pairs: Vec<Pair>,
-    /// Least number of flights per contender with which any two can be distinguished.
+    /// Minimum number of flights per contender with which any two contenders can be distinguished.
     pub least_flights: u32,
     /// Contenders that are not ranked.
     pub unranked: Vec<Unranked>,
@@ -27,19 +27,20 @@ pub struct Ranking {
 /// A contender that is not ranked.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unranked {
-    /// Its name.
+    /// Name of the contender.
     pub contender: String,
-    /// Why: `refused: ...` before the flights, `failed: ...` in one of them.
+    /// Reason: `refused: ...` before the flights, `failed: ...` in one of them.
     pub note: String,
 }
 
 /// Results of a contender over all its flights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measures {
-    /// Its name.
+    /// Name of the contender.
     pub contender: String,
-    /// 1 for the best. Contenders that cannot be distinguished from the first of a place have the
-    /// same place. `None` if no flight was read, for example because every drone was lost.
+    /// Place in the ranking, 1 for the best. Contenders that cannot be distinguished from the first
+    /// contender at a place have the same place. `None` if no flight was read, for example because
+    /// every drone was lost.
     pub place: Option<usize>,
     /// Number of flights.
     pub n_flights: usize,
@@ -50,39 +51,39 @@ pub struct Measures {
     pub legibility: Estimate,
     /// Fraction of flights whose photo is legible.
     pub legible: Estimate,
-    /// Mean probability of the worst tenth of flights.
+    /// Mean probability of being read in the worst tenth of the flights.
     pub worst_decile: Estimate,
-    /// Fraction of flights in which every letter was read as it should.
+    /// Fraction of flights in which every letter was read as intended.
     pub all_read: Estimate,
-    /// Mean figures of the flights that were not lost. `None` if all were.
+    /// Mean figures of the flights that were not lost. `None` if every flight was lost.
     pub flown: Option<Flown<Estimate>>,
-    /// An earlier contender with exactly the same flights.
+    /// Name of an earlier contender with exactly the same flights.
     pub equal_to: Option<String>,
-    /// Indices of the records with the median and the worst photo.
+    /// Indices of the records whose photos are the median and the worst one.
     #[serde(skip)]
     pub median_and_worst: [usize; 2],
 }
 
-/// Comparison of two contenders, by flights with the same word and seed.
+/// Comparison of two contenders by their flights with the same word and seed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Pair {
-    /// The better one.
+    /// Name of the contender with the higher mean probability.
     pub better: String,
-    /// The other.
+    /// Name of the other contender.
     pub worse: String,
-    /// Mean difference in probability. The interval is at a level that holds for all pairs together
-    /// (Bonferroni), from -1 to 1 if there are too few flights.
+    /// Mean difference in the probability of being read. The level of the interval holds for all
+    /// pairs together (Bonferroni). The interval is from -1 to 1 if there are too few flights.
     pub difference: Estimate,
-    /// True if the two differ at a level that holds for all pairs together (Holm, Scandinavian
-    /// Journal of Statistics 6, 1979).
+    /// True if the two contenders differ at a level that holds for all pairs together (Holm,
+    /// Scandinavian Journal of Statistics 6, 1979).
     pub distinguishable: bool,
 }
 
-/// Least P(read) with a place. Smaller values are printed as 0.000.
+/// Minimum probability of being read that gets a place. Smaller values are printed as 0.000.
 const LEAST_READ: f64 = 0.0005;
 
-/// Ranks the contenders of a study. `records` has one for each of its trials, in their order.
-/// Panics if the number differs.
+/// Ranks the contenders of a study. `records` contains one record for each of its trials, in the
+/// order of the trials. Panics if their numbers differ.
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
     let n_each = (records.len() / study.contenders.len().max(1)).max(1);
@@ -101,7 +102,7 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     let named: Vec<_> = ranked.iter().map(|(m, values)| (&*m.contender, &values[..])).collect();
     let pairs = pairs(&named);
     let mut measures: Vec<Measures> = ranked.into_iter().map(|(measures, _)| measures).collect();
-    // A place begins with the first contender that differs from the first of the place before.
+    // A new place begins with the first contender that differs from the first at the previous one.
     let mut first_of_place = 0;
     for index in 0..measures.len() {
         let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
@@ -121,19 +122,18 @@ fn flew_alike(a: &[Record], b: &[Record]) -> bool {
     a.iter().map(|record| &record.outcome).eq(b.iter().map(|record| &record.outcome))
 }
 
-/// Returns the least number of flights per contender with which any two can be distinguished.
+/// Returns the minimum number of flights per contender with which any two are distinguishable.
 pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
 
-/// Returns the confidence level of one pair's interval with which `n_pairs` intervals hold together
-/// (Bonferroni).
+/// Returns the confidence level of a single interval for `n_pairs` of them (Bonferroni).
 fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
 
-/// Compares every two of `contenders`, given as names with the probabilities of their flights, in
-/// the order of their means.
+/// Compares all pairs of `contenders`, which are names with the probabilities of their flights,
+/// sorted by mean probability.
 pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     let (mut pairs, mut differences_by_pair) = (Vec::new(), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {
@@ -148,8 +148,9 @@ pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
             differences_by_pair.push(differences);
         }
     }
-    // Holm's procedure: the pairs that are distinguished lower the level for the rest, round by
-    // round, until no further pair is. The first round is Bonferroni's. Its intervals are kept.
+    // Holm's procedure: pairs that are found distinguishable lower the level for the remaining
+    // pairs, round by round, until no further pair is found. The first round is Bonferroni's, whose
+    // intervals are reported.
     let (n_pairs, mut n_before) = (pairs.len(), 0);
     loop {
         let n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
@@ -168,8 +169,7 @@ pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     }
 }
 
-/// Returns `value` of one contender's records, word by word, without the records where it is
-/// `None`.
+/// Returns `value` of one contender's records, grouped by word, unless it is `None`.
 fn strata(
     study: &Study,
     mut records: &[Record],
@@ -182,11 +182,11 @@ fn strata(
     words.collect()
 }
 
-/// Computes the measures of one contender from its records, without its place. `first` is the index
-/// of its first record.
+/// Computes the measures of one contender, except its place. `first` is the index of its first
+/// record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
-    // Photos from the worst to the best. A lost drone has none.
+    // Photos are sorted from the worst to the best. A flight with a lost drone has no photo.
     let mut photos: Vec<usize> =
         (0..records.len()).filter(|index| records[*index].outcome.flown.is_some()).collect();
     photos.sort_by(|a, b| {
@@ -222,7 +222,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rayon::prelude::*;
 
-    /// A ranking of made-up probabilities: one list a contender, one word.
+    /// Ranks contenders with made-up probabilities of one word, given as a list for each contender.
     fn ranked(probabilities: &[&[f64]]) -> Ranking {
         let names = ["a", "b", "c"];
         let contenders = (0..probabilities.len())
@@ -234,7 +234,7 @@ mod tests {
         rank(&study, &records(&study, probabilities.concat().into_iter().map(Outcome::example)))
     }
 
-    /// Records of a study of one word with these outcomes.
+    /// Returns records with these outcomes for a study of one word.
     fn records(study: &Study, outcomes: impl Iterator<Item = Outcome>) -> Vec<Record> {
         let records = study.trials().zip(outcomes).map(|(trial, outcome)| Record {
             scene: String::new(),
@@ -268,7 +268,8 @@ mod tests {
 
     #[test]
     fn places_follow_the_order_and_ties_share_the_place_of_their_first() {
-        // b is steadily a little worse than a. c is worse still, and now and then the best.
+        // Contender b is steadily a little worse than a. Contender c is worse still, but sometimes
+        // best.
         let a: Vec<f64> = (0..20).map(|k| 0.9 - 0.001 * f64::from(k)).collect();
         let b: Vec<f64> = a.iter().map(|p| p - 0.01).collect();
         let c: Vec<f64> = (0..20).map(|k| if k % 3 == 0 { 0.95 } else { 0.8 }).collect();
@@ -297,8 +298,9 @@ mod tests {
 
     #[test]
     fn what_is_told_apart_leaves_a_milder_level_for_the_others() {
-        // b is far worse in all flights. c is a little worse than a in all but one. Ten of the 1023
-        // subset means of that difference are below zero: 8 are for three pairs, 25 for one.
+        // Contender b is far worse in all flights. Contender c is a little worse than a in all
+        // flights but one. Ten of the 1023 subset means of that difference are below zero. The
+        // limit is 8 for three pairs, and 25 for one pair.
         let a = [0.9; 10];
         let mut c = [0.89; 10];
         c[0] = 0.915;
@@ -308,21 +310,22 @@ mod tests {
         assert!(pair.difference.low <= 0.0, "not by Bonferroni: {pair:?}");
     }
 
-    /// Pairs of contenders with these probabilities.
+    /// Returns the pairs of contenders with these probabilities.
     fn pairs_of(contenders: &[Vec<f64>]) -> Vec<Pair> {
         pairs(&contenders.iter().map(|values| ("x", &values[..])).collect::<Vec<_>>())
     }
 
-    /// About normal: the sum of twelve uniform numbers.
+    /// Draws an approximately normal number: the sum of twelve uniform numbers.
     fn normal(rng: &mut ChaCha8Rng) -> f64 {
         (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
     }
 
-    /// Fraction of studies in which equal contenders are distinguished.
+    /// Returns the fraction of studies in which equal contenders are found distinguishable.
     fn family_wise_error(n_contenders: u32, n_flights: u32, n_studies: u32) -> f64 {
         let wrong = (0..n_studies).into_par_iter().filter(|study| {
             let rng = &mut ChaCha8Rng::seed_from_u64(u64::from(*study));
-            // Probabilities near 0.9, as flights have: skewed, and alike within a seed.
+            // Probabilities near 0.9 resemble those of flights: skewed, and similar for the same
+            // seed.
             let seeds: Vec<f64> = (0..n_flights).map(|_| 2.0 + normal(rng)).collect();
             let contenders = (0..n_contenders)
                 .map(|_| seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal(rng)))).collect());
@@ -351,7 +354,7 @@ mod tests {
             });
             pairs_of(&contenders.collect::<Vec<_>>())
         }
-        // A step is twelve standard errors of a difference.
+        // The step equals twelve standard errors of a difference.
         assert!(pairs_apart(0.0065).iter().all(|pair| pair.distinguishable));
         let alike = pairs_apart(0.0);
         assert!(alike.iter().all(|pair| !pair.distinguishable && pair.difference.high < 0.01));

@@ -1,9 +1,9 @@
-//! Remedies: settings that make the word of a scene easier to read.
+//! Remedies: changes of settings that make the word of a scene easier to read.
 //!
 //! Product in: a shoot whose word is not legible. Product out: at most three [`Remedy`]s. Every
 //! candidate is planned, flown, exposed on the scene's film and read with the scene's seed. Changes
-//! that gain are flown with two more seeds, and dropped if they lose with one of these. Settings
-//! that nobody can choose, such as gusts or the radio's delay, are not changed.
+//! that help are flown with two more seeds, and dropped if one of these shows a loss. Settings that
+//! nobody can choose, such as gusts or the radio's delay, are not changed.
 
 use rayon::prelude::*;
 
@@ -21,26 +21,26 @@ use noctograph_sim::ControllerKind;
 /// A change of a scene that makes its word easier to read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
-    /// Keys with their new values.
+    /// Changed keys with their new values.
     pub changes: Vec<Change>,
-    /// Mean gain in the probability of being read, over [`SEEDS`] flights.
+    /// Mean increase in the probability of being read, over [`SEEDS`] flights.
     pub gain: f64,
 }
 
-/// Number of seeds with which the scene and a remedy are flown.
+/// Number of seeds with which the original scene and each remedy are flown.
 pub const SEEDS: u64 = 3;
-/// Most remedies.
+/// Maximum number of remedies.
 const MAX_REMEDIES: usize = 3;
-/// Smaller gains are not advised.
+/// Minimum gain for which a change is recommended.
 const LEAST_GAIN: f64 = 0.02;
-/// Good cap height and room luminance, those of the default scene.
+/// Recommended cap height and room luminance, which are those of the default scene.
 const GOOD_CAP_HEIGHT_M: f64 = 0.5;
 const DARK_ROOM_CD_M2: f64 = 0.008;
-/// Slowest stroke speed that is advised.
+/// Lowest stroke speed that is recommended.
 const SLOWEST_M_S: f64 = 0.05;
 
-/// Returns remedies for a shot. Empty if its word reads, or if its plans were given or exported
-/// rather than planned here.
+/// Returns remedies for a shot. The list is empty if the word is legible, or if the plans were
+/// given or exported instead of planned here.
 pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
     let is_read = shot.verdict.as_ref().is_none_or(|verdict| verdict.legible);
     if is_read || !shot.shoot.is_planned || !shot.shoot.designs.is_empty() {
@@ -49,25 +49,26 @@ pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
     remedies(&shot.shoot)
 }
 
-/// Returns the changes with the largest gains, the largest first.
+/// Returns the changes with the largest gains, in descending order.
 ///
 /// # Errors
 ///
-/// Those of the stages for the scene itself. A change that cannot be flown is ignored.
+/// Returns the errors of the stages for the scene itself. A change that cannot be flown is ignored.
 pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
     let before = read_probability(scene, scene.seed)?;
     let sensible = writing(scene).into_iter().chain(pictures(shoot)?).filter(|(wanted, _)| *wanted);
     let candidates = sensible.map(|(_, changes)| Ok((changed(scene, &changes)?, changes)));
     let candidates: Vec<_> = candidates.collect::<Result<_>>()?;
-    // Candidates that gain with the scene's seed, the largest gain first.
+    // The candidates that gain with the scene's seed are sorted by gain, largest first.
     let gainful = candidates.into_par_iter().filter_map(|(scene, changes)| {
         let gain = read_probability(&scene, scene.seed).ok()? - before;
         (gain >= LEAST_GAIN).then_some((gain, changes, scene))
     });
     let mut gainful: Vec<_> = gainful.collect();
     gainful.sort_by(|(a, ..), (b, ..)| b.total_cmp(a));
-    // The first that also gain with further seeds, since the luckiest of many is not the best.
+    // The best candidates that also gain with further seeds are kept, because the candidate with
+    // the best result of one flight owes some of it to luck.
     let further: Vec<u64> = (1..SEEDS).map(|k| scene.seed.wrapping_add(k)).collect();
     let before: Vec<f64> =
         further.par_iter().map(|seed| read_probability(scene, *seed)).collect::<Result<_>>()?;
@@ -89,7 +90,7 @@ pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     Ok(remedies)
 }
 
-/// Returns the probability that the scene's word is read with a seed. 0 if nothing is read.
+/// Returns the probability that the scene's word is read with a seed. Returns 0 if nothing is read.
 fn read_probability(scene: &Scene, seed: u64) -> Result<f64> {
     let mut shoot = Shoot::new(Scene { seed, ..scene.clone() })?;
     (shoot.judging, shoot.backend) = (Judging::Scored, BackendChoice::Cpu);
@@ -108,18 +109,18 @@ fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     Scene::parse_with(&scene.to_toml(), "scene", &values.collect::<Vec<_>>())
 }
 
-/// A change of one or several keys, after true if it makes sense in the scene.
+/// A change of one or several keys, preceded by true if it makes sense for the scene.
 type Candidate = (bool, Vec<Change>);
 
-/// Returns the candidate that sets one key.
+/// Returns the candidate that sets a single key.
 fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
     (wanted, vec![Change::new(key, value)])
 }
 
-/// Returns candidates that change letters, plan, drone or lamps.
+/// Returns candidates that change the letters, the plan, the drone or the lamps.
 fn writing(scene: &Scene) -> Vec<Candidate> {
     let Scene { plan, letters, light, controller, .. } = scene;
-    // Half the speed, rounded to centimeters per second.
+    // The slower speed is half the plan's, rounded to centimeters per second.
     let slower_m_s = (50.0 * plan.stroke_speed_m_s).round() / 100.0;
     let is_slower = slower_m_s >= SLOWEST_M_S && slower_m_s < plan.stroke_speed_m_s;
     let is_word = letters.drawing.is_empty();
@@ -140,12 +141,12 @@ fn writing(scene: &Scene) -> Vec<Candidate> {
     ]
 }
 
-/// Returns candidates that change camera or room.
+/// Returns candidates that change the camera or the room.
 fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
     let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
-    // The exposure of the complete flight, in whole seconds, focused on the word.
+    // The shutter stays open for whole seconds of the flight, and the lens is focused on the word.
     let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
     let word_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();

@@ -1,13 +1,14 @@
 //! Search: proposes points in a unit cube and learns from their costs.
 //!
-//! Tree-structured Parzen estimation (Bergstra et al., "Algorithms for Hyper-Parameter
-//! Optimization", NIPS 2011) by the crate `tpe`, with one estimator for each coordinate.
+//! The method is tree-structured Parzen estimation (Bergstra et al., "Algorithms for
+//! Hyper-Parameter Optimization", NIPS 2011) by the crate `tpe`, with one estimator for each
+//! coordinate.
 
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use tpe::{TpeOptimizer, TpeOptimizerBuilder, parzen_estimator, range};
 
-/// A search for the point of least cost in `[0, 1)ⁿ`.
+/// A search for the point with the least cost in `[0, 1)ⁿ`.
 #[derive(Debug)]
 pub(super) struct Search {
     rng: ChaCha8Rng,
@@ -15,11 +16,11 @@ pub(super) struct Search {
     n_points: usize,
 }
 
-/// Fraction of the points that count as good: γ of Bergstra et al.
+/// Fraction of the points that count as good, called γ by Bergstra et al.
 const GOOD_FRAC: f64 = 0.15;
 
 impl Search {
-    /// Creates a search over `n_coordinates`. Panics if there is no coordinate.
+    /// Creates a search over `n_coordinates` coordinates. Panics if there are none.
     pub(super) fn new(n_coordinates: usize, seed: u64) -> Self {
         assert!(n_coordinates > 0, "a search along at least one coordinate");
         let unit = range(0.0, 1.0).expect("a range");
@@ -34,12 +35,12 @@ impl Search {
     /// Returns the next point to try.
     pub(super) fn ask(&mut self) -> Vec<f64> {
         let rng = &mut self.rng;
-        // With too few points to estimate a density, points are drawn uniformly.
+        // As long as there are too few points to estimate a density, points are drawn uniformly.
         if self.n_points < 2 * self.coordinates.len() {
             return self.coordinates.iter().map(|_| rng.random()).collect();
         }
         let values = self.coordinates.iter_mut().map(|coordinate| {
-            // Below 1, since the cube excludes its upper faces.
+            // The coordinate stays below 1, because the cube excludes its upper faces.
             coordinate.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12)
         });
         values.collect()
@@ -61,13 +62,13 @@ mod tests {
 
     const N: usize = 5;
 
-    /// A narrow valley with one coordinate that does not matter.
+    /// Returns a cost that is a narrow valley, and that does not depend on one of the coordinates.
     fn cost(point: &[f64]) -> f64 {
         let bottom = [0.2, 0.7, 0.4, 0.9];
         point.iter().zip(bottom).map(|(x, b)| (x - b) * (x - b)).sum()
     }
 
-    /// Least cost that a search finds.
+    /// Returns the least cost that a search finds.
     fn least(n_points: usize, seed: u64) -> f64 {
         let mut search = Search::new(N, seed);
         let mut least = f64::INFINITY;
@@ -82,7 +83,7 @@ mod tests {
         least
     }
 
-    /// Least cost of points drawn evenly.
+    /// Returns the least cost of uniformly drawn points.
     fn least_by_chance(n_points: usize, seed: u64) -> f64 {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let points = (0..n_points).map(|_| -> [f64; N] { std::array::from_fn(|_| rng.random()) });

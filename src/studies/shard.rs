@@ -1,8 +1,8 @@
-//! Shard: a part of a study's flights, flown by any process on any machine.
+//! Shard: a part of a study's flights, which any process on any machine can fly.
 //!
-//! Its file is named by the study and the part, depends on nothing else, and appears complete or
-//! not at all. So a shard may be flown twice, or killed and flown again, and the next study may be
-//! divided differently.
+//! The file of a shard is named by the study and the part, depends on nothing else, and appears
+//! whole or not at all. A shard may therefore be flown twice, or killed and flown again, and the
+//! next study may be divided differently.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ use noctograph_pipeline::shoot::Stop;
 pub struct Shard {
     /// Number of this part, 1 to `count`.
     pub index: usize,
-    /// Number of all parts.
+    /// Total number of parts.
     pub count: usize,
 }
 
@@ -37,7 +37,7 @@ impl std::str::FromStr for Shard {
 
 impl Shard {
     /// Flies every `count`th trial of a study and writes the records to a file in `folder`, unless
-    /// it exists already. Returns the file's path and its number of flights.
+    /// it exists already. Returns the file's path and the number of its flights.
     pub fn fly(
         self,
         study: &Study,
@@ -45,7 +45,7 @@ impl Shard {
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(PathBuf, usize)> {
         let prepared = study.prepare()?;
-        // Trials one by one, so that every part has flights of all contenders and words.
+        // Every `count`th trial is taken, which gives every part all contenders and words.
         let trials: Vec<Trial> = study.trials().skip(self.index - 1).step_by(self.count).collect();
         let name = format!("{}-{}-of-{}.jsonl", digest(study, &prepared), self.index, self.count);
         let path = folder.join(name);
@@ -58,15 +58,15 @@ impl Shard {
     }
 }
 
-/// Returns the files of a study's shards in a folder, however it was divided, for [`Store::take`].
-/// `prepared` is the result of [`Study::prepare`].
+/// Returns the files of a study's shards in a folder, for [`Store::take`], regardless of how the
+/// study was divided. `prepared` is the result of [`Study::prepare`].
 pub fn shards(study: &Study, prepared: &[Prepared], folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut files, stem) = (files_in(folder)?, digest(study, prepared));
     files.retain(|path| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(&stem)));
     Ok(files)
 }
 
-/// Returns a digest of a study's scenes, words, conditions and seeds, and of this version.
+/// Returns a digest of a study's scenes, words, conditions and seeds, and of this build.
 fn digest(study: &Study, prepared: &[Prepared]) -> String {
     let mut digest = Digest::default();
     prepared.iter().for_each(|scene| digest.add(scene.digest()));

@@ -1,10 +1,10 @@
-//! Spread: how much the flights of one plan differ, and whether their photos are legible.
+//! Spread: how much the flights of one plan differ, and how many of their photos are legible.
 //!
 //! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
-//! and two [`Band`]s for each drone: one over flights that differ in room and drone, one over
-//! flights of one drone in one room. [`Conditions`] are drawn once for a flight: the drone's mass,
-//! trim, rotors and charge, and the geometry of the base stations. Gusts and sensor noise vary
-//! within it.
+//! and two [`Band`]s for each drone. The first band is over flights that differ in room and drone,
+//! the second band is over flights of one drone in one room. [`Conditions`] are drawn once per
+//! flight: mass, trim, rotors and charge of the drone, and the geometry of the base stations. Gusts
+//! and sensor noise vary within a flight.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -19,75 +19,76 @@ use noctograph_picture::photo::Photo;
 use noctograph_pipeline::shoot::{Judging, Shoot};
 use noctograph_score::{Verdict, is_judged};
 
-/// Fraction of flights inside a band at each time.
+/// Fraction of the flights that are inside a band at each time.
 pub const BAND_FRAC: f64 = 0.9;
-/// Fewest flights whose band can hold that fraction. Two of twenty intervals are outside it.
+/// Minimum number of flights whose band can contain that fraction: two of the twenty intervals
+/// between their values are outside it.
 pub const LEAST_FLIGHTS: usize = 19;
 /// Time step of a band.
 const STEP_S: f64 = 0.1;
 /// Height of capitals in the photos.
 const CAP_HEIGHT_PX: f64 = 64.0;
 
-/// Flights of one plan under conditions.
+/// Flights of one plan under varied conditions.
 #[derive(Clone, Debug)]
 pub struct Spread {
     /// Flights that differ in room and drones.
     pub flights: Vec<SpreadFlight>,
-    /// Band of these flights, for each drone.
+    /// Band of these flights for each drone.
     pub all: Vec<Band>,
-    /// Band of as many flights with the drones and the room of the first seed, for each drone.
+    /// Band for each drone over as many flights with the drones and the room of the first seed.
     pub within: Vec<Band>,
 }
 
-/// One flight of a spread.
+/// Flight of a spread.
 #[derive(Clone, Debug)]
 pub struct SpreadFlight {
-    /// Seed of its noise and of its departures from the scene.
+    /// Seed of the flight's noise and of its departures from the scene.
     pub seed: u64,
-    /// Flights, photo and verdict, or how a drone was lost.
+    /// Flights, photo and verdict, or the cause of the loss of a drone.
     pub shot: std::result::Result<SpreadShot, String>,
 }
 
-/// The products of a flight.
+/// The products of a flight that was not lost.
 #[derive(Clone, Debug)]
 pub struct SpreadShot {
     /// Flights, one for each drone.
     pub flights: Vec<Flight>,
-    /// The photo, developed from a small film.
+    /// Photo developed from a small film.
     pub photo: Photo,
-    /// The verdict. `None` if the reader cannot judge the letters.
+    /// Verdict. `None` if the reader cannot judge the letters.
     pub verdict: Option<Verdict>,
 }
 
-/// The band that holds [`BAND_FRAC`] of flights on each axis at each time. With fewer than
-/// [`LEAST_FLIGHTS`] flights it holds all of them ([`Band::holds_frac`]).
+/// The band that contains [`BAND_FRAC`] of the flights on each axis at each time. With fewer than
+/// [`LEAST_FLIGHTS`] flights it contains all of them ([`Band::holds_frac`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
-    /// Number of flights from which it is made.
+    /// Number of flights from which the band is computed.
     pub n_flights: usize,
-    /// Times, every 0.1 s.
+    /// Times at a step of 0.1 s.
     pub time_s: Vec<f64>,
-    /// Lower end, median and upper end of the positions at each time.
+    /// Lower end, median and upper end of the positions at each time step.
     pub ends_m: Vec<[Vector3<f64>; 3]>,
-    /// Design at each time.
+    /// Designed position at each time step.
     pub design_m: Vec<Vector3<f64>>,
-    /// True while a letter is written.
+    /// True at each time step at which a letter is being written.
     pub writes: Vec<bool>,
 }
 
 impl Band {
-    /// Creates the band of `position_m` over flights of one plan, with a time every 0.1 s.
+    /// Creates the band of `position_m` over flights of one plan, at a time step of 0.1 s.
     pub fn new(flights: &[&Flight], position_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
         let mut band = Self { n_flights: flights.len(), ..Self::default() };
         let Some(first) = flights.first() else { return band };
         let mut next_s = f64::NEG_INFINITY;
         for (index, sample) in first.samples.iter().enumerate() {
-            // Thinned to the step. The margin is for rounding errors.
+            // Samples are skipped until the next step. The margin is for rounding errors.
             if sample.time_s < next_s - 1e-9 {
                 continue;
             }
             next_s = sample.time_s.max(next_s) + STEP_S;
-            // Flights of one plan have samples at equal times.
+            // Flights of one plan have samples at the same times.
             let samples = flights.iter().filter_map(|flight| flight.samples.get(index));
             let positions_m: Vec<Vector3<f64>> = samples.map(&position_m).collect();
             let quantiles_m =
@@ -101,15 +102,15 @@ impl Band {
         band
     }
 
-    /// Returns the fraction of further flights that the band holds: [`BAND_FRAC`], or with fewer
+    /// Returns the fraction of further flights that the band contains: [`BAND_FRAC`], or with fewer
     /// than [`LEAST_FLIGHTS`] flights that between the extremes of n flights, `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
     }
 
-    /// Returns half its width on each axis: the mean while letters are written, or over all times
-    /// if none are.
+    /// Returns half the mean width of the band on each axis while letters are written, or over all
+    /// times if no letter is written.
     pub fn half_width_m(&self) -> Vector3<f64> {
         let has_letters = self.writes.contains(&true);
         let ends_m = self.ends_m.iter().zip(&self.writes);
@@ -121,15 +122,16 @@ impl Band {
     }
 }
 
-/// Returns the quantiles of a band: its lower end, the median and its upper end.
+/// Returns the quantiles that define a band: its lower end, its median and its upper end.
 fn band_quantiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - BAND_FRAC);
     [tail, 0.5, 1.0 - tail].map(|probability| quantile(&values, probability))
 }
 
-/// Returns the quantile of sorted values by Weibull's plotting position, `k / (n + 1)`: a further
-/// value is below it with this probability. Limited to the extremes. NaN without values.
+/// Returns a quantile of sorted values by Weibull's plotting position, `k / (n + 1)`, so that a
+/// further value is below it with the given probability. The result is limited to the extremes.
+/// Without values it is NaN.
 fn quantile(sorted: &[f64], probability: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let rank = (probability * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
@@ -139,12 +141,14 @@ fn quantile(sorted: &[f64], probability: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (rank - rank.floor())
 }
 
-/// Flies a shoot with `n` seeds from the scene's on, each with different drones and room, and again
-/// with the drones and the room of the first. `done` is called with the number of flights so far.
+/// Flies a shoot with `n` seeds starting with the scene's, each with different drones and a
+/// different room. Then the same seeds fly again with the drones and the room of the first seed.
+/// `done` is called with the number of finished flights.
 ///
 /// # Errors
 ///
-/// Those of the stages, except that of a lost drone. [`Error::Infeasible`] if every flight is lost.
+/// Returns the errors of the stages, except a lost drone. Returns [`Error::Infeasible`] if every
+/// flight is lost.
 pub fn spread(
     shoot: &Shoot,
     conditions: &Conditions,
@@ -157,12 +161,12 @@ pub fn spread(
     if let Some(strokes) = base.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
         base.reader = Some(reader(strokes, &base.scene.score)?);
     }
-    // Small films are enough for a contact sheet.
+    // Small films are sufficient for a contact sheet.
     shrink(&mut base, CAP_HEIGHT_PX)?;
     let first = shoot.scene.seed;
     let count = counter(done);
     let seeds: Vec<u64> = (first..).take(n).collect();
-    // Each seed with its room and drones, photographed and read.
+    // Each seed is flown with its own room and drones, photographed and read.
     let flights = seeds.par_iter().map(|seed| {
         let shot = or_lost(with_seeds(&base, conditions, *seed, *seed).take(&|_, _| {}));
         count();
@@ -171,7 +175,7 @@ pub fn spread(
         Ok(SpreadFlight { seed: *seed, shot })
     });
     let flights: Vec<SpreadFlight> = flights.collect::<Result<_>>()?;
-    // The same seeds with the drones and the room of the first: flown without a photo.
+    // The same seeds are flown with the drones and the room of the first seed, without a photo.
     let again = seeds.par_iter().map(|seed| {
         let flown = or_lost(with_seeds(&base, conditions, *seed, first).fly(&|_, _| {}));
         count();
@@ -180,15 +184,15 @@ pub fn spread(
     let again: Vec<_> = again.collect::<Result<_>>()?;
     let flown: Vec<&Vec<Flight>> =
         flights.iter().filter_map(|flight| Some(&flight.shot.as_ref().ok()?.flights)).collect();
-    let again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
-    if flown.is_empty() || again.is_empty() {
+    let flown_again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
+    if flown.is_empty() || flown_again.is_empty() {
         let lost = flights.iter().find_map(|flight| flight.shot.as_ref().err());
         return Err(Error::infeasible(
             format!("every flight is lost: {}", lost.map_or("", String::as_str)),
-            "fly the scene without its spread, or under milder conditions",
+            "fly the scene without varied conditions, or under milder ones",
         ));
     }
-    let [all, within] = [flown, again].map(|fleets| {
+    let [all, within] = [flown, flown_again].map(|fleets| {
         let bands = (0..base.plans.len()).map(|drone| {
             let flights: Vec<&Flight> = fleets.iter().map(|flights| &flights[drone]).collect();
             Band::new(&flights, |sample| sample.position_m)
@@ -198,7 +202,7 @@ pub fn spread(
     Ok(Spread { all, within, flights })
 }
 
-/// Returns a shoot with the noise of `seed`, and the drones and the room of `room_seed`.
+/// Returns a shoot with the noise of `seed`, and with the drones and the room of `room_seed`.
 fn with_seeds(base: &Shoot, conditions: &Conditions, seed: u64, room_seed: u64) -> Shoot {
     let mut shoot = Shoot { room_seed: Some(room_seed), ..base.clone() };
     let actual = (0..).map(|drone| conditions.draw(&base.scene, room_seed, drone));

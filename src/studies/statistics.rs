@@ -9,12 +9,12 @@
 //! | worst tenth | the same, of its influence function (`worst_decile`) |
 //! | other figures | percentile bootstrap: Efron, Tibshirani, "An Introduction to the Bootstrap" (1993) |
 //!
-//! Random numbers have a fixed seed, so that an interval depends only on its values.
+//! The random numbers have a fixed seed, so that an interval depends only on its values.
 //!
-//! The means of all subsets of n differences divide the line into 2ⁿ intervals that hold the center
-//! of any symmetric distribution with equal probability. So the interval is exact even for few
-//! values. It corresponds to the randomization test of Fisher and Pitman. A level of 95 % needs at
-//! least six values.
+//! The means of all subsets of n differences divide the line into 2ⁿ intervals. Each interval
+//! contains the center of any symmetric distribution with equal probability, so that the confidence
+//! interval is exact even for few values. The method corresponds to the randomization test of
+//! Fisher and Pitman. A level of 95 % needs at least six values.
 
 use std::borrow::Borrow;
 
@@ -24,53 +24,54 @@ use serde::Serialize;
 
 /// Number of bootstrap samples. 50 of them lie beyond each end of a 95 % interval.
 const RESAMPLES: usize = 2000;
-/// Number of subsets that are drawn if there are more. 11 of them lie beyond an end at a level of
-/// 1 - 0.05 / 45, that for ten contenders.
+/// Number of subsets that are drawn at random if there are too many to enumerate. At a level of 1 -
+/// 0.05 / 45, the level for ten contenders, 11 of them lie beyond each end.
 const SUBSETS: usize = 20_000;
-/// Most values whose subsets are all enumerated.
+/// Maximum number of values whose subsets are all enumerated.
 const MAX_ENUMERATED: usize = 14;
 
-/// Weight of the values 0 and 1 that no flight had, in flights. With less, intervals of few flights
-/// miss rare failures: at 0.25, 89 % hold the mean of a hundred flights of which three in a hundred
-/// fail. With more they are wider than they need to be.
+/// Weight, in flights, of the hypothetical values 0 and 1 that no flight had. At a lower weight,
+/// the intervals of few flights miss rare failures: at 0.25, only 89 % of them contain the mean of
+/// a hundred flights if 3 % of flights fail. At a higher weight they are wider than necessary.
 const UNSEEN: f64 = 0.5;
-/// Bisections of the logarithm of a distance.
+/// Number of bisections of the logarithm of a distance.
 const BISECTIONS: u32 = 40;
 
 /// A figure and its confidence interval at a stated level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
-    /// The figure of all values.
+    /// The figure that is computed from all values.
     pub value: f64,
-    /// Lower end.
+    /// Lower end of the confidence interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the confidence interval.
     pub high: f64,
 }
 
-/// Level of all intervals but those of `center`.
+/// Confidence level of all intervals except those of `center`.
 pub(super) const LEVEL: f64 = 0.95;
 
-/// Returns the mean. 0 without values.
+/// Returns the mean, which is 0 without values.
 pub(super) fn mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
     let mut n = 0.0_f64;
     let sum: f64 = values.into_iter().inspect(|_| n += 1.0).map(|value| *value.borrow()).sum();
     sum / n.max(1.0)
 }
 
-/// Returns the standard error of the mean. 0 for fewer than two values.
+/// Returns the standard error of the mean, which is 0 for fewer than two values.
 pub(super) fn standard_error(values: &[f64]) -> f64 {
     let (n, middle) = (values.len() as f64, mean(values));
     let variance = mean(values.iter().map(|value| (value - middle) * (value - middle)));
     if n < 2.0 { 0.0 } else { (variance / (n - 1.0)).sqrt() }
 }
 
-/// Returns the mean of the lowest tenth of values from 0 to 1, at least one of them, with its 95 %
-/// interval. 0 without values. The interval of a single value is from 0 to 1.
+/// Returns the mean of the lowest tenth (at least one) of values from 0 to 1, with its 95 %
+/// interval. Without values the mean is 0. The interval of a single value is from 0 to 1.
 ///
-/// It is the largest, over a value q, of the mean of `q + min(x - q, 0) n / k`, for the k lowest of
-/// n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). So each end is the largest of those
-/// of such means, by [`Posterior::ends`]. A percentile bootstrap never draws below the lowest
+/// The mean of the worst tenth is the maximum, over a value q, of the mean of `q + min(x - q, 0) n
+/// / k`, for the k lowest of n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). Each end
+/// of the interval is therefore the maximum of the corresponding ends of such means, by
+/// [`Posterior::ends`]. A percentile bootstrap is not used because it never draws below the lowest
 /// value.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     let mut values = strata.concat();
@@ -81,7 +82,8 @@ pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
         return Estimate { value, low: 0.0, high: 1.0 };
     }
     let per_value = values.len() as f64 / n_lowest as f64;
-    // Values q around the k-th: at few the tenth of all flights may reach farther than theirs.
+    // Candidates for q lie around the k-th value, because with few flights the worst tenth of all
+    // possible flights may reach beyond the k-th observed one.
     let ends = [2, 3, 4, 6, 8, 12, 16].map(|quarters| {
         let q = values[(quarters * n_lowest / 4).min(values.len() - 1)];
         let influences = values.iter().map(|x| q + (x - q).min(0.0) * per_value).collect();
@@ -91,7 +93,7 @@ pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     Estimate { value, low: low.min(value), high: high.clamp(value, 1.0) }
 }
 
-/// Returns the median and sorts the values. 0 without values.
+/// Sorts the values and returns their median, which is 0 without values.
 pub fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let n = values.len();
@@ -99,7 +101,8 @@ pub fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Returns the mean of all values with its 95 % interval by Student's t. The variance is that
-/// within strata, or of all values if a stratum has only one. Unbounded for a single value.
+/// within strata, or that of all values if a stratum has only one. For a single value it is
+/// unbounded.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
@@ -111,44 +114,44 @@ pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     Estimate { value, low: value - half_width, high: value + half_width }
 }
 
-/// Returns the mean of values from 0 to 1 with its 95 % interval, within 0 and 1, by
-/// [`Posterior::ends`]. The interval of a single value is from 0 to 1.
+/// Returns the mean of values from 0 to 1 with its 95 % interval, computed by [`Posterior::ends`]
+/// and limited to 0 to 1. The interval of a single value is from 0 to 1.
 ///
 /// Probabilities of being read are skewed: most flights are alike, and a few are far worse. Small
-/// samples often lack these few. So the interval accounts for flights at 0 and at 1 that were not
-/// seen (`coverage`, docs/benchmark.md).
+/// samples often lack these few. The interval therefore allows for unseen flights at 0 and at 1
+/// (`coverage`, docs/benchmark.md).
 pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let values = about(value, strata);
     if values.len() < 2 {
         return Estimate { value, low: 0.0, high: 1.0 };
     }
-    // Good flights are near 1, and more of them there would change little.
+    // The probabilities of good flights are near 1and more of them would change little.
     let [lowest, highest] =
         [value, 1.0 - value].map(|distance| UNSEEN * (2.0 * distance).clamp(0.0, 1.0).sqrt());
     let [low, high] = Posterior::ends(values, [(0.0, lowest), (1.0, highest)]);
-    // The mean is within but for rounding, of equal values.
+    // The mean lies within the interval, except for rounding errors when all values are equal.
     Estimate { value, low: low.clamp(0.0, value), high: high.clamp(value, 1.0) }
 }
 
-/// Mean of values with random weights: of the Dirichlet distribution, with a parameter of 1 for
-/// each value (Rubin's Bayesian bootstrap, Annals of Statistics 9, 1981) and another one for a
-/// value that was not seen.
+/// Posterior distribution of a mean: the mean of values with random weights from a Dirichlet
+/// distribution, with a parameter of 1 for each value (Rubin's Bayesian bootstrap, Annals of
+/// Statistics 9, 1981) and a separate parameter for a hypothetical unseen value.
 ///
-/// With 1 for that value too, the end on its side is Gaffke's bound (preprint, Magdeburg 2005, and
-/// Learned-Miller, Thomas, arXiv:1905.06208), which holds for any distribution as far as is known.
-/// For proportions it is that of Clopper and Pearson.
+/// If the parameter of the unseen value is 1 as well, the end on its side is Gaffke's bound
+/// (preprint, Magdeburg 2005, and Learned-Miller, Thomas, arXiv:1905.06208). As far as is known,
+/// this bound holds for any distribution. For proportions it equals that of Clopper and Pearson.
 struct Posterior {
     values: Vec<f64>,
-    /// A value that was not seen, and its parameter.
+    /// The unseen value and its parameter.
     unseen: (f64, f64),
 }
 
 impl Posterior {
-    /// Returns the ends of the 95 % interval of values, with an unseen value at either side.
+    /// Returns the ends of the 95 % interval of the mean, with an unseen value on either side.
     ///
-    /// Each side has half of the probability of a miss. If an end lies far out because of the
-    /// unseen value, a mean of the others seldom misses it. Then the other end gets what is left.
+    /// Each side has half of the probability of a miss. If an unseen value moves an end far out,
+    /// that end is seldom missed without it, and the other end gets the unused probability.
     fn ends(values: Vec<f64>, unseen: [(f64, f64); 2]) -> [f64; 2] {
         let half = 0.5 * (1.0 - LEVEL);
         let mirrored = values.iter().map(|x| -x).collect();
@@ -167,26 +170,32 @@ impl Posterior {
         [low, -high]
     }
 
-    /// Returns the point, and the probability of a mean below it, at the saddle that is nearest to
-    /// the values of those for which `is_beyond` is false. It is true near them.
+    /// Returns a point, and the probability of a mean below it. The point belongs to the saddle
+    /// nearest to the values among those for which `is_beyond` is false. `is_beyond` must be true
+    /// near the values and false far from them.
     fn solve(&self, is_beyond: impl Fn(f64, f64) -> bool) -> (f64, f64) {
         let least = self.weighted().map(|(x, _)| x).fold(f64::INFINITY, f64::min);
-        // Natural logarithms of distances from the least value.
+        // Natural logarithms of the distances of the saddle from the lowest value.
         let (mut near, mut far) = (-30.0, 8.0);
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (near + far);
             let (point, probability) = self.tail(least - libm::exp(middle));
-            *(if is_beyond(point, probability) { &mut near } else { &mut far }) = middle;
+            if is_beyond(point, probability) {
+                near = middle;
+            } else {
+                far = middle;
+            }
         }
         self.tail(least - libm::exp(far))
     }
 
-    /// Returns the point whose saddle lies `saddle`, below all values, and the probability of a
-    /// mean below the point: Lugannani and Rice, Advances in Applied Probability 12 (1980), in the
-    /// form of Barndorff-Nielsen. Ends of proportions are within 0.005 of the exact ones.
+    /// Returns the point whose saddle is at `saddle`, below all values, and the probability of a
+    /// mean below the point. The method is that of Lugannani and Rice, Advances in Applied
+    /// Probability 12 (1980), in the form of Barndorff-Nielsen. For proportions the ends are within
+    /// 0.005 of the exact ones.
     ///
-    /// The mean is below c if `Σ γ (x - c) < 0`, with γ of the gamma distribution. The saddle of
-    /// its cumulants is a pole u that gives the point: c - u is the harmonic mean of x - u.
+    /// The mean is below c if `Σ γ (x - c) < 0`, with gamma-distributed γ. The cumulants of this
+    /// sum have a saddle, whose pole u determines the point: c - u is the harmonic mean of x - u.
     fn tail(&self, saddle: f64) -> (f64, f64) {
         let (mut total, mut inverses) = (0.0, 0.0);
         for (x, weight) in self.weighted() {
@@ -203,25 +212,25 @@ impl Posterior {
             curvature += weight * slope * slope;
         }
         let (r, q) = (ratio.max(0.0).sqrt(), curvature.sqrt());
-        // Equal values have no spread.
+        // If all values are equal, there is no spread.
         let z = if r.min(q) < 1e-7 { 0.0 } else { r + libm::log(q / r) / r };
         (point, 0.5 * libm::erfc(z * std::f64::consts::FRAC_1_SQRT_2))
     }
 
-    /// Returns the values with their parameters.
+    /// Returns the values, each with its Dirichlet parameter.
     fn weighted(&self) -> impl Iterator<Item = (f64, f64)> {
         let unseen = Some(self.unseen).filter(|(_, weight)| *weight > 0.0);
         self.values.iter().map(|x| (*x, 1.0)).chain(unseen)
     }
 }
 
-/// Returns the values about one mean instead of that of their stratum. Their variance about it is
-/// that within strata.
+/// Returns the values shifted so that each stratum has the given mean, and scaled so that their
+/// variance about it is the variance within strata.
 fn about(value: f64, strata: &[Vec<f64>]) -> Vec<f64> {
     let strata = pooled(strata);
     let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
     let values = strata.iter().flat_map(|values| {
-        // Bessel's correction in each stratum, less that for one stratum.
+        // Bessel's correction for each stratum, divided by that for a single stratum of all values.
         let (n_values, middle) = (values.len() as f64, mean(values));
         let bessel = n_values / (n_values - 1.0).max(1.0) * (n - 1.0) / n;
         values.iter().map(move |x| value + bessel.sqrt() * (x - middle))
@@ -229,17 +238,17 @@ fn about(value: f64, strata: &[Vec<f64>]) -> Vec<f64> {
     values.collect()
 }
 
-/// Returns the strata, or all values as one stratum if a stratum has a single value.
+/// Returns the strata, or all values as one stratum if any stratum has only one value.
 fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let has_single = strata.iter().any(|values| values.len() == 1);
     if has_single { vec![strata.concat()] } else { strata.to_vec() }
 }
 
 /// Returns the proportion of true values with its 95 % interval by Agresti and Coull, which is
-/// Wilson's with the variance at its middle. If about one flight in five studies differs, Wilson's
-/// holds the true value in 84 % of cases, this one in 90 to 99 %.
+/// Wilson's interval with the variance taken at its center. If about one flight in five studies
+/// differs, Wilson's interval contains the true value in 84 % of cases, and this one in 90 to 99 %.
 pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
-    // 97.5 % quantile of the normal distribution.
+    // The 97.5 % quantile of the normal distribution.
     const Z: f64 = 1.959_964;
     let hits: Vec<f64> = values.into_iter().map(f64::from).collect();
     let (value, n) = (mean(&hits), hits.len() as f64 + Z * Z);
@@ -248,14 +257,15 @@ pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
     Estimate { value, low: (middle - half_width).max(0.0), high: (middle + half_width).min(1.0) }
 }
 
-/// Returns the mean of differences, with a confidence interval at `level` of their distribution's
-/// center, by Hartigan's typical values. `None` for too few differences. The drawn subsets do not
-/// resolve levels such as those for more than thirty contenders. The interval then is wider:
-/// Hoeffding's bound (Journal of the ASA 58, 1963) on the means of all subsets.
+/// Returns the mean of differences, with a confidence interval at `level` for the center of their
+/// distribution, by Hartigan's typical values. Returns `None` if there are too few differences. At
+/// levels that the drawn subsets do not resolve, such as for more than thirty contenders, the
+/// interval is wider: it is Hoeffding's bound (Journal of the ASA 58, 1963) on the means of all
+/// subsets.
 pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let (n, value) = (differences.len() as f64, mean(differences));
     let mut means = subset_means(differences);
-    // Number of subset means beyond either end. The margin is for rounding errors.
+    // Number of subset means beyond each end. The added 1e-9 allows for rounding errors.
     #[expect(clippy::cast_possible_truncation, reason = "within the subsets")]
     let beyond = (0.5 * (1.0 - level) * (means.len() + 1) as f64 + 1e-9) as usize;
     if beyond > 0 {
@@ -270,15 +280,16 @@ pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     is_drawn.then_some(Estimate { value, low: value - half_width, high: value + half_width })
 }
 
-/// Returns the least number of differences for which [`center`] has an interval at `level`.
+/// Returns the minimum number of differences for which [`center`] has an interval at `level`.
 #[expect(clippy::cast_possible_truncation, reason = "small")]
 pub(super) fn least_for_center(level: f64) -> u32 {
     libm::ceil(libm::log2(2.0 / (1.0 - level)) - 1e-9) as u32
 }
 
-/// Returns the means of all subsets but the empty one, or of [`SUBSETS`] drawn at random.
+/// Returns the means of all subsets except the empty one, or of [`SUBSETS`] random ones.
 fn subset_means(values: &[f64]) -> Vec<f64> {
-    // A table for every eight values, so that a mean needs one look-up in each table.
+    // There is a table of sums for every eight values, so that the mean of a subset needs one
+    // look-up in each table.
     let tables: Vec<Vec<(f64, u32)>> = values.chunks(8).map(subset_sums).collect();
     if values.len() <= MAX_ENUMERATED {
         let masks = 0..1_usize << values.len();
@@ -290,8 +301,8 @@ fn subset_means(values: &[f64]) -> Vec<f64> {
     (0..SUBSETS).filter_map(|_| subset_mean(&tables, &mut bytes)).collect()
 }
 
-/// Returns the sum and number of the values in every subset of up to eight values. The bits of a
-/// subset's index select them.
+/// Returns the sum and the number of the values in every subset of up to eight values. Bit i of a
+/// subset's index selects value i.
 fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     let subsets = (0..1_usize << eight.len()).map(|mask| {
         let chosen = eight.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1);
@@ -300,34 +311,35 @@ fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     subsets.collect()
 }
 
-/// Returns the mean of the subset given by an index into each table. `None` for the empty subset.
+/// Returns the mean of the subset given by an index into each table, or `None` for the empty
+/// subset.
 fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>) -> Option<f64> {
     let sums = tables.iter().zip(indices).map(|(table, index)| table[index % table.len()]);
     let (sum, n) = sums.fold((0.0, 0), |(sum, n), (more, count)| (sum + more, n + count));
     (n > 0).then(|| sum / f64::from(n))
 }
 
-/// Returns the 97.5 % quantile of Student's t for `freedom` degrees of freedom (Hill,
+/// Returns the 97.5 % quantile of Student's t-distribution with `freedom` degrees of freedom (Hill,
 /// Communications of the ACM 13, 1970, algorithm 396).
 fn student_t(freedom: f64) -> f64 {
-    // Probability of both tails, and the normal quantile of one of them.
+    // Probability of both tails together, and the normal quantile of one of them.
     const BEYOND: f64 = 0.05;
     const NORMAL: f64 = -1.959_964;
-    // One and two degrees of freedom have closed forms.
+    // Student's distribution has closed forms for one and two degrees of freedom.
     if freedom < 2.0 {
         return 1.0 / libm::tan(0.5 * std::f64::consts::PI * BEYOND);
     }
     if freedom < 3.0 {
         return (2.0 / (BEYOND * (2.0 - BEYOND)) - 2.0).sqrt();
     }
-    // The names are those of Hill's algorithm.
+    // The names of the variables are those of Hill's algorithm.
     let a = 1.0 / (freedom - 0.5);
     let b = 48.0 / (a * a);
     let mut c = ((20_700.0 * a / b - 98.0) * a - 16.0) * a + 96.36;
     let d = ((94.5 / (b + c) - 3.0) / b + 1.0) * (0.5 * a * std::f64::consts::PI).sqrt() * freedom;
     let mut y = libm::pow(d * BEYOND, 2.0 / freedom);
     if y > 0.05 + a {
-        // Many degrees: an asymptotic inverse expansion about the normal quantile.
+        // Many degrees of freedom: an asymptotic inverse expansion about the normal quantile.
         let x = NORMAL;
         y = x * x;
         if freedom < 5.0 {
@@ -337,7 +349,7 @@ fn student_t(freedom: f64) -> f64 {
         y = (((((0.4 * y + 6.3) * y + 36.0) * y + 94.5) / c - y - 3.0) / b + 1.0) * x;
         y = libm::expm1(a * y * y);
     } else {
-        // Few degrees: an expansion in the tail.
+        // Few degrees of freedom: an expansion in the tail.
         let tail = (1.0
             / (((freedom + 6.0) / (freedom * y) - 0.089 * d - 0.822) * (freedom + 2.0) * 3.0)
             + 0.5 / (freedom + 4.0))
@@ -355,7 +367,7 @@ pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f
         return Estimate { value, low: value, high: value };
     }
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    // Each sample has as many values of a stratum as it has, with replacement.
+    // Each sample draws, with replacement, as many values from a stratum as the stratum has.
     let samples = (0..RESAMPLES).map(|_| {
         values.clear();
         for stratum in &strata {
@@ -392,7 +404,7 @@ mod tests {
 
     #[test]
     fn the_interval_of_a_mean_is_that_of_the_normal_law() {
-        // Standard error of 0 … 399: 115.62 / 20 = 5.78, times 1.966.
+        // The standard error of 0 … 399 is 115.62 / 20 = 5.78, and its factor is 1.966.
         let values: Vec<f64> = (0..400).map(f64::from).collect();
         let by_t = mean_of_strata(std::slice::from_ref(&values));
         assert!((by_t.high - by_t.value - 11.365).abs() < 0.01, "{by_t:?}");
@@ -412,7 +424,7 @@ mod tests {
             let t = student_t(freedom);
             assert!((t - wanted).abs() < 1e-3, "{freedom}: {t}");
         }
-        // R's binom.confint(x, n, methods = "agresti-coull").
+        // The wanted values are from R's binom.confint(x, n, methods = "agresti-coull").
         for (hits, n, low, high) in [(0, 10, 0.0, 0.3209), (8, 10, 0.4794, 0.9541)] {
             let estimate = proportion((0..n).map(|i| i < hits));
             assert!(
@@ -424,7 +436,8 @@ mod tests {
 
     #[test]
     fn ends_of_proportions_are_those_of_beta_distributions() {
-        // R's qbeta(0.025, hits, 10 - hits + weight): with 1 that of Clopper and Pearson.
+        // The wanted values are from R's qbeta(0.025, hits, 10 - hits + weight). A weight of 1
+        // gives the interval of Clopper and Pearson.
         let wanted = [(8, 1.0, 0.4439), (8, 0.5, 0.4775), (10, 1.0, 0.6915), (10, 0.5, 0.7731)];
         for (hits, weight, wanted) in wanted {
             let values = (0..10).map(|k| f64::from(k < hits)).collect();
@@ -484,7 +497,7 @@ mod tests {
 
     #[test]
     fn intervals_hold_what_they_promise() {
-        // 300 samples of 30 uniform numbers: 95 % of the intervals hold the true mean.
+        // Of 300 samples of 30 uniform numbers, 95 % have intervals that contain the true mean.
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let samples = (0..300).map(|_| (0..30).map(|_| rng.random()).collect());
         let estimates = samples.map(|values| mean_of_strata(&[values]));

@@ -1,9 +1,9 @@
-//! Store: a folder that never loses a flight.
+//! Store: a folder of flights from which no flight is ever lost.
 //!
-//! `study.json` names the program that wrote it. `flights.jsonl` holds one JSON object a line,
-//! which `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by
-//! one write of one line. So a killed program leaves at worst half a line at the end, which the
-//! next program removes. One program at a time writes to the folder (`lock`).
+//! `study.json` names the program that wrote the folder. `flights.jsonl` contains one JSON object
+//! per line, which `jq`, `pandas.read_json(lines=True)` and `DuckDB` can read directly. A record is
+//! appended by a single write of one line. If the program is killed, half a line at most remains at
+//! the end, and the next run removes it. Only one program at a time writes to the folder (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -20,37 +20,37 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output};
 use noctograph_core::input_error;
 
-/// Version of the folder's layout and of the figures' meaning. In 2 a likelier rival limits
-/// `probability`.
+/// Version of the folder's layout and of the meaning of its figures. Since version 2 a more
+/// probable rival limits `probability`.
 const FORMAT: u32 = 2;
-/// Number of records between two syncs to disk. A power failure loses them, a killed program does
-/// not.
+/// Number of records between two syncs to disk. A power failure loses the records since the last
+/// sync, but a killed program loses none.
 const SYNC_EVERY: usize = 64;
-/// Longest line that is accepted.
+/// Maximum length of a line that is accepted.
 const MAX_LINE_BYTES: usize = 1 << 20;
-/// Largest file of flights.
+/// Maximum size of a file of flights.
 const LIMIT: Limit = Limit { bytes: 320 << 20, what: "a store of flights", hint: ANOTHER };
 const ANOTHER: &str = "name another folder";
-/// Largest header.
+/// Maximum size of a header.
 const HEADER: Limit = Limit { bytes: 1 << 12, what: "the header of a store", hint: ANOTHER };
-/// Names of the other files.
+/// Names of the folder's other files.
 const HEADER_FILE: &str = "study.json";
 const LOCK: &str = "lock";
-/// Beginning of every line.
+/// Bytes with which every line begins.
 const BEGINNING: &[u8] = b"{\"scene\":\"";
 
-/// One flight, as a line of a store.
+/// Record of one flight, a line of a store.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// [`super::Prepared::digest`].
+    /// Digest of the prepared scene: [`super::Prepared::digest`].
     pub scene: String,
     /// Name of the contender that flew.
     pub contender: String,
-    /// The word.
+    /// The word that was flown.
     pub word: String,
     /// Seed of the flight.
     pub seed: u64,
-    /// Its outcome.
+    /// Outcome of the flight.
     #[serde(flatten)]
     pub outcome: Outcome,
 }
@@ -62,21 +62,21 @@ struct Header {
     format: u32,
 }
 
-/// A folder of flights.
+/// An open folder of flights.
 #[derive(Debug)]
 pub struct Store {
     path: PathBuf,
     known: OutcomesByScene,
     log: Mutex<Log>,
-    /// Locked as long as the store is open.
+    /// Lock file, which stays locked as long as the store is open.
     _lock: File,
 }
 
-/// Outcomes by the scene and seed of their flight.
+/// Outcomes by the scene and the seed of their flight.
 type OutcomesByScene = BTreeMap<String, BTreeMap<u64, Outcome>>;
 
-/// Adds the outcome of a flight in the file `path`. Returns true if the flight is new. Refuses a
-/// second, different outcome of a flight.
+/// Adds the outcome of a flight from the file `path`. Returns true if the flight is new. Refuses a
+/// second, different outcome of the same flight.
 fn add(known: &mut OutcomesByScene, record: Record, path: &Path) -> Result<bool> {
     let Record { scene, seed, outcome, word, .. } = record;
     match known.entry(scene).or_default().entry(seed) {
@@ -89,16 +89,16 @@ fn add(known: &mut OutcomesByScene, record: Record, path: &Path) -> Result<bool>
             path.display(),
             "two outcomes of {word} with seed {seed}",
             "one outcome of each flight",
-            "take out the line that is wrong, or name another folder",
+            "remove the wrong line, or name another folder",
         )),
     }
 }
 
-/// The end of `flights.jsonl`.
+/// The end of `flights.jsonl`, to which records are appended.
 #[derive(Debug)]
 struct Log {
     file: File,
-    /// Length of the complete lines in bytes.
+    /// Total length of the complete lines in bytes.
     length: u64,
     n_flights: usize,
 }
@@ -111,19 +111,20 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] if another process has it open. [`Error::Input`] if another version of
-    /// this program wrote it or a line is invalid. [`Error::Io`].
+    /// Returns [`Error::Infeasible`] if another process has the folder open. Returns
+    /// [`Error::Input`] if another version of this program wrote it or if a line is invalid.
+    /// Returns [`Error::Io`] if a file cannot be read or written.
     pub fn open(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
         let path = folder.join(Self::FLIGHTS);
         for file in [&path, &folder.join(LOCK), &folder.join(HEADER_FILE)] {
-            // A pipe would block the program.
+            // A named pipe would block the program.
             if file.exists() && !file.is_file() {
                 let wanted = "a file, or nothing yet";
                 return Err(Error::input(file.display(), "no regular file", wanted, ANOTHER));
             }
         }
-        // Locked before anything is read or written.
+        // The folder is locked before anything is read or written.
         let lock = lock(folder)?;
         check_header(folder)?;
         let mut file = writable(&path)?;
@@ -132,44 +133,44 @@ impl Store {
             n_flights += 1;
             add(&mut known, record, &path).map(drop)
         })?;
-        // Half a line of a killed program is removed.
+        // Half a line that a killed program left is removed.
         truncate(&mut file, length).map_err(|source| Error::write(&path, source))?;
         let log = Mutex::new(Log { file, length, n_flights });
         Ok(Self { path, known, log, _lock: lock })
     }
 
-    /// Returns the outcome of a flight that was stored before the store was opened, or taken from
-    /// another file.
+    /// Returns the outcome of a flight that was stored before the store was opened, or that was
+    /// taken from another file.
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
         self.known.get(scene)?.get(&seed).cloned()
     }
 
-    /// Copies the flights of another file, such as a shard's, that the store lacks.
+    /// Copies those flights of another file, such as a shard's, that the store lacks.
     ///
     /// # Errors
     ///
-    /// Those of [`Self::read`] and [`Self::put`]. [`Error::Input`] if a flight has another outcome
-    /// there.
+    /// Returns the errors of [`Self::read`] and [`Self::put`]. Returns [`Error::Input`] if a flight
+    /// has a different outcome in the other file.
     pub fn take(&mut self, path: &Path) -> Result<()> {
         Self::read(path)?.into_iter().try_for_each(|record| {
             if add(&mut self.known, record.clone(), path)? { self.put(&record) } else { Ok(()) }
         })
     }
 
-    /// Returns the number of flights that [`Self::get`] has an outcome for.
+    /// Returns the number of flights for which [`Self::get`] has an outcome.
     pub fn n_known(&self) -> usize {
         self.known.values().map(BTreeMap::len).sum()
     }
 
-    /// Appends a flight by one write of one complete line.
+    /// Appends a flight by a single write of one complete line.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], for example if the disk is full. The line is then removed again, and those
-    /// before it stay. [`Error::Input`] beyond the flights of the largest study. Panics if another
-    /// thread panicked while writing.
+    /// Returns [`Error::Io`], for example if the disk is full. The incomplete line is then removed,
+    /// and the lines before it stay. Returns [`Error::Input`] beyond the number of flights in the
+    /// largest study. Panics if another thread panicked while writing.
     pub fn put(&self, record: &Record) -> Result<()> {
-        // Serialized before locking, so that threads wait only for the write.
+        // The record is serialized before locking, so that threads wait only for the write.
         let line = line_of(record);
         let mut log = self.log.lock().expect("no writer panics");
         if log.n_flights >= MAX_TRIALS {
@@ -180,12 +181,12 @@ impl Store {
         Ok(())
     }
 
-    /// Reads the flights in a file of a store or shard.
+    /// Reads all flights from a file of a store or a shard.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. [`Error::Input`] with the line that is invalid, and for more than 500,000
-    /// flights. Half a line at the end is ignored.
+    /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with the first
+    /// invalid line, and for more than 500,000 flights. Half a line at the end is ignored.
     pub fn read(path: &Path) -> Result<Vec<Record>> {
         let mut records = Vec::new();
         each_line(LIMIT.open(path)?, path, |record| {
@@ -195,11 +196,11 @@ impl Store {
         Ok(records)
     }
 
-    /// Writes a file of such lines: under a temporary name first, renamed once it is on the disk.
+    /// Writes a file of flights under a temporary name, and renames it when it is on disk.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. No file is left then.
+    /// Returns [`Error::Io`], in which case no file is left.
     pub fn write(path: &Path, records: &[Record]) -> Result<()> {
         let lines: Vec<u8> = records.iter().flat_map(line_of).collect();
         Output::create(path)?.keep_on_disk(lines).map(drop)
@@ -209,18 +210,18 @@ impl Store {
 impl Drop for Store {
     fn drop(&mut self) {
         if let Ok(log) = self.log.lock() {
-            // Against a power failure: lines that are written outlive the program anyway.
+            // The sync protects against a power failure. Lines that were written outlive the
+            // program anyway.
             let _ = log.file.sync_data();
         }
     }
 }
 
 impl Log {
-    /// Appends a line, or leaves the file as it was if that fails. Syncs every [`SYNC_EVERY`]
-    /// flights.
+    /// Appends a line, or leaves the file unchanged. Syncs every [`SYNC_EVERY`] flights.
     fn append(&mut self, line: &[u8]) -> std::io::Result<()> {
         if let Err(error) = self.file.write_all(line) {
-            // The next record has to follow the last complete line.
+            // The next record must follow the last complete line.
             let _ = truncate(&mut self.file, self.length);
             return Err(error);
         }
@@ -236,20 +237,20 @@ fn line_of(record: &Record) -> Vec<u8> {
     line
 }
 
-/// Opens a file to read and write, or creates it.
+/// Opens a file for reading and writing, and creates it if it does not exist.
 fn writable(path: &Path) -> Result<File> {
     let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
     file.map_err(|source| Error::write(path, source))
 }
 
-/// Truncates a file to a length and sets the position to its end.
+/// Truncates a file to a length and moves the file position to its end.
 fn truncate(file: &mut File, length: u64) -> std::io::Result<()> {
     file.set_len(length)?;
     file.seek(SeekFrom::End(0)).map(drop)
 }
 
-/// Locks the folder for this process until the returned file is closed. Refuses one that another
-/// process has locked.
+/// Locks the folder for this process until the returned file is closed. Refuses a folder that
+/// another process has locked.
 fn lock(folder: &Path) -> Result<File> {
     let path = folder.join(LOCK);
     let file = writable(&path)?;
@@ -263,7 +264,7 @@ fn lock(folder: &Path) -> Result<File> {
     }
 }
 
-/// Checks that this build wrote the folder. Writes the header if there is none.
+/// Checks that this build wrote the folder, and writes the header if there is none.
 fn check_header(folder: &Path) -> Result<()> {
     let path = folder.join(HEADER_FILE);
     let noctograph = format!("{} (source {SOURCE})", env!("CARGO_PKG_VERSION"));
@@ -275,7 +276,7 @@ fn check_header(folder: &Path) -> Result<()> {
     let (text, wanted) = (HEADER.read_text(&path)?, "the header of a store");
     let text = text.trim();
     if text.is_empty() {
-        let hint = "remove it (a power failure may leave it so); the flights beside it stay";
+        let hint = "remove it (a power failure may leave it empty), and the flights beside it stay";
         return Err(Error::input(path.display(), "an empty file", wanted, hint));
     }
     let Header { noctograph, format } = serde_json::from_str(text).map_err(|_broken| {
@@ -288,7 +289,7 @@ fn check_header(folder: &Path) -> Result<()> {
                                                      study",
         )
     })?;
-    // Another build may have other outcomes, even if it has the same version.
+    // Another build may have different outcomes, even if it has the same version number.
     if (&noctograph, format) == (&ours.noctograph, FORMAT) {
         return Ok(());
     }
@@ -297,7 +298,7 @@ fn check_header(folder: &Path) -> Result<()> {
         path.display(),
         "flights of noctograph {noctograph} (format {format})",
         "{wanted} (format {FORMAT})",
-        "name another folder: flights of two builds cannot be compared",
+        "name another folder, because flights of two builds cannot be compared",
     ))
 }
 
@@ -307,8 +308,8 @@ fn too_many(place: impl Into<Place>) -> Error {
     Error::input(place, number, "at most the flights of the largest study", ANOTHER)
 }
 
-/// Calls `f` with the record of each complete line, and returns the lines' length in bytes. Half a
-/// line of this program may follow them.
+/// Calls `f` with the record of each complete line, and returns the total length of these lines in
+/// bytes. Half a line written by this program may follow them.
 fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<()>) -> Result<u64> {
     let mut reader = BufReader::new(file);
     let (mut count, mut length, mut line) = (0, 0, Vec::new());
@@ -316,8 +317,8 @@ fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<(
         line.clear();
         let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
-        // Half a line at the end is ignored if this program wrote it. Other text is an error below,
-        // so that it is never removed.
+        // Half a line at the end is ignored if this program wrote it. Any other text is an error
+        // below, so that no foreign text is removed.
         let is_ours = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
         if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && is_ours) {
             return Ok(length);
@@ -327,7 +328,7 @@ fn each_line(file: impl Read, path: &Path, mut f: impl FnMut(Record) -> Result<(
         if count > MAX_TRIALS {
             return Err(too_many(place));
         }
-        let hint = "take the line out, or name another folder";
+        let hint = "remove the line, or name another folder";
         let record: Record = serde_json::from_slice(&line)
             .map_err(|error| Error::input(&*place, error, "a flight as one JSON object", hint))?;
         record.outcome.check(&place)?;

@@ -1,4 +1,4 @@
-//! Submissions: reads the scenes that a course hands in for a task, and tells which are refused.
+//! Submissions: reads the scenes that a course hands in for a task, and reports refused ones.
 
 use std::path::{Path, PathBuf};
 
@@ -7,51 +7,51 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{ending, entries_in, file_name};
 use noctograph_pipeline::scene::{NamedScene, SceneTask};
 
-/// The submissions for a task, as read.
+/// The submissions for a task after reading.
 #[derive(Debug, Default)]
 pub struct Submissions {
-    /// Accepted scenes, with the names of their rows.
+    /// Accepted scenes, named as in the results.
     pub scenes: Vec<NamedScene>,
     /// Submissions that are invalid or change forbidden keys, and other entries of folders.
     pub refused: Vec<Unranked>,
-    /// A sentence for each folder with hidden files, which are ignored.
+    /// Messages, one for each folder with hidden files, which are ignored.
     pub passed_over: Vec<String>,
 }
 
-/// A file or entry of a folder, with the name of its row.
+/// A file or a folder's entry, with its name in the results.
 struct Submitted {
     path: PathBuf,
     name: String,
-    /// Why it is not a submission.
+    /// Reason why it is not a submission, if it is not.
     refused: Option<&'static str>,
 }
 
-/// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
-/// learning platforms export them. A row has the names of the student's folder and of the file. If
-/// two rows would have one name, theirs are the ends of the paths that differ. Every other entry of
-/// a folder has a row with the reason, except hidden files, which are only listed.
+/// Reads submissions: files (TOML), folders of files, and folders with a folder for each student,
+/// as learning platforms export them. The name of a result consists of the names of the student's
+/// folder and of the file. If two results would have the same name, they are named by the ends of
+/// their paths that differ. Every other entry of a folder gets a result with the reason for
+/// refusal, except hidden files, which are only listed.
 ///
 /// # Errors
 ///
-/// Those of [`entries_in`]. [`Error::Input`] if there are no files.
+/// Returns the errors of [`entries_in`]. Returns [`Error::Input`] if there are no files.
 pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     let (mut submitted, mut passed_over) = (Vec::new(), Vec::new());
     for path in named.iter().map(PathBuf::from) {
-        match path.is_dir() {
-            true => gather(&path, None, &mut submitted, &mut passed_over)?,
-            false => {
-                let refused = path.is_symlink().then_some(LINK);
-                submitted.push(Submitted { name: stem(&path), path, refused });
-            }
+        if path.is_dir() {
+            gather(&path, None, &mut submitted, &mut passed_over)?
+        } else {
+            let refused = path.is_symlink().then_some(LINK);
+            submitted.push(Submitted { name: stem(&path), path, refused });
         }
     }
     if submitted.is_empty() {
-        let (folders, hint) = (named.join(", "), "name the folder that has the files *.toml");
+        let (folders, hint) = (named.join(", "), "name the folder that contains the files *.toml");
         return Err(Error::input("submissions", folders + ": no files", "at least one", hint));
     }
     let mut read = Submissions { passed_over, ..Submissions::default() };
     for Submitted { path, name, refused } in &submitted {
-        // The longer name only if two files have one name, so that rows stay short.
+        // The longer name is used only if two files have one name, so that names stay short.
         let is_shared = submitted.iter().filter(|other| other.name == *name).count() > 1;
         let name = if is_shared { distinct_name(path, &submitted) } else { name.clone() };
         let scene = match refused {
@@ -69,7 +69,8 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     Ok(read)
 }
 
-/// Appends the entries of a folder, or of a student's folder in it. `student` is the latter's name.
+/// Appends the entries of a folder, or of a student's folder within it. `student` is the name of
+/// the student's folder.
 fn gather(
     folder: &Path,
     student: Option<&str>,
@@ -88,15 +89,15 @@ fn gather(
         if refused.is_none() && path.is_dir() {
             gather(&path, Some(&name), submitted, passed_over)?;
         } else {
-            // A refused entry keeps its extension, which is often the reason.
+            // The name of a refused entry keeps its extension, which is often the reason.
             let name = prefix.clone() + &if refused.is_none() { stem(&path) } else { name };
             submitted.push(Submitted { path, name, refused });
         }
     }
-    // A student without a file has a row, too.
+    // A student without a file gets a result, too.
     if let Some(student) = student.filter(|_| submitted.len() == n_before) {
         let (path, name) = (folder.to_owned(), student.to_owned());
-        submitted.push(Submitted { path, name, refused: Some("no file *.toml is in it") });
+        submitted.push(Submitted { path, name, refused: Some("it contains no file *.toml") });
     }
     if !hidden.is_empty() {
         let names = hidden.join(", ");
@@ -107,7 +108,7 @@ fn gather(
 
 const LINK: &str = "a link, which is not followed";
 
-/// Returns the reason why an entry of a folder is not a submission, if there is one.
+/// Returns the reason why an entry of a folder is not a submission, or `None` if it may be one.
 fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     Some(match &*ending(path) {
         _ if path.is_symlink() => LINK,
@@ -121,11 +122,11 @@ fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// Returns the shortest end of a path that no other submission has, or the whole path if it is
-/// given twice.
+/// Returns the shortest end of a path that no other submission has, or the whole path if there is
+/// none.
 fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
-        // First without the file's extension.
+        // The end without the file's extension is tried first.
         for has_extension in [false, true] {
             let end = path_end(path, n, has_extension);
             let ends = submitted.iter().map(|other| path_end(&other.path, n, has_extension));
@@ -144,7 +145,7 @@ fn path_end(path: &Path, n: usize, has_extension: bool) -> String {
     parts[parts.len().saturating_sub(n)..].join("/")
 }
 
-/// Returns the file's name without its extension.
+/// Returns the name of a file without its extension.
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::{Flown, Knob, Measures, Ranking, Record, Tuned};
 
-/// A column: its name, and the JSON pointer of its value in a row.
+/// A column: its name, and the JSON pointer to its value within a row.
 type Column = (String, String);
 
 /// Returns CSV with a row for each flight, in the order of the study.
@@ -35,12 +35,11 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
-/// Returns CSV with a row for each submission. Marks are 100 times P(read), or 0 if it is not
-/// ranked.
+/// Returns CSV with a row for each submission. Marks are 100 times P(read), or 0 if not ranked.
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
-        // Losses and copies are noted, since a marker has to look at them.
+        // Lost flights and identical submissions are noted for the person who marks.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
         let mut row = value(measures);
@@ -58,8 +57,8 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     table(columns(names), ranked.chain(unranked))
 }
 
-/// Returns CSV with a row for each candidate, in the order of the search, with the value of each
-/// key that a knob varies.
+/// Returns CSV with a row for each candidate, in the order of the search, including the value of
+/// each key that a knob varies.
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     let columns = columns("number flights=n_flights given_up merit legibility")
@@ -74,12 +73,13 @@ pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     table(columns, rows)
 }
 
-/// Returns a column, given the path of its value without the first slash.
+/// Returns a column, given the path of its value without the leading slash.
 fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
 }
 
-/// Returns columns from names separated by blanks. A path that differs from the name follows `=`.
+/// Returns columns from names that are separated by spaces. If a path differs from the name, it
+/// follows the name after `=`.
 fn columns(names: &str) -> impl Iterator<Item = Column> {
     names.split(' ').map(|name| {
         let (name, path) = name.split_once('=').unwrap_or((name, name));
@@ -87,19 +87,19 @@ fn columns(names: &str) -> impl Iterator<Item = Column> {
     })
 }
 
-/// Returns the columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of
-/// its interval.
+/// Returns the columns of an [`Estimate`](super::statistics::Estimate): value and ends of its
+/// interval.
 fn estimate(name: &str, path: &str) -> [Column; 3] {
     [("", "value"), ("_low", "low"), ("_high", "high")]
         .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
 }
 
-/// Returns a row as JSON.
+/// Returns a row as a JSON value.
 fn value(row: &impl Serialize) -> Value {
     serde_json::to_value(row).expect("results are plain data")
 }
 
-/// Returns CSV with a header of the columns' names. A value that a row lacks is an empty cell.
+/// Returns CSV with a header of column names. A value that a row lacks is an empty cell.
 fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value>) -> String {
     let (names, paths): (Vec<String>, Vec<String>) = columns.unzip();
     let mut out = csv::Writer::from_writer(Vec::new());
@@ -111,9 +111,10 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// Returns a JSON value as a CSV cell. Submissions choose their names, so texts are made harmless:
-/// an apostrophe before `=+-@` keeps a spreadsheet from reading a formula (OWASP, CSV injection),
-/// and control characters, which a terminal would execute, become U+FFFD.
+/// Returns a JSON value as a CSV cell. Students choose the names of submissions, whose texts are
+/// made harmless: an apostrophe before `=+-@` keeps a spreadsheet from interpreting them as a
+/// formula (OWASP, CSV injection), and control characters, which a terminal would execute, become
+/// U+FFFD.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

@@ -1,4 +1,4 @@
-//! Trial: a scene that is prepared for a word, then flown and read with many seeds.
+//! Trial: prepares a scene for a word, then flies and reads it with many seeds.
 
 use std::num::NonZero;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,22 +17,22 @@ use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
 use noctograph_plan::Plan;
 use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
-/// Height of capitals on the film that is read. The reader resamples it to 32. Fewer pixels blur
-/// the trail, and more cost time. For 20 words, each flown twice, the probability differs from that
-/// at 1920 × 1080 by 0.017 on average, and by 0.21 at most, for Illi. All scenes are compared on
-/// this film.
+/// Height of capitals on the film that is read. The reader resamples them to a height of 32. Fewer
+/// pixels blur the trail, and more pixels cost time. For 20 words, each flown twice, the
+/// probability differs from that at 1920 × 1080 by 0.017 on average, and by 0.21 at most, for the
+/// word Illi. All scenes are compared on this film.
 const CAP_HEIGHT_PX: f64 = 48.0;
 
-/// A scene that is prepared to fly a word with many seeds.
+/// A scene that is prepared for flying a word with many seeds.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     scene: Scene,
-    /// The shoot, with a small film.
+    /// The shoot of the scene, with a small film.
     shoot: Shoot,
     conditions: Conditions,
     digest: String,
-    /// Why there is no plan, and advice. The drone is lost while the plan is made, or would fly for
-    /// hours.
+    /// Reason why there is no plan, and advice: the drone is lost while the plan is made, or the
+    /// plan would take hours.
     unplanned: Option<[String; 2]>,
 }
 
@@ -42,20 +42,20 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a word that the font cannot write or a setting out of range.
+    /// Returns [`Error::Input`] for a word that the font cannot write or a setting out of range.
     pub fn new(named: &NamedScene, word: &str, conditions: &Conditions) -> Result<Self> {
         conditions.check()?;
         let mut scene = Scene { seed: 0, ..named.scene.clone() };
         scene.set_word(word);
         scene.check()?;
-        // A scene without a plan still gets a shoot. Every seed then has the same outcome.
+        // A scene without a plan still gets a shoot, and all of its seeds have the same outcome.
         let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
             Err(Error::Infeasible { what, hint, .. }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
             }
             shoot => (shoot?, None),
         };
-        // One core for each flight, since the flights of a study run in parallel.
+        // Each flight uses one core, because the flights of a study run in parallel.
         (shoot.judging, shoot.keeps_film) = (Judging::Scored, false);
         shoot.cores = Some(NonZero::<usize>::MIN);
         if let Some(strokes) = &shoot.strokes {
@@ -71,7 +71,7 @@ impl Prepared {
         self.shoot.strokes.as_ref().map_or("", |strokes| &strokes.word)
     }
 
-    /// Returns the plans, one for each drone. Empty if there is no plan.
+    /// Returns the plans, one for each drone. The list is empty if there is no plan.
     pub fn plans(&self) -> Vec<Plan> {
         self.shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
     }
@@ -80,7 +80,7 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] with the reason.
+    /// Returns [`Error::Infeasible`] with the reason why there is no plan.
     pub fn planned(&self) -> Result<()> {
         match self.unplanned.clone() {
             None => Ok(()),
@@ -88,13 +88,13 @@ impl Prepared {
         }
     }
 
-    /// Returns the scene.
+    /// Returns the scene with seed 0 and the word.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Returns a digest of everything that decides an outcome except the seed: program, reader,
-    /// scene, word and conditions. It has 16 hexadecimal digits.
+    /// Returns a digest of everything that determines an outcome except the seed: program, reader,
+    /// scene, word and conditions. The digest consists of 16 hexadecimal digits.
     pub fn digest(&self) -> &str {
         &self.digest
     }
@@ -108,23 +108,23 @@ impl Prepared {
         shoot
     }
 
-    /// Flies, exposes and reads the word with one seed. Returns the outcome.
+    /// Flies, exposes and reads the word with one seed, and returns the outcome.
     ///
     /// # Errors
     ///
-    /// Those of the stages, except for a lost drone, which is an outcome.
+    /// Returns the errors of the stages, except for a lost drone, which is an outcome.
     pub fn outcome(&self, seed: u64) -> Result<Outcome> {
         self.judge(self.fly(seed), seed)
     }
 
-    /// Flies with one seed. Returns a flight for each drone.
+    /// Flies with one seed, and returns a flight for each drone.
     pub fn fly(&self, seed: u64) -> Result<Vec<Flight>> {
         self.planned()?;
         self.shoot(seed).fly(&|_, _| {})
     }
 
-    /// Exposes and reads the flights of a seed. Returns the outcome. If a lamp passes in front of
-    /// the lens there is no photo, and the drone counts as lost.
+    /// Exposes and reads the flights of a seed, and returns the outcome. If a lamp passes in front
+    /// of the lens, there is no photo, and the drone counts as lost.
     pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
         let shot = flights.and_then(|flights| {
             let recordings = flights.into_iter().map(Recording::Flight).collect();
@@ -144,8 +144,8 @@ impl Prepared {
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }
     }
 
-    /// Takes the photo of one seed, with capitals `cap_height_px` high or as high as in the scene
-    /// if that is less.
+    /// Takes the photo of one seed, in which capitals are `cap_height_px` high, or as high as in
+    /// the scene if that is less.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();
@@ -155,7 +155,7 @@ impl Prepared {
     }
 }
 
-/// Separates a lost drone from other errors: `Ok(Err)` says how a drone was lost.
+/// Separates a lost drone from other errors: `Ok(Err)` contains the cause of the loss.
 pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, String>> {
     match flown {
         Ok(flown) => Ok(Ok(flown)),
@@ -164,17 +164,17 @@ pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, Stri
     }
 }
 
-/// Reduces the camera's resolution until capitals are at most `cap_height_px` high. A pixel is then
-/// the mean of many pixels, which has hardly any noise, so the noise is switched off.
+/// Reduces the camera's resolution until capitals are at most `cap_height_px` high. Each pixel is
+/// then the mean of many pixels and has hardly any noise, so that the noise is switched off.
 pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let Some(strokes) = &shoot.strokes else { return Ok(()) };
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
     let (bounds_m @ [left, bottom, right, top], scene) = (strokes.bounds_m(), &mut shoot.scene);
     scene.camera.shutter_close_s.get_or_insert(end_s);
-    // The height of the word in pixels, in its middle.
+    // The height of the word in pixels is measured in its middle.
     let camera = scene.camera.camera(bounds_m, end_s)?;
     let ends_m = [bottom, top].map(|z_m| Vector3::new(0.5 * (left + right), 0.0, z_m));
-    // A word that is not in front of the camera keeps the resolution.
+    // If the word is not in front of the camera, the resolution stays as it is.
     let [Some(low), Some(high)] = ends_m.map(|m| camera.image_from_world(m)) else { return Ok(()) };
     let factor = cap_height_px / libm::hypot(low.x_px - high.x_px, low.y_px - high.y_px);
     if factor >= 1.0 {
@@ -188,11 +188,11 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     Ok(())
 }
 
-/// Most readers that are kept for further scenes. Preparing one takes as long as reading ten
+/// Maximum number of readers kept for further scenes. Preparing one takes as long as reading ten
 /// photos.
 const MAX_READERS: usize = 64;
 
-/// Returns the reader of a word, which is shared by all scenes with these strokes and options.
+/// Returns the reader of a word, which is shared by all scenes with the same strokes and options.
 pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Reader>> {
     type Cached = (Strokes, ScoreOptions, Arc<Reader>);
     static CACHE: Mutex<Vec<Cached>> = Mutex::new(Vec::new());
@@ -201,7 +201,7 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
         return Ok(reader.clone());
     }
     let reader = Arc::new(Reader::new(strokes, options)?);
-    // The oldest entry makes room.
+    // The oldest reader is dropped to make room.
     if cache.len() >= MAX_READERS {
         cache.remove(0);
     }
@@ -209,10 +209,10 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
     Ok(reader)
 }
 
-/// Returns the digest of [`Prepared::digest`].
+/// Computes the value of [`Prepared::digest`].
 fn digest(scene: &Scene, conditions: &Conditions) -> String {
     let mut digest = Digest::default();
-    // Outcomes of another build have another digest.
+    // A different build gives a different digest.
     digest.add(SOURCE);
     digest.add_numbers(&[CAP_HEIGHT_PX]);
     digest.add(serde_json::to_vec(&CALIBRATION).expect("plain data"));
@@ -264,7 +264,7 @@ mod tests {
         assert_eq!((outcome.probability, outcome.flown), (0.0, None));
         assert!(outcome.lost.is_some() && !outcome.all_read, "{outcome:?}");
 
-        // Lost in the rehearsal of the plan: there is no plan.
+        // The drone is lost in the rehearsal of the plan, so that there is no plan.
         let ready = prepared("I", |scene| {
             scene.plan = PlanOptions::even();
             scene.controller.lqr.q = [1e9; 12];

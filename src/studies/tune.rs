@@ -1,13 +1,14 @@
-//! Tuning: searches the values of a scene's knobs with which its words read most reliably.
+//! Tuning: searches for the values of a scene's knobs at which its words are read most reliably.
 //!
-//! 1. Search: a candidate flies the training words with the training seeds. The objective is its
-//!    mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits.
-//!    After half of its flights a candidate below the median of the others is given up (median
-//!    rule: Golovin et al., "Google Vizier", KDD 2017).
-//! 2. Finals: the best few and the original scene fly again with new seeds, since the luckiest of
-//!    many is not the best.
-//! 3. Test: the winner, the luckiest of a few, is compared with the original scene on further
-//!    seeds. It is the result only if it is distinguishably better.
+//! 1. Search: each candidate flies the training words with the training seeds. The objective is
+//!    the candidate's mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for
+//!    exceeded limits. A candidate below the median of the others after half of its flights is
+//!    abandoned (median rule: Golovin et al., "Google Vizier", KDD 2017).
+//! 2. Finals: the best few candidates and the original scene fly again with new seeds, because
+//!    the candidate with the best results in a search owes some of them to luck.
+//! 3. Test: the winner, which owes some of its lead to luck as well, is compared with the
+//!    original scene on further seeds. The winner becomes the result only if it is distinguishably
+//!    better.
 
 use std::collections::BTreeMap;
 
@@ -26,50 +27,51 @@ use noctograph_plan::tracking::CORRIDOR_M;
 use noctograph_sim::Law;
 use noctograph_sim::gain_design::{MOTOR_LAG_S, design};
 
-/// Number of candidates that fly in the finals.
+/// Number of finalists, including the original scene.
 const FINALISTS: usize = 6;
-/// Number of flights of a finalist, as a multiple of the training flights.
+/// Number of flights of a finalist, as a multiple of the flights of a candidate in the search.
 const FINAL_TIMES: u32 = 4;
-/// Name of a tuned scene in its test.
+/// Name of the tuned scene in the final test.
 const TUNED: &str = "tuned";
-/// Least number of costs for a median.
+/// Minimum number of costs from which a median is taken.
 const LEAST_COSTS: usize = 5;
-/// Least number of candidates in a search.
+/// Minimum number of candidates in a search.
 const LEAST_CANDIDATES: usize = 10;
-/// Penalty, in merit, for a figure that is twice its limit.
+/// Penalty, in units of merit, for a figure that is twice its limit.
 const PENALTY: f64 = 20.0;
 
-/// Limits for the mean figures of a candidate's flights. Root mean square error against the design
-/// along x, y and z: twice the team's Table 1.
+/// Limits for the mean figures of a candidate's flights. Maximum root mean square error against the
+/// design along x, y and z, m: twice the values in the team's Table 1.
 const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
-/// Largest distance from the word's plane: the team's safety corridor.
+/// Maximum distance from the word's plane: the team's safety corridor.
 const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
-/// Largest tilt at which the Lighthouse deck still sees its stations.
+/// Maximum tilt at which the Lighthouse deck still sees its stations.
 const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
-/// Fraction of the time with a motor at its limit.
+/// Maximum fraction of the time that a motor spends at its limit.
 const MAX_SATURATED_FRAC: f64 = 0.05;
 
-/// How to tune.
+/// Options of a tuning run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TuneOptions {
-    /// The knobs.
+    /// The knobs to tune.
     pub knobs: Vec<Knob>,
-    /// Training words, each with its number of seeds for a candidate.
+    /// Training words, each with the number of seeds that every candidate flies.
     pub words: Vec<(String, u32)>,
-    /// Number of flights in search and finals. The test is not included.
+    /// Maximum number of flights in the search and the finals. The test is not included.
     pub budget: usize,
-    /// Seeds of each word in the test: at least six, the fewest that can distinguish two scenes.
+    /// Number of seeds of each word in the test. The minimum is six, the fewest that can
+    /// distinguish two scenes.
     pub test_seeds: u32,
-    /// Longest flight of a candidate. `None`: as long as the original scene's flight.
+    /// Maximum duration of a candidate's flight. `None`: that of the original scene.
     pub longest_s: Option<f64>,
-    /// How flights differ from their scene.
+    /// Conditions that determine how flights differ from their scene.
     pub conditions: Conditions,
-    /// Seed of the search, from which the flights' seeds are derived.
+    /// Seed of the search, from which the seeds of all flights are derived.
     pub seed: u64,
 }
 
 impl TuneOptions {
-    /// Returns the number of flights of a candidate.
+    /// Returns the number of flights of a candidate in the search.
     fn n_each(&self) -> usize {
         self.words.iter().map(|(_, n)| *n as usize).sum()
     }
@@ -79,7 +81,7 @@ impl TuneOptions {
         FINALISTS * self.n_each() * FINAL_TIMES as usize
     }
 
-    /// Least budget: the scene as it was and nine more candidates, and the finals.
+    /// Returns the smallest budget: for the original scene, nine more candidates and the finals.
     pub fn least_budget(&self) -> usize {
         self.n_final() + LEAST_CANDIDATES * self.n_each()
     }
@@ -97,7 +99,7 @@ impl TuneOptions {
         let contenders = [("as it was", original), (TUNED, tuned)];
         let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
         let (contenders, conditions) = (contenders.into(), self.conditions.clone());
-        // `TESTS` makes the seeds new.
+        // `TESTS` makes these seeds differ from those of the search and the finals.
         let study = Study { contenders, words, conditions, seed: self.seed ^ TESTS };
         let trials: Vec<Trial> = study.trials().collect();
         let records = evaluate(&study, &study.prepare()?, &trials, store, stop, done)?;
@@ -105,11 +107,11 @@ impl TuneOptions {
         Ok((study, ranking))
     }
 
-    /// Checks that there are knobs, words and a budget for them.
+    /// Checks that there are knobs, words, and a budget that is large enough for them.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the least budget for these words and seeds.
+    /// Returns [`Error::Input`] with the smallest budget for these words and seeds.
     pub fn check(&self) -> Result<()> {
         let (n_each, least, n_knobs) = (self.n_each(), self.least_budget(), self.knobs.len());
         if n_each > 0 && n_knobs > 0 && self.budget >= least {
@@ -119,37 +121,37 @@ impl TuneOptions {
         Err(input_error!(
             "budget",
             "{budget} flights, {n_knobs} knobs",
-            "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates of {n_each} flights, \
-             and {FINALISTS} finalists of {n_final}",
+            "at least {least} flights and a knob: {LEAST_CANDIDATES} candidates with {n_each} flights each, \
+             and {FINALISTS} finalists with {n_final} each",
             "raise the budget, or train on fewer words and seeds",
         ))
     }
 }
 
-/// One point of the search with its figures.
+/// A point of the search space with the figures of its flights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Candidate {
-    /// Its number, in the order of the search.
+    /// Index of the candidate in the order of the search.
     pub number: usize,
-    /// Fraction of each knob's range, 0 to 1. Empty for the original scene.
+    /// Position of each knob within its range, 0 to 1. Empty for the original scene.
     #[serde(skip)]
     pub point: Vec<f64>,
-    /// The scene's values of the knobs' keys, in their own units.
+    /// Values of the scene's keys that the knobs set, in the units of the keys.
     pub settings: BTreeMap<String, toml::Value>,
-    /// Number of flights behind its figures.
+    /// Number of flights from which the figures were computed.
     pub n_flights: usize,
     /// Mean merit.
     pub merit: f64,
-    /// Mean probability of being read.
+    /// Mean probability that the photo is read correctly.
     pub legibility: f64,
     /// Fraction of flights whose photo is legible.
     pub legible: Estimate,
-    /// Mean time of a flight. `None` if every drone was lost.
+    /// Mean duration of a flight. `None` if every drone was lost.
     pub duration_s: Option<f64>,
-    /// Sum of the excesses over its limits, each as a fraction of the limit. 0 if it keeps all
-    /// limits.
+    /// Penalty before its weight: the sum of the excesses over the limits, each as a fraction of
+    /// its limit, plus the fraction of flights with a lost drone. 0 if every limit is kept.
     pub broken: f64,
-    /// True if it was given up after half of its flights.
+    /// True if the candidate was abandoned after half of its flights.
     pub given_up: bool,
 }
 
@@ -163,25 +165,25 @@ impl Candidate {
 /// The result of tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
-    /// The scene with the best knobs if they won the test, else the original one.
+    /// The scene with the best knobs if they won the test, otherwise the original scene.
     pub scene: Scene,
     /// Test of the finals' winner against the original scene. `None` if the latter won the finals.
     pub test: Option<(Study, Ranking)>,
-    /// Figures of the winner in the finals.
+    /// Figures of the finals' winner in the finals.
     pub best: Candidate,
     /// Figures of the original scene in the finals.
     pub before: Candidate,
-    /// All candidates in the order of the search. The first is the original scene.
+    /// All candidates in the order of the search. The first candidate is the original scene.
     pub candidates: Vec<Candidate>,
-    /// Pareto front: numbers of the candidates within the limits that no other beats in both flight
-    /// time and legibility, the fastest first.
+    /// Pareto front: numbers of the candidates that keep all limits and that no other candidate
+    /// beats in both flight time and legibility. The fastest is first.
     pub front: Vec<usize>,
     /// Total number of flights.
     pub n_flights: usize,
 }
 
 impl Tuned {
-    /// Returns true if a candidate won the test against the original scene.
+    /// Returns true if the tuned scene won the test against the original scene.
     pub fn helped(&self) -> bool {
         self.test.as_ref().is_some_and(|(_, ranking)| {
             ranking.measures[0].contender == TUNED && ranking.pairs[0].distinguishable
@@ -190,13 +192,13 @@ impl Tuned {
 }
 
 /// Tunes a scene. After each candidate `watch` is called with the number of flights and the best
-/// candidate so far. If it returns false, the finals begin. `stop` ends the tuning between two
-/// flights.
+/// candidate so far. If it returns false, the search ends and the finals begin. `stop` ends the
+/// tuning between two flights.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, if there is no
-/// word, and if the budget is too small. Those of the flights and the store.
+/// Returns [`Error::Input`] for knobs that the scene lacks or that have no effect in it, if there
+/// is no word, and if the budget is too small. Returns the errors of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -211,7 +213,7 @@ pub fn tune(
     }
     let longest_s = options.longest_s;
     let mut tuning = Tuning { base, options, store, longest_s, stop, n_flights: 0 };
-    // The original scene comes first, because its duration is the limit for the others.
+    // The original scene flies first, because its duration is the limit for the other candidates.
     let original = tuning.candidate(0, &[], (options.seed, 1), Some(f64::INFINITY))?;
     tuning.longest_s = longest_s.or(original.duration_s);
     let candidates = tuning.search(original, watch)?;
@@ -220,9 +222,10 @@ pub fn tune(
     // The winner of the finals is tested unless it is the original scene.
     let n_seeds = options.test_seeds.max(least_flights(2));
     let words = options.words.iter().map(|(word, _)| (word.clone(), n_seeds)).collect();
-    let test = match best.number == before.number {
-        true => None,
-        false => Some(options.test([base, &scene], words, store, stop, &|_| {})?),
+    let test = if best.number == before.number {
+        None
+    } else {
+        Some(options.test([base, &scene], words, store, stop, &|_| {})?)
     };
     let n_flights = tuning.n_flights;
     let mut tuned = Tuned { scene, test, best, before, front, n_flights, candidates };
@@ -232,7 +235,7 @@ pub fn tune(
     Ok(tuned)
 }
 
-/// A search and its number of flights so far.
+/// A search in progress, with its number of flights so far.
 struct Tuning<'a> {
     base: &'a Scene,
     options: &'a TuneOptions,
@@ -243,8 +246,8 @@ struct Tuning<'a> {
 }
 
 impl Tuning<'_> {
-    /// Flies candidates with the training seeds, after the original scene, until only the finals
-    /// fit into the budget or `watch` returns false. Returns all of them.
+    /// Flies candidates with the training seeds until only the finals fit into the budget or
+    /// `watch` returns false. Returns all candidates, of which the original scene is the first.
     fn search(
         &mut self,
         original: Candidate,
@@ -255,7 +258,7 @@ impl Tuning<'_> {
         let (mut candidates, mut best) = (vec![original], 0);
         while self.n_flights + options.n_each() + options.n_final() <= options.budget {
             let point = search.ask();
-            // Median rule, once there are enough costs for a median.
+            // The median rule applies as soon as there are enough costs for a median.
             let mut costs: Vec<f64> =
                 candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
             let max_cost =
@@ -274,8 +277,8 @@ impl Tuning<'_> {
         Ok(candidates)
     }
 
-    /// Flies a candidate, with seeds drawn from `seed` and `times` as many as in training. With a
-    /// `max_cost` the candidate is given up if the cost after half of its flights is higher.
+    /// Flies a candidate with `times` as many seeds as in training, drawn from `seed`. The
+    /// candidate is abandoned if its cost after half of the flights exceeds `max_cost`.
     fn candidate(
         &mut self,
         number: usize,
@@ -298,7 +301,7 @@ impl Tuning<'_> {
         study.check()?;
         let prepared = study.prepare()?;
         let trials: Vec<Trial> = study.trials().collect();
-        // Every other flight first, so that the first half has flights of all words.
+        // With two parts, the first is every other flight, and thus contains all words.
         let n_parts = if max_cost.is_some() { 2 } else { 1 };
         let (mut records, mut candidate) = (Vec::new(), unflown.clone());
         for part in 0..n_parts {
@@ -314,8 +317,7 @@ impl Tuning<'_> {
         Ok(candidate)
     }
 
-    /// Flies the best candidates and the original scene with new seeds. Returns the original scene
-    /// and the winner.
+    /// Flies the best candidates and the original scene with new seeds. Returns it and the winner.
     fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
         let (original, others) = candidates.split_first().expect("the original scene");
         let mut by_cost: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
@@ -325,18 +327,20 @@ impl Tuning<'_> {
         let finalists = by_cost.iter().take(FINALISTS);
         let finalists = finalists.map(|c| self.candidate(c.number, &c.point, flights, None));
         let mut finalists = finalists.collect::<Result<Vec<_>>>()?;
-        // Among equal candidates the first wins, which may be the original scene.
+        // `min_by` returns the first of several equal minima, which may be the original scene.
         let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
         let best = best.expect("the original scene").clone();
         Ok([finalists.swap_remove(0), best])
     }
 
-    /// Returns a candidate with the figures of its flights' records.
-    fn with_figures(&self, candidate: &Candidate, records: &[Record]) -> Candidate {
+    /// Returns a candidate with the figures of the flights in `records`. `unflown` has none yet, so
+    /// that its `broken` only contains what its controller violates without a flight.
+    fn with_figures(&self, unflown: &Candidate, records: &[Record]) -> Candidate {
         let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let means = std::array::from_fn(|i| mean(flown.iter().map(|flown| flown.values()[i])));
         let figures = Flown::<f64>::from_values(means);
-        // The excesses over the limits and the fraction of lost drones are added.
+        // The excesses over the limits and the fraction of flights with a lost drone are summed. If
+        // every drone was lost, the figures are 0 and exceed no limit, but that fraction is 1.
         let limits = [
             (figures.rmse_x_m, MAX_RMSE_M[0]),
             (figures.rmse_y_m, MAX_RMSE_M[1]),
@@ -354,14 +358,14 @@ impl Tuning<'_> {
             legibility: mean(records.iter().map(|record| record.outcome.probability)),
             legible: proportion(records.iter().map(|record| record.outcome.legible)),
             duration_s: (!flown.is_empty()).then_some(figures.duration_s),
-            broken: excess.fold(lost, |sum, excess| sum + excess) + candidate.broken,
-            ..candidate.clone()
+            broken: excess.fold(lost, |sum, excess| sum + excess) + unflown.broken,
+            ..unflown.clone()
         }
     }
 }
 
-/// Returns the fraction of a Crazyflie's motor lag that a regulator does not tolerate: 0 if it
-/// tolerates all of it, or if the controller is not a regulator.
+/// Returns the fraction of a Crazyflie's motor lag that a regulator does not tolerate. Returns 0 if
+/// it tolerates the whole lag, or if the controller is not a regulator.
 fn margin_broken(scene: &Scene) -> f64 {
     if !matches!(scene.controller.kind.law(), Law::StateFeedback { .. }) {
         return 0.0;
@@ -373,7 +377,7 @@ fn margin_broken(scene: &Scene) -> f64 {
     (1.0 - longest_s / MOTOR_LAG_S).max(0.0)
 }
 
-/// Returns the Pareto front: see [`Tuned::front`].
+/// Returns the Pareto front described at [`Tuned::front`].
 fn front(candidates: &[Candidate]) -> Vec<usize> {
     let mut allowed: Vec<(f64, &Candidate)> = candidates
         .iter()
@@ -383,7 +387,8 @@ fn front(candidates: &[Candidate]) -> Vec<usize> {
     allowed.sort_by(|(a_s, a), (b_s, b)| {
         a_s.total_cmp(b_s).then(b.legibility.total_cmp(&a.legibility))
     });
-    // From the fastest to the slowest: a candidate must be more legible than all faster candidates.
+    // The candidates are visited from the fastest to the slowest, and a candidate joins the front
+    // if it is more legible than all faster ones.
     let (mut front, mut best) = (Vec::new(), f64::NEG_INFINITY);
     for (_, candidate) in allowed {
         if candidate.legibility > best {
@@ -436,7 +441,8 @@ mod tests {
 
     #[test]
     fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
-        // Speeds that differ by 2 % are equally legible: the winner of the finals is not better.
+        // Speeds that differ by 2 % are equally legible, and the winner of the finals is not
+        // better.
         let base = Scene::preset(Preset::Ae4832022);
         let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
         let mut tested = (0..6).map(|seed| {

@@ -169,7 +169,7 @@ fn one_rule_says_whether_the_battery_lasts() {
     let least_v = low["limit"].as_f64().unwrap();
     assert!((full["limit"].as_f64().unwrap() - least_v).abs() < 0.01, "{full}, {low}");
     assert!(low["value"].as_f64().unwrap() < least_v && least_v < full["value"].as_f64().unwrap());
-    assert!(low["found"].as_str().unwrap().contains("3.02 V at the hardest moment"), "{low}");
+    assert!(low["found"].as_str().unwrap().contains("3.02 V at the highest load"), "{low}");
     // The exported script asks for the same voltage: for its own flight, of the trajectory.
     let to = ["export", "NOOR", "--to", "crazyswarm2", "-o", "swarm"];
     let (code, ..) = run(at, &to);

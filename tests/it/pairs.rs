@@ -144,7 +144,7 @@ fn of_a_scene_without_a_digest_it_is_said() {
     let parent = folder.path();
     run_json(parent, &[&FIRST[..], &["-o", "a.csv"]].concat());
     let scene = parent.join("a.scene.toml");
-    let (before, _) = text(&scene).split_once("\n# Files that this scene").map(own).unwrap();
+    let (before, _) = text(&scene).split_once("\n# SHA-256 of the files").map(own).unwrap();
     std::fs::write(&scene, &before).unwrap();
     for verb in [&["check", "a.csv"][..], &["export", "a.csv", "--to", "cflib", "-o", "a.py"]] {
         let (code, _, said) = run(parent, verb);

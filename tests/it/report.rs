@@ -92,9 +92,13 @@ fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
         .stdout(predicates::str::contains("vehicle.").not());
     let out = folder.path().join("noctograph-evening");
     let html = std::fs::read_to_string(out.join("evening.html")).unwrap();
-    for part in
-        ["4 logs of 2 drone(s); 3 sound.", "\ncf2 ", "unreadable: ", "rotor lag (ms)", "gust_m_s"]
-    {
+    for part in [
+        "4 logs of 2 drone(s), of which 3 are valid.",
+        "\ncf2 ",
+        "unreadable: ",
+        "rotor lag (ms)",
+        "gust_m_s",
+    ] {
         assert!(html.contains(part), "{part}");
     }
     assert!(html.contains(">1</text>") && !html.contains(">1.5</text>"), "flights are whole");

@@ -1,8 +1,8 @@
-//! Estimate of uneven air, from the motor torque that balances it over seconds.
+//! Estimates uneven air from the motor torque that balances it over seconds.
 //!
-//! A body in flight does not keep rotating: over a second the motors' torque balances that of the
-//! air, that of the displaced center of mass, and a torque proportional to the velocity. After a
-//! fit of the last two, the residuals of the means are the air's torque.
+//! A body in flight does not keep rotating: over a second, the motors' torque balances that of the
+//! air, that of the displaced center of mass, and a torque proportional to the velocity. After the
+//! latter two are fitted, the residuals of the mean torques are the air's.
 
 use nalgebra::Vector2;
 
@@ -10,23 +10,23 @@ use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_sim::vehicle::TORQUE_TIME_S;
 
-/// Length of a window, and least fraction of it that its samples must cover.
+/// Length of a window, and the minimum fraction of it that its samples must cover.
 const WINDOW_S: f64 = 1.0;
 const LEAST_COVERED: f64 = 0.8;
-/// Time after take-off, in which the controller finds its trim, and before landing.
+/// Time that is ignored after take-off, while the controller finds its trim, and before landing.
 const ENDS_S: f64 = 2.0;
 const FEWEST: usize = 6;
 
 /// Torque of uneven air, and the error that it causes in a flight's mean torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnevenAir {
-    /// Standard deviation about body x and y, N m.
+    /// Standard deviation of the torque about body x and y, N m.
     pub torque_sigma_n_m: [f64; 2],
     /// Standard deviation of the flight's mean torque, N m.
     pub mean_sigma_n_m: [f64; 2],
 }
 
-/// Estimates uneven air from the airborne samples. Returns `None` if the flight is too short.
+/// Estimates uneven air from the samples in the air. Returns `None` if the flight is too short.
 pub(super) fn uneven_air(
     flight: &Flight,
     samples: &[FlightSample],
@@ -35,7 +35,7 @@ pub(super) fn uneven_air(
     let [from_s, to_s] = [samples.first()?.time_s + ENDS_S, samples.last()?.time_s - ENDS_S];
     let middle: Vec<FlightSample> =
         samples.iter().filter(|s| (from_s..to_s).contains(&s.time_s)).copied().collect();
-    // Means of torque and velocity over windows of a second, none of them across a gap.
+    // Torque and velocity are averaged over windows of a second, none of which crosses a gap.
     let mut windows: Vec<[Vector2<f64>; 2]> = Vec::new();
     for run in runs(flight, &middle) {
         let start_s = run[0].time_s;
@@ -52,7 +52,7 @@ pub(super) fn uneven_air(
             let torques =
                 part.iter().map(|s| Vector2::from_fn(|axis, _| signed_sum(axis, &s.motors)));
             let torque_n_m = torques.sum::<Vector2<f64>>() * torque_per_command_n_m;
-            // The air turns a drone that moves along x about y, and one that moves along y about x.
+            // The air rotates a drone moving along x about y, and one moving along y about x.
             let moving_m_s: Vector2<f64> = part.iter().map(|s| s.velocity_body_m_s.yx()).sum();
             windows.push([torque_n_m / n, moving_m_s / n]);
         }
@@ -60,8 +60,8 @@ pub(super) fn uneven_air(
     if windows.len() < FEWEST {
         return None;
     }
-    // The spread about each axis that the velocity does not explain. A mean over a window varies
-    // less than the torque itself.
+    // The spread about each axis is the part that the velocity does not explain. The mean over a
+    // window varies less than the torque itself.
     #[expect(clippy::cast_precision_loss, reason = "seconds of a flight")]
     let n = windows.len() as f64;
     let [torque_n_m, moving_m_s] =
@@ -81,7 +81,7 @@ pub(super) fn uneven_air(
     Some(UnevenAir { torque_sigma_n_m, mean_sigma_n_m })
 }
 
-/// Returns the variance of an Ornstein–Uhlenbeck process's mean over `time_s`, relative to the
+/// Returns the variance of the mean of an Ornstein–Uhlenbeck process over `time_s`, relative to the
 /// variance of the process.
 fn mean_variance_frac(time_s: f64) -> f64 {
     let ratio = TORQUE_TIME_S / time_s;

@@ -1,15 +1,16 @@
-//! Estimate of the rotors' lag, from the response of the body's roll and pitch to the motors:
-//! `J Δ²w = k Δ(∫ torque of motors that lag by τ)`, over spans of equal length.
+//! Estimates the rotors' lag from the response of the body's roll and pitch to the motors: `J Δ²w =
+//! k Δ(∫ torque of motors that lag by τ)`, over spans of equal length.
 //!
-//! Uneven air turns a drone and its controller responds. A plain fit confuses response and cause:
-//! its lags are 20 to 70 ms too long. Both sides are therefore projected onto the design's
-//! acceleration at nearby times, which neither the air nor the gyroscope changes (two-stage least
-//! squares: Söderström, Stoica, Instrumental Variable Methods for System Identification, 1983, and
-//! in closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the one with the best fit.
-//! Its confidence comes from leaving out one stretch of the flight after the other (jackknife over
-//! groups: Efron, Stein 1981), which is robust to gusts that last from span to span.
+//! Uneven air rotates a drone, and its controller responds. A plain fit confuses response and
+//! cause, so that its lags are 20 to 70 ms too long. Both sides are therefore projected onto the
+//! design's acceleration at nearby times, which neither the air nor the gyroscope changes
+//! (two-stage least squares: Söderström, Stoica, Instrumental Variable Methods for System
+//! Identification, 1983, and in closed loop Gilson, Van den Hof, Automatica 41, 2005). The estimate
+//! is the lag with the best fit. The confidence interval of the lag comes from leaving out each
+//! stretch of the flight in turn (jackknife over groups: Efron, Stein 1981), which is robust to
+//! gusts that last from span to span.
 //!
-//! Not done: flights whose design never moves, such as a hover, do not show the lag.
+//! Not done: the lag cannot be estimated if the design never moves, as in a hover.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -19,45 +20,44 @@ use noctograph_core::flight::{Flight, FlightSample};
 
 /// Number of stretches of the flight that are left out in turn.
 const STRETCHES: usize = 20;
-/// Student's t of 95 % with nineteen degrees of freedom.
+/// Student's t for 95 % with nineteen degrees of freedom.
 pub const T_95: f64 = 2.093;
-/// Length of a span: two or more samples of a 50 Hz log, and shorter than the lag.
+/// Length of a span: at least two samples of a 50 Hz log, but shorter than the lag.
 const SPAN_S: f64 = 0.04;
-/// Lags that are tried: up to twice the longest published one, in steps.
+/// Maximum lag that is tried, twice the longest published one, and the step between the lags.
 const LONGEST_S: f64 = 0.35;
 const STEP_S: f64 = 0.005;
-/// Spans before and after a time of the design in which the drone responds to it: 0.4 s, by which a
-/// plan leads its controller, and 0.8 s, in which a slow controller settles.
+/// Number of spans before and after a time of the design in which the drone responds to it: 0.4 s,
+/// by which a plan leads its controller, and 0.8 s, in which a slow controller settles.
 const SPANS_BEFORE: usize = 10;
 const SPANS_AFTER: usize = 20;
-/// Fewest pairs of spans of a fit: ten to a stretch.
+/// Minimum number of pairs of spans for a fit: ten per stretch.
 const FEWEST: usize = 10 * STRETCHES;
-/// Largest half width of the confidence interval of a usable result: the spread of published lags,
-/// 0.02 to 0.14 s.
+/// Maximum half width of a usable confidence interval: the spread of published lags.
 const LARGEST_DOUBT_S: f64 = 0.1;
-/// Least fraction of the changes of rotation that the motors explain in a usable result.
+/// Minimum fraction of the changes of rotation that the motors explain in a usable result.
 const LEAST_EXPLAINED: f64 = 0.1;
 
 /// Lag of the rotors, estimated from a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorLag {
-    /// Time in which a motor follows its command: 63 % of a step.
+    /// Time constant with which a motor follows its command: the time for 63 % of a step.
     pub lag_s: f64,
-    /// Half the width of its confidence interval of 95 %.
+    /// Half the width of the 95 % confidence interval of the lag.
     pub half_width_s: f64,
     /// Fraction of the changes of rotation that the motors explain, 0 to 1.
     pub explained: f64,
 }
 
 impl RotorLag {
-    /// True if the flight shows the lag with an error below 100 ms. Slow logs, or those with many
-    /// gaps, do not.
+    /// Returns true if the flight determines the lag with an error below 100 ms. Slow logs, or
+    /// those with many gaps, do not.
     pub fn is_identifiable(&self) -> bool {
         self.half_width_s < LARGEST_DOUBT_S.min(self.lag_s) && self.explained > LEAST_EXPLAINED
     }
 }
 
-/// Fits the lag. `None` for a flight too short for a fit, or whose design does not move.
+/// Fits the lag. Returns `None` if the flight is too short, or if its design does not move.
 pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag> {
     let runs: Vec<(&[FlightSample], Vec<[usize; 3]>)> =
         runs(flight, samples).map(|run| (run, pairs(run).collect())).collect();
@@ -65,7 +65,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     if n < FEWEST {
         return None;
     }
-    // Instruments, response, and the regressor for each lag.
+    // The fit needs instruments, the response, and the regressor for each lag.
     let designs = instruments(&runs)?;
     let turns = changes(&runs, |run| run.iter().map(|s| s.rate_body_rad_s.xy().into()).collect());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
@@ -75,7 +75,8 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
         lags_s.map(|lag_s: f64| changes(&runs, |run| torques(run, lag_s))).collect();
     let stretches: Vec<Stretch> =
         (0..STRETCHES).map(|index| Stretch::new(index, &designs, &turns, &pushes)).collect();
-    // The best lag of the whole flight. Its confidence is by the jackknife (Efron, Stein 1981).
+    // The estimate is the best lag for the whole flight. The jackknife gives its confidence
+    // interval (Efron, Stein 1981).
     let fit = explained(&stretches, None)?;
     let lag_s = peak(&fit.curve);
     let others = (0..STRETCHES).map(|index| Some(peak(&explained(&stretches, Some(index))?.curve)));
@@ -83,7 +84,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     Some(RotorLag { lag_s, half_width_s, explained: fit.fraction })
 }
 
-/// Returns the standard deviation of an estimate, from estimates that leave out one stretch each.
+/// Returns the standard deviation of an estimate, from estimates that each leave out one stretch.
 fn jackknife_sigma(estimates: &[f64]) -> f64 {
     let n = estimates.len() as f64;
     let middle = estimates.iter().sum::<f64>() / n;
@@ -91,11 +92,11 @@ fn jackknife_sigma(estimates: &[f64]) -> f64 {
     (square * (n - 1.0) / n).sqrt()
 }
 
-/// Changes from span to span: a row for each pair of spans, with a column for each axis.
+/// Changes from span to span, with a row for each pair of spans and a column for each axis.
 type Changes = DMatrix<f64>;
 
 /// Products over one stretch of the flight: the design's columns with the rotation and with the
-/// torque of each lag, and these with themselves.
+/// torque of each lag, and with themselves.
 struct Stretch {
     design: DMatrix<f64>,
     turn: [DVector<f64>; 2],
@@ -105,11 +106,11 @@ struct Stretch {
     rows: usize,
 }
 
-/// How well the motors explain the rotation with each lag.
+/// Measures of how well the motors explain the rotation for each lag.
 struct Explained {
-    /// Log-likelihood of each lag, apart from a constant.
+    /// Log-likelihood of each lag, up to a constant.
     curve: Vec<f64>,
-    /// Fraction of all changes of rotation that the motors explain at best, 0 to 1.
+    /// Maximum fraction of all changes of rotation that the motors explain, 0 to 1.
     fraction: f64,
 }
 
@@ -120,11 +121,11 @@ impl Stretch {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;
         let [z, y] = [designs, turns].map(|changes| changes.rows(from, rows));
-        // Zᵀy and Zᵀx for the first stage.
+        // The first stage needs Zᵀy and Zᵀx.
         let mut projected = std::iter::once(turns)
             .chain(pushes)
             .map(|changes| [0, 1].map(|axis| z.tr_mul(&changes.column(axis).rows(from, rows))));
-        // xᵀx, xᵀy and yᵀy without the projection, for the fraction that is explained.
+        // The explained fraction needs xᵀx, xᵀy and yᵀy without the projection.
         let plain = pushes.iter().map(|push| {
             [0, 1].map(|axis| {
                 let (x, y) = (push.column(axis), y.column(axis));
@@ -142,8 +143,8 @@ impl Stretch {
     }
 }
 
-/// Returns how well each lag explains the rotation, without one stretch. `None` if the columns of
-/// the design are dependent.
+/// Returns how well each lag explains the rotation if one stretch is left out. Returns `None` if
+/// the columns of the design are linearly dependent.
 fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained> {
     let kept = stretches.iter().enumerate().filter(|(index, _)| Some(*index) != without);
     let kept: Vec<&Stretch> = kept.map(|(_, stretch)| stretch).collect();
@@ -154,16 +155,16 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
         kept.iter().map(|stretch| stretch.rows).sum::<usize>() as f64,
         square.trace() / columns as f64,
     );
-    // A billionth keeps the matrix invertible if columns are nearly dependent.
+    // Adding a billionth of the mean keeps the matrix invertible if columns are nearly dependent.
     for k in 0..columns {
         square[(k, k)] += 1e-9 * mean;
     }
-    // First stage: the response projected onto the instruments, ZᵀZ = L Lᵀ.
+    // First stage: the response is projected onto the instruments, with ZᵀZ = L Lᵀ.
     let factor = square.cholesky()?;
     let turns = [0, 1].map(|axis| kept.iter().map(|part| &part.turn[axis]).sum::<DVector<f64>>());
     let solved = [0, 1].map(|axis| factor.solve(&turns[axis]));
     let (mut curve, mut most) = (Vec::new(), 0.0_f64);
-    // Second stage: for each lag the regression of the projected response on the projected torque.
+    // Second stage: for each lag, the projected response is regressed on the projected torque.
     for lag in 0..stretches[0].plain.len() {
         let (mut likelihood, mut fraction) = (0.0, 0.0);
         for axis in 0..2 {
@@ -172,7 +173,7 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
             let [pxx, pxy, yy] = kept.iter().fold([0.0; 3], |sum: [f64; 3], stretch| {
                 [0, 1, 2].map(|k| sum[k] + stretch.plain[lag][axis][k])
             });
-            // Torque that turns the drone the other way explains nothing.
+            // Torque that would rotate the drone the other way explains nothing.
             let shared = if xy > 0.0 && xx > 0.0 { xy * xy / xx } else { 0.0 };
             let noise = (yy - turns[axis].dot(&solved[axis])) / rows;
             likelihood += if noise > 0.0 { shared / noise } else { 0.0 };
@@ -184,8 +185,8 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
     Some(Explained { curve, fraction: most })
 }
 
-/// Returns the design's acceleration along world x and y, at each pair of spans and at those around
-/// it, in a column each. `None` if the design never moves.
+/// Returns the design's acceleration along world x and y, at each pair of spans and at the pairs
+/// around it, each in a column. Returns `None` if the design never moves.
 fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     let moves = changes(runs, |run| run.iter().map(|s| s.design_m.xy().into()).collect());
     let axes: Vec<usize> = (0..2).filter(|axis| moves.column(*axis).amax() > 1e-9).collect();
@@ -197,7 +198,7 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
         for row in run.clone() {
             for (block, axis) in axes.iter().enumerate() {
                 for around in 0..n_around {
-                    // The response may precede the design, since a plan leads its controller.
+                    // The response may precede the design, because a plan leads its controller.
                     let cause = (row + SPANS_BEFORE).checked_sub(around);
                     if let Some(cause) = cause.filter(|cause| run.contains(cause)) {
                         columns[(row, block * n_around + around)] = moves[(cause, *axis)];
@@ -219,7 +220,7 @@ fn changes(
     for (run, pairs) in runs {
         let values = quantity(run);
         for [a, b, c] in pairs {
-            // Second difference: the change of the mean rate from one span to the next.
+            // The second difference is the change of the mean rate from one span to the next.
             let [before, after] = [(*a, *b), (*b, *c)].map(|(from, to)| {
                 let span_s = run[to].time_s - run[from].time_s;
                 [0, 1].map(|axis| (values[to][axis] - values[from][axis]) / span_s)
@@ -230,8 +231,7 @@ fn changes(
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
 }
 
-/// Returns the integral, up to each sample, of roll and pitch torques of motors that lag by
-/// `lag_s`.
+/// Returns the integral of roll and pitch torque up to each sample, with motors lagging by `lag_s`.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];
     for impulse in impulses(run, lag_s) {
@@ -241,8 +241,7 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     sums
 }
 
-/// Returns the lag at the peak of a curve, by a parabola through the highest point and its
-/// neighbors.
+/// Returns the lag at the peak of a curve, from a parabola through its highest three points.
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
     #[expect(clippy::cast_precision_loss, reason = "sixty")]
@@ -250,7 +249,7 @@ fn peak(curve: &[f64]) -> f64 {
     let before = highest.checked_sub(1).map(|index| curve[index]);
     let shift = match (before, curve.get(highest + 1)) {
         (Some(before), Some(after)) => {
-            // Vertex of the parabola through three points.
+            // The shift is to the vertex of the parabola through the three points.
             let bend = before - 2.0 * curve[highest] + after;
             if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
         }
@@ -259,9 +258,9 @@ fn peak(curve: &[f64]) -> f64 {
     (index + shift) * STEP_S
 }
 
-/// Returns indices of three samples each, which are a span apart.
+/// Returns the indices of triples of samples that are a span apart.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
-    // The first sample at least a span after the one before.
+    // Each end is the first sample that is at least one span after the previous end.
     let ends = std::iter::successors((!run.is_empty()).then_some(0), |from: &usize| {
         let due_s = run[*from].time_s + SPAN_S - 1e-6;
         let later = run[*from..].partition_point(|sample| sample.time_s < due_s);

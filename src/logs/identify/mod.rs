@@ -1,15 +1,15 @@
-//! Identification of a drone's parameters and its observer's weights, from the log of a flight.
+//! Identifies a drone's parameters and the weights of its observer from the log of a flight.
 //!
-//! In: a [`Flight`], and the vehicle's mass, arm and motor lag, which a log does not show. Out:
-//! [`Identified`]. The method is the reference team's (AE483, 2022).
+//! In: a [`Flight`], and the vehicle's mass, arm length and motor lag, which a log does not
+//! determine. Out: [`Identified`]. The method is the reference team's (AE483, 2022).
 //!
-//! - Weights of the observer: Q and R are `1/σ²` of the airborne measurement error
-//!   `y − (C x̂ + D u)` and of the model error `ẋ − (A x + B u)`, with ẋ by finite differences.
+//! - Weights of the observer: Q and R are `1/σ²` of the measurement error `y − (C x̂ + D u)` and of
+//!   the model error `ẋ − (A x + B u)` in the air, with ẋ by finite differences.
 //! - Thrust per command is fitted to the accelerometer, with the assumed motor lag.
-//! - The mean motor commands compensate the torque of a displaced center of mass.
-//! - Inertia comes from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
+//! - The mean motor commands compensate for the torque of a displaced center of mass.
+//! - Moments of inertia come from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
 //!
-//! Not done: inertia and the rotors' reaction torque, which slow logs do not show.
+//! Not done: moments of inertia and rotor reaction torque, which slow logs do not determine.
 
 mod air;
 mod lag;
@@ -28,18 +28,18 @@ use noctograph_core::error::{Error, Result, within};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
 use noctograph_sim::vehicle::VehicleOptions;
 
-/// Names of the nine states of the model's errors.
+/// Names of the nine states of the model error.
 pub const MODEL_STATES: [&str; 9] =
     ["o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z"];
 
-/// Logged raw positions of the Lighthouse, in order of preference.
+/// Names of logged raw Lighthouse positions, in order of preference.
 const LIGHTHOUSE: [[&str; 3]; 2] = [
     ["ae483log.lh_x", "ae483log.lh_y", "ae483log.lh_z"],
     ["lighthouse.x", "lighthouse.y", "lighthouse.z"],
 ];
-/// Logged vertical accelerations (gravity included), in order of preference, and their units in
-/// m/s²: the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), raw and as the
-/// controllers log it.
+/// Names of logged vertical accelerations (gravity included), in order of preference, and their
+/// units in m/s²: the AE483 firmware's, and the accelerometer in g (`stabilizer_types.h`), both raw
+/// and as the controllers log it.
 const ACCELERATIONS: [(&str, f64); 4] = [
     ("ae483log.a_z", 1.0),
     ("acc.z", GRAVITY_M_S2),
@@ -47,37 +47,37 @@ const ACCELERATIONS: [(&str, f64); 4] = [
     ("ctrlMel.accelz", GRAVITY_M_S2),
 ];
 
-/// Fewest samples for a standard deviation: ten seconds at 10 Hz.
+/// Minimum number of samples for a standard deviation: ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
 
-/// Properties of a drone, estimated from a flight.
+/// Properties of a drone that are estimated from a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
-    /// Number of airborne samples.
+    /// Number of samples in the air.
     pub n_samples: usize,
     /// Mean motor commands m1…m4.
     pub mean_motors: [f64; 4],
-    /// Thrust of one motor per unit of its command, N: fitted to the accelerometer, or to hovering
-    /// without one.
+    /// Thrust of one motor per unit of its command, N. The thrust is fitted to the accelerometer,
+    /// or without one, to hovering.
     pub k_f_n: f64,
     /// Mean torque of the motors about body x and y, N m. An opposite torque acts on the body.
     pub motor_torque_n_m: [f64; 2],
-    /// The center of mass that explains that torque, in body x and y.
+    /// Center of mass, along body x and y, that explains this torque.
     pub center_of_mass_m: [f64; 2],
     /// Half the width of the 95 % confidence interval of the center of mass, from the torque of
     /// uneven air. `None` if the flight is too short.
     pub center_of_mass_half_width_m: Option<[f64; 2]>,
-    /// The rotors' lag. `None` if no body rate is logged.
+    /// Lag of the rotors. `None` if no body rate is logged.
     pub lag: Option<RotorLag>,
-    /// Uneven air. `None` if the flight is too short.
+    /// Torque of uneven air. `None` if the flight is too short.
     pub air: Option<UnevenAir>,
-    /// Standard deviation of the measured position about the estimate, x y z. `None` without a
-    /// logged raw position.
+    /// Standard deviation of the measured position about the estimate, in x y z. `None` if no raw
+    /// position is logged.
     pub measurement_sigma_m: Option<[f64; 3]>,
-    /// Standard deviation of the model's error, [`MODEL_STATES`], in the state's unit per second.
-    /// `None` if attitude, velocity or body rates are not logged.
+    /// Standard deviation of the model error for [`MODEL_STATES`], in the unit of the state per
+    /// second. `None` if attitude, velocity or body rates are not logged.
     pub model_sigma: Option<[f64; 9]>,
-    /// Warnings about data that was logged and is not used.
+    /// Warnings about logged data that is not used.
     pub left_out: Vec<Diagnostic>,
 }
 
@@ -87,7 +87,7 @@ impl Identified {
         self.measurement_sigma_m.map(|sigma| sigma.map(weight))
     }
 
-    /// Returns the observer's R: `1/σ²` of the eight model errors without ψ, which is unobservable.
+    /// Returns the observer's R: `1/σ²` of the eight model errors except that of ψ (unobservable).
     pub fn observer_r(&self) -> Option<[f64; 8]> {
         let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
         Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
@@ -99,17 +99,17 @@ pub fn weight(sigma: f64) -> f64 {
     1.0 / (sigma * sigma)
 }
 
-/// Returns the moment of inertia from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body that
+/// Returns the moment of inertia from a pendulum test, `J = m (g r (T/2π)² − r²)`, for a body that
 /// swings with period T about a pivot at distance r from its center of mass.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if a figure is out of range, or the period is shorter than that of a point.
+/// Returns [`Error::Input`] if a value is out of range, or the period too short for any body.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
     within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
     within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
     within("pendulum_period_s", period_s, 1e-3, 100.0)?;
-    // T = 2π √((J + m r²) / (m g r)), solved for J.
+    // The formula is T = 2π √((J + m r²) / (m g r)), solved for J.
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
     if inertia > 0.0 {
@@ -117,35 +117,35 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
     }
     let shortest_s = std::f64::consts::TAU * (pivot_m / GRAVITY_M_S2).sqrt();
     let wanted = format!("more than {shortest_s:.4} s, the period of a point {pivot_m} m away");
-    let hint = "time ten swings and divide by ten; measure the pivot from the center of mass";
+    let hint = "time ten swings and divide by ten, and measure the pivot from the center of mass";
     Err(Error::input("pendulum_period_s", period_s, wanted, hint))
 }
 
-/// Identifies a drone from a flight.
+/// Identifies the parameters of a drone from a flight.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if the flight has no motor commands or is hardly in the air.
+/// Returns [`Error::Input`] if the flight contains no motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified> {
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
     if !flight.has(Quantity::Motors) {
         return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
     }
-    let air = airborne(flight).unwrap_or_default();
-    let n_samples = air.len();
+    let airborne = airborne(flight).unwrap_or_default();
+    let n_samples = airborne.len();
     if n_samples < FEWEST_SAMPLES {
         let count = format_args!("{n_samples} samples in the air");
         return Err(Error::input("flight", count, format!("at least {FEWEST_SAMPLES}"), hint));
     }
-    let samples = &flight.samples[air.clone()];
+    let samples = &flight.samples[airborne.clone()];
     if is_frozen(samples) {
-        let commands = "motor commands that never turn the drone, as those of one row, repeated";
+        let commands = "motor commands that never rotate the drone, like those of one repeated row";
         return Err(Error::input("flight", commands, "those of a flight", hint));
     }
-    // Thrust and torque of the mean commands, by the accelerometer if it is sound.
+    // Thrust and torque follow from the mean commands, with the accelerometer if it is plausible.
     let mut left_out = Vec::new();
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
-    let mut accelerations = accelerations(flight, &air, &mut left_out);
+    let mut accelerations = accelerations(flight, &airborne, &mut left_out);
     let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
         let text = "the acceleration points down on average: the drone is taken to hover";
@@ -155,7 +155,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
-    // The model's error needs quantities that are logged and change.
+    // The model error needs quantities that are logged and change.
     type Reading = fn(&FlightSample) -> Vector3<f64>;
     let quantities: [(Quantity, Reading); 3] = [
         (Quantity::Rate, |s| s.rate_body_rad_s),
@@ -170,7 +170,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         }
         is_logged && changes
     });
-    let measurement_sigma_m = measurement_sigma_m(flight, &air, &mut left_out);
+    let measurement_sigma_m = measurement_sigma_m(flight, &airborne, &mut left_out);
     let model_sigma = (turns && leans && moves)
         .then(|| model_sigma(flight, samples, accelerations.as_deref()))
         .filter(|sigma| are_figures(sigma));
@@ -181,7 +181,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
-        // The weight turns the drone about the motors' middle by m g (y, −x), the motors back.
+        // The weight's torque about the motors' center, m g (y, −x), is balanced by the motors.
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
         center_of_mass_half_width_m: air
             .map(|air| [1, 0].map(|axis: usize| T_95 * air.mean_sigma_n_m[axis] / thrust_n)),
@@ -194,10 +194,10 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     })
 }
 
-/// True if the motors never change their roll and pitch torque, as when a logger repeats one row.
-/// No real flight holds both constant.
+/// Returns true if the motors never change their roll and pitch torque, as when a logger repeats
+/// one row. No real flight keeps both constant.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
-    /// Below the grid of the files.
+    /// Tolerance, which is below the number grid of the files.
     const SAME: f64 = 1e-3;
     let mut turns =
         samples.iter().map(|sample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy()).peekable();
@@ -205,12 +205,12 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
     turns.all(|turn| (turn - first).amax() < SAME)
 }
 
-/// Returns the warning of a source that never changes.
+/// Returns a warning about a source that never changes.
 fn frozen(names: &str) -> Diagnostic {
     Diagnostic::warning("source-frozen", format!("{names}: frozen, as if it was not logged"))
 }
 
-/// Returns the airborne values of an extra column.
+/// Returns the values of an extra column while the drone is in the air.
 fn column<'a>(flight: &'a Flight, air: &Range<usize>, name: &str) -> Option<&'a [f64]> {
     flight.extra.get(name).map(|column| &column[air.clone()])
 }
@@ -219,13 +219,13 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// True for finite and positive standard deviations: the weight of a frozen value would be
+/// Returns true if standard deviations are finite and positive. A frozen value's weight would be
 /// infinite.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
 
-/// Returns the vertical acceleration in m/s² of the first source that changes.
+/// Returns the vertical acceleration in m/s² from the first source that changes.
 fn accelerations(
     flight: &Flight,
     air: &Range<usize>,
@@ -242,7 +242,7 @@ fn accelerations(
     None
 }
 
-/// Returns the standard deviation, about the estimate, of the first raw position that changes.
+/// Returns the standard deviation about the estimate of the first raw position that changes.
 fn measurement_sigma_m(
     flight: &Flight,
     air: &Range<usize>,
@@ -258,21 +258,21 @@ fn measurement_sigma_m(
         let places = flight.samples[air.clone()].iter().zip(x).zip(y).zip(z);
         let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
         let sigma: [f64; 3] = standard_deviation(&errors.collect::<Vec<_>>()).into();
-        // The estimate may be this raw position itself: then the deviations are zero.
+        // If the estimate is this raw position itself, the deviations are zero.
         return Some(sigma).filter(|sigma| are_figures(sigma));
     }
     None
 }
 
 /// Returns the standard deviation of `ẋ − (A x + B u)` with the model linearized at hover, over
-/// pairs of neighbors without a gap between them.
+/// pairs of consecutive samples without a gap between them.
 fn model_sigma(
     flight: &Flight,
     samples: &[FlightSample],
     accelerations: Option<&[f64]>,
 ) -> [f64; 9] {
     let pairs = samples.windows(2).enumerate().filter_map(|(index, pair)| {
-        // ẋ by the forward difference.
+        // The derivative ẋ is a forward difference.
         let dt_s = pair[1].time_s - pair[0].time_s;
         let acceleration = accelerations.map_or(GRAVITY_M_S2, |column| column[index]);
         let error = (state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration);
@@ -289,17 +289,17 @@ fn runs<'a>(
     samples.chunk_by(|a, b| a.time_s < b.time_s && !ends_at_gap(flight, a.time_s))
 }
 
-/// Returns the sum of the motors' values with their signs about an axis of the body.
+/// Returns the sum of the motors' values, each with its sign about an axis of the body.
 fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-/// True if a gap follows a sample.
+/// Returns true if a gap follows the sample at a time.
 fn ends_at_gap(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
 
-/// Returns the nine states of a sample, [`MODEL_STATES`].
+/// Returns the nine states of a sample in the order of [`MODEL_STATES`].
 fn state(sample: &FlightSample) -> SVector<f64, 9> {
     let (o, a, v) = (sample.position_m, sample.attitude, sample.velocity_body_m_s);
     SVector::from([o.x, o.y, o.z, a.yaw_rad, a.pitch_rad, a.roll_rad, v.x, v.y, v.z])
@@ -323,7 +323,7 @@ fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVecto
     sum / n
 }
 
-/// Returns the standard deviation of vectors, by component.
+/// Returns the standard deviation of each component of vectors.
 fn standard_deviation<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
     let middle = mean(values.iter().copied());
     let squares = values.iter().map(|value| (value - middle).map(|x| x * x));
@@ -354,7 +354,7 @@ mod tests {
             model_sigma: Some([0.026, 0.026, 0.033, 0.018, 0.103, 0.203, 0.149, 0.115, 0.187]),
             left_out: Vec::new(),
         };
-        // As printed in the paper's observer, Q rounded to whole numbers and R to one digit.
+        // The paper prints these values, Q in whole numbers and R to one digit.
         let (q, r) = (identified.observer_q().unwrap(), identified.observer_r().unwrap());
         assert_eq!(q.map(f64::round), [111_111.0, 62_500.0, 250_000.0]);
         let printed = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6];
@@ -365,7 +365,8 @@ mod tests {
 
     #[test]
     fn a_pendulum_test_gives_the_inertia() {
-        // A rod of 1 kg and 1 m about its end: J = m l²/12 about its middle, T = 2π √(2 l / 3 g).
+        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 at its center, T = 2π √(2 l / 3
+        // g).
         let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
         let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
         assert!((inertia - 1.0 / 12.0).abs() < 1e-12, "{inertia}");
@@ -391,7 +392,7 @@ mod tests {
         assert!(identified.model_sigma.unwrap()[0] < 0.05, "{:?}", identified.model_sigma);
     }
 
-    /// Flights of a word with rotors of a lag, by a controller in the air of a room.
+    /// Returns flights of a word with a rotor lag, by a controller in the air of a room.
     fn flights_with_lag(
         kind: ControllerKind,
         lag_s: f64,
@@ -410,7 +411,7 @@ mod tests {
 
     #[test]
     fn the_interval_of_the_lag_holds_the_truth_and_thrust_is_unbiased() {
-        // The plain fit reads 10 to 40 ms more, within intervals of 5 to 15.
+        // The plain fit is 10 to 40 ms too long, with intervals of 5 to 15 ms.
         let (mut n, mut held) = (0, 0);
         for kind in [ControllerKind::Pid, ControllerKind::Lqr] {
             for lag_s in [0.06, 0.12, 0.18] {
@@ -448,12 +449,12 @@ mod tests {
                 widths_m[axis] += half_width_m[axis] / 24.0;
             }
         }
-        // Of 48, 42 or fewer happen to a true interval of 95 % once in 70 times.
+        // For a correct 95 % interval, 42 or fewer of 48 occur only once in 70 times.
         assert!(held >= 43, "{held} of {n}");
         assert!(widths_m.iter().all(|width_m| *width_m < 0.2e-3), "{widths_m:?}");
     }
 
-    /// A hover of 20 s whose motors answer a slow sway.
+    /// Returns a hover of 20 s whose motors respond to a slow sway.
     fn sway(acceleration: (&str, f64)) -> Flight {
         let wave = |i: u32, rate: f64| libm::sin(rate * f64::from(i));
         let sample = |i: u32| FlightSample {

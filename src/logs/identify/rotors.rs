@@ -1,22 +1,22 @@
-//! Thrust of motors from their logged commands, which the rotor speeds follow with a lag.
+//! Computes motors' thrust from logged commands, which the rotor speeds follow with a lag.
 
 use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 use noctograph_sim::vehicle::VehicleOptions;
 
-/// Half the time for which the firmware holds a command (500 Hz): the delay of the commands against
-/// a straight line between two logged ones.
+/// Half the time for which the firmware holds a command (500 Hz), which is the delay of the
+/// commands relative to a straight line between two logged ones.
 const HELD_S: f64 = 0.001;
-/// Longest step that is interpolated. In longer ones the first command is held.
+/// Maximum step that is interpolated. In longer steps the first command is held.
 const LONGEST_STEP_S: f64 = 0.04;
-/// Least height above the floor without ground effect.
+/// Minimum height above the floor without ground effect.
 const FREE_M: f64 = 0.15;
-/// Number of samples to either side over which the climb rate is measured.
+/// Number of samples on either side over which the climb rate is measured.
 const CLIMB: usize = 10;
 
 /// Returns the integral of each motor's thrust from each sample to the next, in units of commands.
-/// Rotor speeds follow the root of the command, and thrust is their square.
+/// Rotor speeds follow the square root of the command, and thrust is the square of the speed.
 pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let wanted = roots(run);
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
@@ -28,7 +28,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
             let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
             let behind = speed[motor] - wanted;
             speed[motor] = wanted + behind * stays;
-            // ∫ (wanted + behind e^(−t/lag))² dt over the step.
+            // The sum is ∫ (wanted + behind e^(−t/lag))² dt over the step.
             wanted * wanted * dt_s
                 + 2.0 * wanted * behind * lag_s * (1.0 - stays)
                 + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
@@ -36,12 +36,12 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     }))
 }
 
-/// Returns the roots of the commands at each sample, interpolated between different commands.
+/// Returns the square roots of the commands at each sample, interpolated between commands.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
         let (from, next) = (&held[0], run.get(line.len() + held.len()));
-        // A command that is held for long is not interpolated.
+        // A command that is held for a long time is not interpolated.
         let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
         let [first, last] =
             [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));
@@ -53,9 +53,9 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     line
 }
 
-/// Returns the thrust per command, N, with the motors' lag and without ground effect. It is fitted
-/// to the accelerations by least squares of `m a = k ΣM`. Without these, it is fitted to gravity
-/// and the climb over the whole time.
+/// Returns the thrust per command, N, with the motors' lag and without ground effect. The thrust is
+/// fitted to the accelerations by least squares of `m a = k ΣM`. Without accelerations, the thrust
+/// is fitted to gravity and to the climb over the whole time.
 pub(super) fn thrust_per_command_n(
     flight: &Flight,
     samples: &[FlightSample],
@@ -67,14 +67,15 @@ pub(super) fn thrust_per_command_n(
     let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
     let free =
         (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
-    let free = free.clone().min().zip(free.max());
-    // If half of the flight is in ground effect, all of it is used.
-    let (from, to) =
-        free.filter(|(from, to)| to - from > samples.len() / 2).unwrap_or((0, samples.len() - 1));
+    let ends_of_free = free.clone().min().zip(free.max());
+    // If half of the flight is in ground effect, the complete flight is used.
+    let (from, to) = ends_of_free
+        .filter(|(from, to)| to - from > samples.len() / 2)
+        .unwrap_or((0, samples.len() - 1));
     let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
     let motor_lag_s = 0.5 * (motor_rise_s + motor_fall_s);
     let (mut product, mut square) = (0.0, 0.0);
-    // Sums over the runs of samples without a gap, within the part that is in free air.
+    // The sums are over runs of samples without a gap, within the part in free air.
     let mut start = 0;
     for run in runs(flight, samples) {
         let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);

@@ -1,5 +1,4 @@
-//! Tables of other programs: one flight in every way of writing it, what is refused, and what is
-//! named.
+//! Tests tables of other programs: one flight in all notations, what is refused and named.
 
 use std::fmt::Write;
 
@@ -8,16 +7,17 @@ use proptest::prelude::*;
 use super::*;
 use noctograph_core::flight::airborne;
 
-/// A synthetic flight: up from 1 to 3 s, to the right, into the scene, and down again, to 11 s.
+/// Returns the position in a synthetic flight: up from 1 to 3 s, to the right, into the scene, and
+/// down again until 11 s.
 pub(super) fn place(t: f64) -> [f64; 3] {
     let up = (0.5 * (t - 1.0)).min(0.5 * (11.0 - t)).clamp(0.0, 1.0);
     [(0.5 * (t - 3.0)).clamp(0.0, 1.0), (0.25 * (t - 5.0)).clamp(0.0, 0.5), up]
 }
 
-/// Its yaw throughout, as a turn about the vertical.
+/// Yaw of the flight at all times, as a rotation about the vertical axis.
 const YAW_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
-/// A table of its samples at 10 Hz, each row from its time and place.
+/// Returns a table of the flight's samples at 10 Hz, each row from its time and position.
 fn rows(head: &str, row: impl Fn(f64, [f64; 3]) -> String) -> String {
     let mut text = head.to_owned();
     for i in 0..=120 {
@@ -48,7 +48,7 @@ pub(super) fn check(what: &str, flight: &Flight) {
     assert!((last.time_s - 12.0).abs() < 0.11, "{what}: ends at {}", last.time_s);
     for sample in &flight.samples {
         let wanted = Vector3::from(place(sample.time_s));
-        // Between samples of 10 Hz corners are cut.
+        // Interpolation between samples at 10 Hz cuts corners.
         let off_m = (sample.position_m - wanted).norm();
         assert!(off_m < 0.02, "{what}: {off_m} m at {} s", sample.time_s);
     }
@@ -84,9 +84,12 @@ fn one_flight_is_read_from_every_way_of_writing_a_table() {
     }
     let (head, body) = plain().split_once('\n').map(|(a, b)| (a.to_owned(), b.to_owned())).unwrap();
     let body = body.lines().map(|line| line.split(',').map(quoted).collect::<Vec<_>>().join(","));
-    let twelve_hours = rows("timestamp,x,y,z\n", |t, [x, y, z]| match t < 4.95 {
-        true => format!("12:59:{:06.3},{x:.4},{y:.4},{z:.4}", 55.0 + t),
-        false => format!("01:00:{:06.3},{x:.4},{y:.4},{z:.4}", (t - 5.0).max(0.0)),
+    let twelve_hours = rows("timestamp,x,y,z\n", |t, [x, y, z]| {
+        if t < 4.95 {
+            format!("12:59:{:06.3},{x:.4},{y:.4},{z:.4}", 55.0 + t)
+        } else {
+            format!("01:00:{:06.3},{x:.4},{y:.4},{z:.4}", (t - 5.0).max(0.0))
+        }
     });
     let big_endian = [0xfe, 0xff].into_iter();
     let big_endian = big_endian.chain(plain().encode_utf16().flat_map(u16::to_be_bytes)).collect();
@@ -108,7 +111,7 @@ fn one_flight_is_read_from_every_way_of_writing_a_table() {
     }
 }
 
-/// The quaternion x, y, z, w of the yaw about z.
+/// Returns the quaternion x, y, z, w of the yaw about z.
 fn quaternion() -> [f64; 4] {
     [0.0, 0.0, libm::sin(0.5 * YAW_RAD), libm::cos(0.5 * YAW_RAD)]
 }
@@ -272,7 +275,7 @@ fn degrees_are_told_where_radians_are_impossible() {
         let steepest = flight.samples.iter().map(|s| s.attitude.roll_rad.abs()).fold(0.0, f64::max);
         assert!((steepest / wanted - 1.0).abs() < 0.02, "{most}: {steepest}\n{}", said(&flight));
         says(&flight, word);
-        // Rates without a unit go with the angles.
+        // Rates without a unit are treated like the angles.
         let fastest = flight.samples.iter().map(|s| s.rate_body_rad_s.x.abs()).fold(0.0, f64::max);
         assert!(
             (fastest / (3.0 * wanted) - 1.0).abs() < 0.05,
@@ -331,7 +334,7 @@ fn other_files_are_refused_with_what_converts_them() {
     assert!(error.contains("\"0,1\""), "commas and points: {error}");
 }
 
-/// A JSON log of the flight: variables of 10 Hz in ms.
+/// Returns a JSON log of the flight, with variables at 10 Hz and times in ms.
 fn variables(values: &[(&str, &dyn Fn(f64) -> f64)]) -> String {
     fn list(cell: &dyn Fn(f64) -> f64) -> String {
         let cells: Vec<String> = (0..=120).map(|i| cell(0.1 * f64::from(i)).to_string()).collect();
@@ -389,7 +392,7 @@ fn what_is_frozen_while_the_drone_moves_was_not_logged_whichever_it_is() {
         says(&flight, &named);
         check(quantity.name(), &flight);
     }
-    // A drone that rests keeps what it logs, and a setpoint may stay where it is.
+    // A drone at rest keeps its logged values, and a setpoint may be constant.
     let rests: [(&str, &dyn Fn(f64) -> f64); 3] =
         [("stateEstimate.x", zero), ("stateEstimate.y", zero), ("stateEstimate.z", &|t| 0.001 * t)];
     let flight = read(variables(&[&rests[..], &all(zero)].concat()).as_bytes());
@@ -444,7 +447,7 @@ fn a_dead_or_diverged_source_is_replaced_by_the_next() {
         "pitch is not inverted"
     );
     assert!(flight.unlogged.contains(&Quantity::Velocity), "{:?}", flight.unlogged);
-    // A further column that diverged keeps nobody from the rest.
+    // An additional column that diverged does not prevent reading the rest.
     let log =
         [&POSITION[..], &[("my.channel", &|t: f64| if t > 5.0 { 1e35 } else { 0.0 })]].concat();
     let flight = read(variables(&log).as_bytes());
@@ -455,9 +458,8 @@ fn a_dead_or_diverged_source_is_replaced_by_the_next() {
 #[test]
 fn zeros_of_a_body_that_was_lost_are_no_positions() {
     let lost = |t: f64| (6.0..6.5).contains(&t) || t > 11.5;
-    let text = rows("t,x,y,z\n", |t, [x, y, z]| match lost(t) {
-        true => format!("{t:.2},0,0,0"),
-        false => format!("{t:.2},{},{y},{z}", x + 0.5),
+    let text = rows("t,x,y,z\n", |t, [x, y, z]| {
+        if lost(t) { format!("{t:.2},0,0,0") } else { format!("{t:.2},{},{y},{z}", x + 0.5) }
     });
     let flight = read(text.as_bytes());
     says(&flight, "are 0, 0, 0, where the drone would have jumped");
@@ -493,7 +495,7 @@ fn a_cut_log_of_a_script_is_refused_wherever_it_is_cut() {
         let error = parse(&log.as_bytes()[..end], "log", &ImportOptions::default()).unwrap_err();
         assert!(error.to_string().contains("cut off"), "{end}: {error}");
     }
-    // Others are read as far as they go.
+    // Other logs are read as far as they go.
     says(&read(&variables(&POSITION).as_bytes()[..log.len() - 100]), "ends too early");
 }
 
@@ -508,7 +510,8 @@ fn an_exported_scripts_log_has_its_words_without_a_warning() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Every reader of text: an understood log with one thing more names it, or refuses it by name.
+    /// Every text reader names, or refuses by name, one unknown thing that is added to a log it
+    /// understands.
     #[test]
     fn what_is_not_understood_is_named(name in "[a-z]{5,9}q", word in "[a-z]{3,8}", place in 1..3_usize) {
         let column = |value: &str, title: &str| {
@@ -561,12 +564,12 @@ fn compass_directions_with_units_are_a_position_and_a_matrix_is_no_table_of_time
     let flight = read(yaw.as_bytes());
     check("a yaw beside a position", &flight);
     assert!((flight.samples[60].attitude.yaw_rad - YAW_RAD).abs() < 1e-6);
-    // Poses of KITTI: the first three rows of a matrix, without times.
+    // KITTI poses are the first three rows of a matrix, without times.
     let kitti = rows("", |_, [x, y, z]| format!("1 0 0 {x} 0 1 0 {y} 0 0 1 {z}"));
     let turning =
         rows("", |t, [x, y, z]| format!("{:.6} 0 0 {x} 0 1 0 {y} 0 0 1 {z}", 0.01 * libm::sin(t)));
     for text in [kitti, turning] {
-        assert!(refused(&text).contains("no head, and"), "{}", refused(&text));
+        assert!(refused(&text).contains("no header, and"), "{}", refused(&text));
     }
 }
 
@@ -576,7 +579,7 @@ fn days_without_a_clock_are_refused_and_another_encoding_is_named() {
         rows(&format!("{title},x,y,z\n"), |t, [x, y, z]| format!("{},{x},{y},{z}", stamp(t)))
     };
     let days = stamped("time", &|t| format!("{:.10}", 46_023.4 + t / 86_400.0));
-    says(&read(days.as_bytes()), "taken as 86400 s a unit");
+    says(&read(days.as_bytes()), "read in units of 86400 s");
     assert!(refused(&stamped("date", &|_| "2026-01-01".into())).contains("days alone"));
     let latin = rows("t,x,y,z,h\u{e9}\n", |t, [x, y, z]| format!("{t},{x},{y},{z},7"));
     let flight = read(&latin.chars().map(|c| c as u8).collect::<Vec<_>>());
@@ -673,7 +676,7 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
     });
     assert!(refused(&melted).contains("columns=\"variable\""), "{}", refused(&melted));
     let rounded = rows("t,x,y,z\n", |_, [x, y, z]| format!("1.7e12,{x},{y},{z}"));
-    assert!(refused(&rounded).contains("121 times that are one"), "{}", refused(&rounded));
+    assert!(refused(&rounded).contains("121 equal times"), "{}", refused(&rounded));
     let no_head = rows("", |t, [x, y, z]| format!("radio://0/80,{t},{x},{y},{z}"));
     assert!(
         refused(&no_head).contains("column t: found \"radio://0/80\""),

@@ -1,5 +1,5 @@
-//! One flight in tables and JSON as they are generated: columns in any order and naming, with their
-//! units, separators, encodings, timestamps, and the ids of drones.
+//! Reads one flight from generated tables and JSON, with columns in any order and naming, and with
+//! their units, separators, encodings, timestamps, and the ids of drones.
 
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -7,22 +7,22 @@ use proptest::sample::select;
 use super::foreign::{check, place};
 use super::*;
 
-/// A column of a table: its titles, and each cell by the time and the place.
+/// A function that returns a cell of a column, given the time and the position.
 type Cells = fn(f64, [f64; 3]) -> String;
 
-/// Seconds and their fraction.
+/// Returns whole seconds and their fraction.
 fn parts(t: f64) -> (f64, f64) {
     ((t + 1e-9).floor(), (t + 1e-9).fract().max(0.0))
 }
 
-/// A time of day of hours, minutes and seconds.
+/// Returns a time of day in hours, minutes and seconds.
 fn clock(t: f64, from_s: f64) -> String {
     let all_s = t + from_s;
     let minutes = (all_s / 60.0 + 1e-9).floor();
     format!("{:02}:{:02}:{:06.3}", (minutes / 60.0).floor(), minutes % 60.0, all_s - 60.0 * minutes)
 }
 
-/// Stamps that need no other column.
+/// Titles and cells of timestamps that need no other column.
 const STAMPS: [(&str, Cells); 22] = [
     ("t", |t, _| format!("{t:.3}")),
     ("Time [msec]", |t, _| format!("{:.0}", 1e3 * t)),
@@ -52,7 +52,7 @@ const STAMPS: [(&str, Cells); 22] = [
     ("Time", |t, _| clock((t + 86_395.0) % 86_400.0, 0.0)),
 ];
 
-/// Coordinates in names and units. Each title has x, y or z in place of `*`.
+/// Titles and units of coordinates. `*` in a title stands for x, y or z.
 const PLACES: [(&str, f64); 8] = [
     ("*", 1.0),
     ("pos_*", 1.0),
@@ -64,7 +64,7 @@ const PLACES: [(&str, f64); 8] = [
     ("/cf1/pose/position/*", 1.0),
 ];
 
-/// Other columns: without effect, but with a place of their own.
+/// Titles and cells of other columns, which have no effect.
 const OTHERS: [(&str, Cells); 4] = [
     ("mode", |t, _| if t < 5.0 { "climb".into() } else { "cruise".into() }),
     ("drone_id", |_, _| "7".into()),
@@ -120,7 +120,7 @@ proptest! {
                 separator => cells.replace(',', separator),
             }
         };
-        // Dates with points are no numbers with commas.
+        // Dates with points are not numbers with commas.
         prop_assume!(separator != "decimal comma" || !["Date,Time", "Uhrzeit,Datum"].contains(&stamp_titles));
         let titles = ["x", "y", "z"].map(|axis| title.replace('*', axis));
         let mut text = row(stamp_titles.into(), titles, other_title.into()).replace(
@@ -163,17 +163,19 @@ proptest! {
             cells.join(",")
         };
         let times = (0..=60).map(|i| 0.2 * f64::from(i));
-        let rows: Vec<String> = match in_turn {
-            true => times.flat_map(|t| [row(0, t), row(1, t)]).collect(),
-            false => [0, 1].into_iter().flat_map(|k| { times.clone() }.map(move |t| (k, t)))
-                .map(|(k, t)| row(k, t)).collect(),
-        };
+        let rows: Vec<String> = if in_turn {
+times.flat_map(|t| [row(0, t), row(1, t)]).collect()
+} else {
+[0, 1].into_iter().flat_map(|k| { times.clone() }.map(move |t| (k, t)))
+                .map(|(k, t)| row(k, t)).collect()
+};
         let mut head = vec!["t", "x", "y", "z"];
         head.insert(place_of_name, title);
-        let text = match as_json {
-            true => format!("[{}]", rows.join(",")),
-            false => format!("{}\n{}\n", head.join(","), rows.join("\n")),
-        };
+        let text = if as_json {
+format!("[{}]", rows.join(","))
+} else {
+format!("{}\n{}\n", head.join(","), rows.join("\n"))
+};
         let error = parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap_err();
         let said = format!("column {title}: found rows of several drones");
         prop_assert!(error.to_string().contains(&said), "{error}\n{text:.200}");
@@ -252,7 +254,7 @@ proptest! {
         };
         let digits = if sign == "," && decimals > 0 { ".0" } else { "" };
         let quoted = |cell: String| if separator == "," { format!("\"{cell}\"") } else { cell };
-        // In a table of commas, points are decimal ones.
+        // In a table that is separated by commas, points are decimal points.
         prop_assume!(sign != "." || separator != ",");
         let mut text = ["t_ms", "x_mm", "y_mm", "z_mm"].join(separator) + "\n";
         for i in 0..=120 {
@@ -313,10 +315,11 @@ proptest! {
         yaw_rad in 0.1..1.5_f64,
     ) {
         let is_of_drone = title.contains('.');
-        let axes = ["x", "y", "z"].map(|axis| match is_of_drone {
-            true => format!("stateEstimate.{axis}"),
-            false => axis.to_owned(),
-        });
+        let axes = ["x", "y", "z"].map(|axis| if is_of_drone {
+format!("stateEstimate.{axis}")
+} else {
+axis.to_owned()
+});
         let stamp = if is_of_drone { "Timestamp" } else { "t" };
         let mut text = format!("{stamp},{},{title}\n", axes.join(","));
         for i in 0..=120 {
@@ -330,7 +333,7 @@ proptest! {
         let [least, most] = [f64::min, f64::max].map(|f| yaws.clone().reduce(f).unwrap());
         prop_assert!(least > yaw_rad - 1e-3 && most < yaw_rad + 0.021, "{title}: {least} to {most}");
         let said = flight.warnings.iter().map(ToString::to_string).collect::<String>();
-        prop_assert!(said.contains("the yaw alone is logged"), "{said}");
+        prop_assert!(said.contains("only the yaw is logged"), "{said}");
     }
 
     #[test]

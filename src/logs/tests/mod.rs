@@ -1,5 +1,5 @@
-//! Import of whole logs. `tests/it/dialects.rs` reads every dialect whole, cut off and broken. Here
-//! are the rules of all dialects.
+//! Tests of complete imports. `tests/it/dialects.rs` reads complete, truncated and broken files in
+//! every dialect. The tests here are about rules that all dialects follow.
 
 use noctograph_core::flight::FlightData;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -17,7 +17,7 @@ mod foreign;
 mod generated;
 mod team_data;
 
-/// All warnings of a recording.
+/// Returns all warnings of a recording.
 pub(super) fn said(log: &Recording) -> String {
     log.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
@@ -26,10 +26,10 @@ fn imported(bytes: &[u8]) -> Flight {
     parse(bytes, "log", &ImportOptions::default()).unwrap()
 }
 
-/// Name, phase of its block in ms, and value over time since 40 s.
+/// Name, phase of the block in ms, and value as a function of the time since 40 s.
 type Variable = (&'static str, u32, fn(f64) -> f64);
 
-/// A JSON log of four seconds from 40 s on: variables of 100 Hz.
+/// Returns a JSON log of four seconds from 40 s on, with variables at 100 Hz.
 fn json(variables: &[Variable]) -> String {
     let list = |cells: Vec<String>| cells.join(",");
     let variable = |(name, phase_ms, value): &Variable| {
@@ -41,7 +41,7 @@ fn json(variables: &[Variable]) -> String {
     format!("{{{}}}", list(variables.iter().map(variable).collect()))
 }
 
-/// Straight lines, which interpolation leaves exact, in the firmware's units and signs.
+/// Returns a log of straight lines, for which interpolation is exact, in the firmware's units.
 fn straight_flight() -> String {
     fn degrees(rad: f64) -> f64 {
         (rad.to_degrees() + 180.0).rem_euclid(360.0) - 180.0
@@ -109,7 +109,7 @@ fn a_wrap_of_the_radio_clock_leaves_no_trace() {
     assert_eq!((flight.samples.len(), flight.gaps.len()), (200, 0), "{:?}", flight.warnings);
 }
 
-/// The flight that its own file gives, without warnings.
+/// Writes a flight to a file, and returns what is read back, without warnings.
 fn read_back(flight: &Flight) -> Flight {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.csv");
@@ -231,7 +231,7 @@ fn half_a_quantity_stays_a_column_and_levels_become_lights() {
     assert!(flight.extra.contains_key("log.m1"), "{:?}", flight.extra.keys());
 }
 
-/// A short log of every format, to be broken.
+/// Returns a short log in every format, which tests break.
 fn short_logs() -> [Vec<u8>; 6] {
     let mut usd =
         b"\xbc\x02\0\x01\0\x07\0fast\0\x03\0kalman.stateX(f)\0kalman.stateY(h)\0kalman.stateZ(e)\0"
@@ -266,7 +266,8 @@ fn the_short_logs_are_logs() {
     }
 }
 
-/// A µSD log of version 2: an event that never came, and one with the crossing beams of a flight.
+/// Returns a µSD log of version 2 with two event types: one that never occurred, and one with the
+/// crossing beams of a flight.
 fn event_log(events: u32) -> Vec<u8> {
     let mut log = b"\xbc\x02\0\x02\0\x03\0estPose\0\x03\0lighthouse.x(f)\0lighthouse.y(f)\0\
         lighthouse.z(f)\0\x07\0estPosition\0\x03\0lighthouse.x(f)\0lighthouse.y(f)\0lighthouse.z(f)\0"

@@ -1,5 +1,5 @@
-//! The team's log of NOOR must give the figures known of it. It has no license, so it is not in the
-//! repository: `NOCTOGRAPH_SHARED` names the folder that holds `data/`.
+//! The team's log of NOOR must give the published figures. The log has no license, so that it is
+//! not in the repository: `NOCTOGRAPH_SHARED` names the folder that contains `data/`.
 
 use std::path::Path;
 
@@ -44,7 +44,7 @@ fn the_teams_flight_gives_the_figures_known_of_it() {
 fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
     let bytes = noor();
     let own = imported(&bytes);
-    // Without the custom observer the firmware's must say the same.
+    // Without the custom observer, the firmware's estimate must agree with it.
     let text = String::from_utf8(bytes).unwrap();
     let text = ["o_x\"", "psi\"", "v_x\""].iter().fold(text, |text, name| {
         text.replace(&format!("ae483log.{name}"), &format!("other.{name}"))
@@ -61,7 +61,7 @@ fn the_firmwares_signs_and_units_agree_with_the_teams_observer() {
         assert!(errors.len() > 3000, "{} samples in common", errors.len());
         median(errors).unwrap()
     };
-    // The other sign would put pitch and roll 0.05 rad apart, degrees far more.
+    // With the other sign, pitch and roll would differ by 0.05 rad, and in degrees by far more.
     type Number = fn(&FlightSample) -> f64;
     let parts: [(&str, Number, f64); 6] = [
         ("pitch", |s| s.attitude.pitch_rad, 0.01),

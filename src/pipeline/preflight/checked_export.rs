@@ -1,4 +1,4 @@
-//! An export with its checks: the exported flights, their findings, and the files.
+//! An export with its checks: the exported flights, the findings about them, and the files.
 
 use super::{Profile, checks, fly_plans, platform, preflight, preflight_flights};
 use crate::scene::Scene;
@@ -13,18 +13,18 @@ use noctograph_export::{File, Form, Format, Job, Length, Mode, deviation_m, expo
 use noctograph_plan::Plan;
 use noctograph_sim::{Law, SetpointKind};
 
-/// Format of the export and limits of its checks.
+/// Options of an export: format, mode, tolerance and the limits of its checks.
 #[derive(Clone, Debug)]
 pub struct ExportOptions {
     /// Format of the files.
     pub format: Format,
-    /// Setpoints that the script for cflib sends, unless its own --mode is given.
+    /// Setpoints that the script for cflib sends, unless it is run with its own --mode.
     pub mode: Mode,
-    /// Largest distance of a trajectory from the design.
+    /// Maximum distance of a trajectory from the design.
     pub tolerance_m: f64,
-    /// Limits of the flight.
+    /// Limits with which the flight is checked.
     pub profile: Profile,
-    /// True if files of unsafe flights are written, too.
+    /// True if files of unsafe flights are written as well.
     pub is_unchecked: bool,
 }
 
@@ -33,29 +33,29 @@ pub struct ExportOptions {
 pub struct CheckedExport {
     options: ExportOptions,
     shoot: Shoot,
-    /// The trajectory that is exported instead of the plans.
+    /// The trajectory that is exported in place of the plans.
     trajectory: Option<Shoot>,
     checks: Checks,
-    /// The findings of all checks. Empty for a format that does not fly.
+    /// Findings of all checks. Empty for a format that does not command a flight.
     pub findings: Vec<Diagnostic>,
 }
 
 /// The files of an export.
 #[derive(Debug)]
 pub struct ExportedFiles {
-    /// Each with its name.
+    /// Files with their names.
     pub files: Vec<File>,
-    /// Largest distance of a trajectory from the design.
+    /// Maximum distance of a trajectory from the design.
     pub deviation_m: Option<f64>,
 }
 
 /// Changes a scene to the one that an export flies: no faster than the profile `slow`, paced by a
 /// clock that the script can set, and with setpoints of the kind that the script sends. Returns the
-/// mode of the script, by default the mode of the scene's setpoints.
+/// mode of the script, which by default is that of the scene's setpoints.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for setpoints that the scene's controller does not fly.
+/// Returns [`Error::Input`] for setpoints that the scene's controller cannot fly.
 pub fn make_exportable(
     scene: &mut Scene,
     slow: Option<&Profile>,
@@ -65,7 +65,7 @@ pub fn make_exportable(
     if let Some(profile) = slow {
         profile.slow(scene);
     }
-    // The scripts find the clock of the drone, and pace by it.
+    // The scripts detect the clock of the drone, and use it for timing.
     if scene.trajectory_clock() != 1.0 {
         scene.plan.trajectory_clock.get_or_insert(1.0);
     }
@@ -84,7 +84,7 @@ fn mode_of(kind: SetpointKind) -> Mode {
 /// Makes the scene's controller fly setpoints of a kind. Refuses a kind that it cannot fly.
 fn set_setpoint_kind(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     let controller = &mut scene.controller;
-    // Only the cascade takes setpoints of several kinds.
+    // Only the cascade accepts setpoints of several kinds.
     if controller.kind.law() == Law::Cascade {
         controller.setpoints = kind;
     }
@@ -105,8 +105,8 @@ impl CheckedExport {
     ///
     /// # Errors
     ///
-    /// As [`Shoot::as_exported`] and [`preflight`], and [`Error::Input`] for a script that needs
-    /// what the scene's release of the firmware lacks.
+    /// Returns the errors of [`Shoot::as_exported`] and [`preflight`]. Returns [`Error::Input`] for
+    /// a script that needs something that the scene's firmware release lacks.
     pub fn new(shoot: Shoot, options: ExportOptions) -> Result<Self> {
         check_release(&shoot, options.format)?;
         let trajectory = options.format.trajectory(options.mode);
@@ -117,19 +117,20 @@ impl CheckedExport {
         let exported = trajectory.as_ref().unwrap_or(&shoot);
         let flights = if options.format.flies() { fly_plans(exported)? } else { Vec::new() };
         let checks = checks(exported, &flights, &options.profile);
-        let findings = match options.format.flies() {
-            true => preflight_flights(exported, flights, &options.profile)?.findings,
-            false => Vec::new(),
+        let findings = if options.format.flies() {
+            preflight_flights(exported, flights, &options.profile)?.findings
+        } else {
+            Vec::new()
         };
         Ok(Self { options, shoot, trajectory, checks, findings })
     }
 
-    /// Returns the shoot with the plans as a drone flies them: the trajectory, if one is exported.
+    /// Returns the shoot with the plans that a drone flies: the trajectory, if one is exported.
     pub fn flies(&self) -> &Shoot {
         self.trajectory.as_ref().unwrap_or(&self.shoot)
     }
 
-    /// Returns the word, or `drawing`.
+    /// Returns the word, or `drawing` if there is no word.
     pub fn word(&self) -> &str {
         let strokes = self.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());
         strokes.map_or("drawing", |strokes| strokes.word.as_str())
@@ -139,7 +140,7 @@ impl CheckedExport {
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
-        // A script that sends setpoints offers the trajectory, too, if it is safe as well.
+        // A script that sends setpoints also offers the trajectory if it is safe.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
@@ -149,7 +150,7 @@ impl CheckedExport {
         };
         let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
-        // A show has the light of the design, since a viewer simulates no lamps that delay it.
+        // A show contains the light of the design, because a viewer simulates no lamps.
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
             _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
@@ -180,19 +181,20 @@ impl CheckedExport {
         kinds.filter_map(|kind| Some((kind.name(), self.refusal(*kind)?))).collect()
     }
 
-    /// Returns why the script refuses setpoints of a kind: the controller does not fly them, or the
-    /// flight is not safe. `None` if it sends them.
+    /// Returns the reason why the script refuses setpoints of a kind: the controller does not fly
+    /// them, or the flight is not safe. Returns `None` if the script sends them.
     fn refusal(&self, kind: SetpointKind) -> Option<String> {
         let mut shoot = self.shoot.clone();
         if let Err(error) = set_setpoint_kind(&mut shoot.scene, kind) {
             return Some(error.hint().to_owned());
         }
         let is_unsafe = mode_of(kind) != self.options.mode && !self.may_fly(&shoot);
-        let reason = "the flight is not safe with these setpoints: export it with them to see why";
+        let reason =
+            "the flight is not safe with these setpoints, and exporting it with them shows why";
         is_unsafe.then(|| reason.to_owned())
     }
 
-    /// True if no check stops the flights of a shoot, or if unsafe flights are exported, too.
+    /// Returns true if no check stops the flights of a shoot, or if unsafe flights are exported.
     fn may_fly(&self, shoot: &Shoot) -> bool {
         self.options.is_unchecked
             || preflight(shoot, &self.options.profile)
@@ -200,7 +202,7 @@ impl CheckedExport {
     }
 }
 
-/// Refuses a script for a controller, a lamp or a drone that the scene's release does not have.
+/// Refuses a script for a controller, a lamp or a drone that the scene's firmware release lacks.
 fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
     if !matches!(format, Format::Cflib | Format::Crazyswarm2) {
         return Ok(());

@@ -18,21 +18,22 @@ use noctograph_plan::tracking::{Part, least_cap_height_m};
 use noctograph_plan::{LightClock, PlanOptions, StrokeEnd, Style};
 use noctograph_sim::sensors::Positioning;
 
-/// Ratio to the median dose from which a spot counts as dwelled on: two stops.
+/// Minimum ratio to the median dose at which a lamp counts as dwelling on a spot: two stops.
 const DWELL: f64 = 4.0;
-/// Longest dwell with light that causes no warning.
+/// Maximum dwell time with light that causes no warning.
 const MAX_DWELL_S: f64 = 0.1;
-/// Largest streak at a stroke's end, as a fraction of the cap height. The letter has a hook and can
-/// still be read. The wobble of the drone leaves up to 46 mm in the default scene.
+/// Maximum streak at the end of a stroke, as a fraction of the cap height. A letter with such a
+/// streak has a hook but can be read. The wobble of the drone leaves up to 46 mm in the default
+/// scene.
 const MAX_STREAK_FRAC: f64 = 0.1;
-/// Largest exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
-/// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times at
-/// five, which looks like two pens. The headlights have 4.2 in NOOR, which can be read.
+/// Maximum exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
+/// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times that
+/// at five, which looks like two pens. The headlights in NOOR, which can be read, have 4.2.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
-/// Duration at a motor's limit without an effect on the flight: the time constant of a Crazyflie's
-/// motors is 0.07 s or more.
+/// Maximum time at a motor's limit that does not affect the flight, because the time constant of a
+/// Crazyflie's motors is at least 0.07 s.
 const BRIEF_SATURATED_S: f64 = 0.07;
-/// Duration at a motor's limit that stops the flight.
+/// Minimum time at a motor's limit that stops the flight.
 pub const MAX_SATURATED_S: f64 = 0.5;
 
 /// Checks a simulated flight of a drone: its path, its demands, and its light in the picture.
@@ -44,7 +45,7 @@ pub(super) fn check_flight(
     profile: &Profile,
 ) -> Result<Vec<Diagnostic>> {
     let (scene, strokes) = (&shoot.scene, shoot.strokes.as_ref());
-    // A picture contains the light of this flight already.
+    // A picture already contains the light of this flight.
     let trace = match picture.and_then(|picture| picture.drone_light(drone)) {
         Some(trace) => trace,
         None => shoot.light_drone(drone, flight)?,
@@ -65,7 +66,7 @@ pub(super) fn check_flight(
     ])
 }
 
-/// Checks that the letters are large enough for the height error.
+/// Checks that the letters are large enough for the altitude error.
 fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     fn unchecked(why: &str, advice: &'static str) -> Diagnostic {
         let wanted = "letters of a known height, not a drawing";
@@ -74,9 +75,10 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     let name_word = "name the word of the plans: {word}";
     // The limit of the error is a fraction of the cap height, which a drawing does not have.
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
-        return match strokes.is_some_and(|strokes| strokes.font.is_none()) {
-            true => unchecked("a drawing has no letters", "look at its preview"),
-            false => unchecked("there are no letters whose height is known", name_word),
+        return if strokes.is_some_and(|strokes| strokes.font.is_none()) {
+            unchecked("a drawing has no letters", "look at its preview")
+        } else {
+            unchecked("there are no letters whose height is known", name_word)
         };
     };
     let Ok(least_m) = least_cap_height_m(flight, Part::Letters) else {
@@ -85,9 +87,9 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     Diagnostic::check("altitude hold", warn_if(least_m > cap_height_m), least_m)
         .within(cap_height_m)
         .say(
-            format!("precise enough for letters of {least_m:.2} m or more"),
+            format!("precise enough for letters at least {least_m:.2} m tall"),
             format!(
-                "error of the height up to {:.0} mm, a twentieth of the letters",
+                "an altitude error of up to {:.0} mm, a twentieth of the letters' height",
                 50.0 * cap_height_m
             ),
             "write larger letters, or fewer where a canvas shrinks them \
@@ -111,7 +113,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
         .say(
             format!("strays by {error_m:+.2} m in depth{}", at_time(time_s)),
             format!("within ±{most_m} m of the design"),
-            // The likeliest cause first: what disturbs the light of the stations.
+            // The most probable cause comes first: a disturbance of the stations' light.
             match positioning {
                 _ if is_optical && !lighthouse.people_m.is_empty() => {
                     "move people out of the light ({sensors.lighthouse.people_m})"
@@ -127,9 +129,9 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                  ({sensors.uwb.anchors_m})"
                 }
                 Positioning::Gnss => "fly in calmer air, or with a better receiver",
-                // A plan can compensate a mean error, but not a varying error.
+                // A plan can compensate for a mean error, but not for a varying one.
                 _ if mean_m.abs() > 0.5 * error_m.abs() => {
-                    "take the mean error off ({plan.mean_error_m})"
+                    "subtract the mean error ({plan.mean_error_m})"
                 }
                 Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
                     "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
@@ -138,7 +140,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
         )
 }
 
-/// Checks the greatest tilt in flight.
+/// Checks the maximum tilt during the flight.
 fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     fn tilt_rad(s: &FlightSample) -> f64 {
         libm::acos((libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad)).min(1.0))
@@ -148,21 +150,22 @@ fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     Diagnostic::check("tilt", stop_if(value_rad > most_rad), value_rad).within(most_rad).timed(time_s).say(
         format!("{:.1}°{}", value_rad.to_degrees(), at_time(time_s)),
         format!("up to {:.0}°", most_rad.to_degrees()),
-        "lower {plan.style.acceleration_m_s2} or {plan.style.jerk_m_s3}; check that the plan has \
+        "lower {plan.style.acceleration_m_s2} or {plan.style.jerk_m_s3}, and check that the plan has \
          no jump",
     )
 }
 
-/// Checks the duration with a motor at its limit.
+/// Checks how long a motor is at its limit.
 fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
-    // A simulated flight counts the ticks of the controller, which are shorter than its samples.
+    // A simulated flight counts the controller's ticks, which are shorter than its samples.
     let counted_s = flight.at_end(SATURATED_S);
     let duration_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
-    let severity = match duration_s > MAX_SATURATED_S {
-        true => Severity::Stop,
-        false => warn_if(duration_s > BRIEF_SATURATED_S),
+    let severity = if duration_s > MAX_SATURATED_S {
+        Severity::Stop
+    } else {
+        warn_if(duration_s > BRIEF_SATURATED_S)
     };
     Diagnostic::check("motors", severity, duration_s).within(BRIEF_SATURATED_S).timed(time_s).say(
         match duration_s {
@@ -174,42 +177,41 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     )
 }
 
-/// Greatest fraction of the thrust that may be needed to hover (an assumption): the rest controls
-/// attitude and climb. A Crazyflie 2.1 with two decks needs two thirds.
+/// Maximum fraction of the thrust that may be needed to hover (an assumption). The rest of the
+/// thrust is for attitude control and climbing. A Crazyflie 2.1 with two decks needs two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
-/// Checks the fraction of the greatest thrust that hovering needs, at the voltage with which the
-/// flight ends.
+/// Checks the fraction of the maximum thrust that hovering needs at the flight's final voltage.
 fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();
     let has_battery = scene.battery.capacity_ah > 0.0;
-    // The voltage of the last sample in the air, since a battery recovers when the motors stop.
+    // The voltage is that of the last sample in the air, because a battery recovers at rest.
     let battery_v = flight.extra.get(BATTERY_V).filter(|_| has_battery);
     let last = flight.samples.iter().rposition(|sample| sample.position_m.z > AIRBORNE_M);
     let end_v = battery_v.and_then(|battery_v| battery_v.get(last?)).copied();
-    // The thrust of each of the four rotors is a polynomial of the voltage.
+    // The thrust of each of the four rotors is a polynomial in the voltage.
     let [t0, t1, t2, t3] = scene.battery.thrust_from_v_n;
     let at_end_n = end_v.map_or(full_n, |v| 4.0 * (t0 + v * (t1 + v * (t2 + v * t3))));
     let frac = weight_n / at_end_n.min(full_n);
     Diagnostic::check("thrust", warn_if(frac > MAX_HOVER_FRAC), frac).within(MAX_HOVER_FRAC).say(
-        format!("hovering takes {:.0} % of the greatest thrust", 100.0 * frac),
-        format!("up to {:.0} %: the rest steers and climbs", 100.0 * MAX_HOVER_FRAC),
-        "take weight off ({vehicle.mass_kg}), or fly a drone with more thrust",
+        format!("hovering takes {:.0} % of the maximum thrust", 100.0 * frac),
+        format!("up to {:.0} %, to leave thrust to steer and climb", 100.0 * MAX_HOVER_FRAC),
+        "reduce the weight ({vehicle.mass_kg}), or fly a drone with more thrust",
     )
 }
 
-/// Height above which a drone counts as in the air, with its battery under load.
+/// Minimum height at which a drone counts as in the air, with its battery under load.
 const AIRBORNE_M: f64 = 0.2;
 
-/// Returns the time from the first to the last sample in the air.
+/// Returns the time in s from the first to the last sample in the air.
 fn air_s(flight: &Flight) -> f64 {
     let mut in_air = flight.samples.iter().filter(|sample| sample.position_m.z > AIRBORNE_M);
     let first_s = in_air.next().map_or(0.0, |first| first.time_s);
     in_air.next_back().map_or(0.0, |last| last.time_s - first_s)
 }
 
-/// Checks that the battery lasts for the flight, by the rule that exported scripts apply.
+/// Checks that the battery lasts for the flight, by the same rule as exported scripts.
 fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     if scene.battery.capacity_ah <= 0.0 {
         let why = "the scene's drone has no battery model";
@@ -237,14 +239,14 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
             let lowest_v = rest_v - sag_v;
             let wanted = match least_rest_v {
                 Some(least_v) => format!("{least_v:.2} V at rest or more: {never}"),
-                None => format!("{never}; no full battery does that"),
+                None => format!("{never}, which no full battery achieves"),
             };
             let voltages =
-                format!("{verdict}: {rest_v:.2} V at rest, {lowest_v:.2} V at the hardest moment");
+                format!("{verdict}: {rest_v:.2} V at rest, {lowest_v:.2} V at the highest load");
             (voltages, wanted)
         }
     };
-    // A warning of the simulation, such as a cut-off, precedes the voltages.
+    // A warning of the simulation, such as a cut-off, is given before the voltages.
     let detail = warning.map(ToString::to_string).unwrap_or_default();
     let actual = if detail.is_empty() { voltages } else { format!("{detail} ({voltages})") };
     let rest_v = load.as_ref().map(|load| load.rest_v);
@@ -260,12 +262,12 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
 
 const NO_LAMP: &str = "no lamp follows the plan's light";
 
-/// Returns the unknown result of a check of light, for a flight without light.
+/// Returns the result of a check of light that is unknown because the flight has no light.
 fn without_light(check: &'static str, why: &str) -> Diagnostic {
     Diagnostic::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
-/// Checks that the light changes at the ends of strokes, by the largest distance from an end.
+/// Checks that the light switches at the ends of strokes, by the largest distance from an end.
 fn lit_transit(
     ends: &[StrokeEnd],
     pieces: &[Piece],
@@ -281,7 +283,7 @@ fn lit_transit(
     }
     let cap_height_m = strokes.and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
     let most_m = MAX_STREAK_FRAC * cap_height_m;
-    // A positive streak is too much light, a negative one too little.
+    // A positive streak means too much light, and a negative one too little.
     let what = match (streak_m > 0.0, on) {
         (true, true) => "light before a stroke begins",
         (true, false) => "light after a stroke ends",
@@ -303,7 +305,7 @@ fn lit_transit(
     )
 }
 
-/// Checks the longest time for which a lamp dwells on a spot, which is then overexposed.
+/// Checks the maximum time for which a lamp dwells on a spot, which is then overexposed.
 fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
     if pieces.is_empty() {
         return without_light("lit dwell", NO_LAMP);
@@ -313,7 +315,7 @@ fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
     row.within(MAX_DWELL_S).timed(time_s).say(
         match dwell_s {
             0.0 => "none".to_owned(),
-            s => format!("{:.0} ms of light two stops over the rest{}", 1e3 * s, at_time(time_s)),
+            s => format!("{:.0} ms of light two stops above the rest{}", 1e3 * s, at_time(time_s)),
         },
         format!("less than {:.0} ms of it", 1e3 * MAX_DWELL_S),
         match (&plan.style, plan.light_clock) {
@@ -330,27 +332,33 @@ fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
 }
 
 /// Returns the seconds of light in the longest run of pieces with at least [`DWELL`] times the
-/// median dose, and the time at which the run begins. Zeros if there is none.
+/// median dose, and the time at which the run begins. Returns zeros if there is no such run.
 fn longest_dwell(pieces: &[Piece]) -> (f64, f64) {
-    // The dose is light per length, and its median is weighted by length.
+    // The dose is light per unit length, and its median is weighted by length.
     let moving = pieces.iter().filter(|piece| piece.length_m > 0.0);
     let mut doses: Vec<(f64, f64)> =
         moving.map(|piece| (piece.light_s / piece.length_m, piece.length_m)).collect();
     let median = weighted_quantile(&mut doses, 0.5).unwrap_or(0.0);
-    let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
+    let (mut longest_s, mut longest_from_s) = (0.0, 0.0);
+    let (mut run_s, mut run_from_s) = (0.0, 0.0);
     for Piece { time_s, length_m, light_s } in pieces {
         if *light_s > DWELL * median * length_m && *light_s > 0.0 {
-            run = if run.0 > 0.0 { (run.0 + light_s, run.1) } else { (*light_s, *time_s) };
-            longest = if run.0 > longest.0 { run } else { longest };
+            if run_s == 0.0 {
+                run_from_s = *time_s;
+            }
+            run_s += light_s;
+            if run_s > longest_s {
+                (longest_s, longest_from_s) = (run_s, run_from_s);
+            }
         } else {
-            run = (0.0, 0.0);
+            run_s = 0.0;
         }
     }
-    longest
+    (longest_s, longest_from_s)
 }
 
-/// Checks the range of the exposure, in stops, along the brightest trail in the picture. `None` for
-/// a picture without a trail.
+/// Checks the range of the exposure, in stops, along the brightest trail in the picture. `stops` is
+/// `None` for a picture without a trail.
 fn evenness(stops: Option<f64>) -> Diagnostic {
     let Some(stops) = stops else {
         return without_light("evenness", "no light of the plan is in the picture");
@@ -375,7 +383,7 @@ mod tests {
 
     #[test]
     fn a_spot_with_too_much_light_is_found() {
-        // A meter at 5 s of light a meter, and 0.3 s on a millimeter.
+        // The trail is a meter with 5 s of light per meter, followed by 0.3 s on a millimeter.
         let piece = |time_s, length_m, light_s| Piece { time_s, length_m, light_s };
         let mut pieces: Vec<Piece> =
             (0..100).map(|k| piece(f64::from(k) * 0.05, 0.01, 0.05)).collect();
@@ -424,7 +432,7 @@ mod tests {
                 None,
                 LightClock::Light,
             ),
-            // Its lamp shines all the way.
+            // The lamp shines continuously.
             lit_transit(&[end], &[], None, LightClock::Light),
             dwell(&[], &PlanOptions::default()),
             evenness(None),

@@ -1,4 +1,4 @@
-//! Checks of the memories on board: trajectory and lights.
+//! Checks of the drone's memories for trajectory and lights.
 
 use super::warn_if;
 use crate::shoot::Shoot;
@@ -10,17 +10,17 @@ use noctograph_export::lights::timing_entries;
 use noctograph_export::poly4d::MAX_PIECES;
 use noctograph_export::{Form, Length, Memory, memory};
 
-/// The check of the LED timing memory.
+/// Name of the check of the LED timing memory.
 pub const LED_MEMORY: &str = "LED memory";
 
-/// Returns the unknown result of a check, for a plan that the export refuses.
+/// Returns the unknown result of a check for a plan that the export refuses.
 fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     let wanted = "a plan that can be exported";
     Diagnostic::unchecked(check, error, wanted, "change what the export refuses")
 }
 
-/// Checks that the plan fits the memory on board as a trajectory of either form: by its bytes if
-/// compressed, and by its pieces as poly4d.
+/// Checks that the plan fits into the drone's memory as a trajectory, by its size in bytes if
+/// compressed, and by its number of pieces as poly4d.
 pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     let release = shoot.scene.vehicle.firmware;
     let memory = match memory(release, &shoot.designs()[drone]) {
@@ -28,17 +28,18 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         Err(error) => return not_exported("memory", &error),
     };
     let Memory { bytes, flies_heading, pieces, formats, fits_all } = memory;
-    // Each number beyond its limit is marked, and a heading that the firmware misreads.
+    // Each number beyond its limit is marked, and so is a heading that the firmware misreads.
     let [bytes_beyond, pieces_beyond] = [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES]
         .map(|is_beyond| if is_beyond { ", too many" } else { "" });
     let detail = formats.join(", ");
     let forms = match detail.as_str() {
-        "" => "no form of export takes it".to_owned(),
+        "" => "no form of export accepts it".to_owned(),
         formats => format!("it can be exported as {formats}"),
     };
-    let heading = match flies_heading {
-        true => String::new(),
-        false => format!(", a heading that firmware {} misreads", release.name()),
+    let heading = if flies_heading {
+        String::new()
+    } else {
+        format!(", a heading that firmware {} misreads", release.name())
     };
     let row = Diagnostic::check("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
     row.within(TRAJECTORY_MEMORY_BYTES as f64).with("count", pieces).say(
@@ -53,7 +54,7 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     )
 }
 
-/// Checks that the LED timing memory can play the lights of a plan that writes with the ring only.
+/// Checks that the LED timing memory can play the lights of a plan that writes only with the ring.
 pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     const MOST: usize = RING_TIMING_ENTRIES;
     let entries = match timing_entries_of(shoot, drone) {
@@ -64,21 +65,22 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     Diagnostic::check(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
         entries.map_or("not used".into(), |n| format!("{n} of {MOST} entries")),
         format!("up to {MOST} entries"),
-        "nothing where the radio sends the lights, as the script then does; else build firmware \
+        "nothing if the radio sends the lights, as the script then does, otherwise build firmware \
          with a larger LEDRING_TIME_MEM_SIZE",
     )
 }
 
-/// Returns the number of LED timing entries for the lights of a drone, as they are timed on the
-/// exported trajectory. `None` if it writes with other lamps than the ring.
+/// Returns the number of LED timing entries for a drone's lights, as timed on the exported
+/// trajectory. Returns `None` if the drone writes with lamps other than the ring.
 fn timing_entries_of(shoot: &Shoot, drone: usize) -> Result<Option<usize>> {
     if !shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]) {
         return Ok(None);
     }
     let form = Form::Compressed;
-    let exported = match shoot.designs.is_empty() {
-        true => &shoot.as_exported(form, form.tolerance_m(), Length::Any)?,
-        false => shoot,
+    let exported = if shoot.designs.is_empty() {
+        &shoot.as_exported(form, form.tolerance_m(), Length::Any)?
+    } else {
+        shoot
     };
     timing_entries(&exported.plans[drone].plan, &shoot.lamps())
 }

@@ -1,9 +1,9 @@
-//! Preflight: checks of a flight before it is flown.
+//! Preflight: checks a flight before it is flown.
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room if its size is known.
 //! Product out: a [`Diagnostic`] for each check of letters, plans, simulated flights, lamps, base
 //! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Things
-//! that no key of the scene names, such as doors, are not checked.
+//! that no key of the scene describes, such as doors, are not checked.
 
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
@@ -47,7 +47,7 @@ pub use profile::Profile;
 pub use room::{hang_stations, letters_within, parse_room};
 use surroundings::{check_coverage, check_surroundings};
 
-/// Largest position error in readable letters, in cap heights.
+/// Maximum position error at which letters are readable, in cap heights.
 const MAX_ERROR_H: f64 = 0.05;
 /// Cap height that is assumed for plans without a word.
 const CAP_HEIGHT_M: f64 = 0.5;
@@ -55,30 +55,29 @@ const CAP_HEIGHT_M: f64 = 0.5;
 /// Standard gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.806_65;
 
-/// Findings about flights, and the placement of things in their room.
+/// Findings about flights, and the positions of things in their room.
 #[derive(Clone, Debug)]
 pub struct Preflight {
-    /// Every check that was made.
+    /// Results of all checks.
     pub findings: Vec<Diagnostic>,
-    /// `None` without a room or a picture.
+    /// Positions in the room. `None` without a room or a picture.
     pub placement: Option<ShotPlan>,
 }
 
-/// Simulates the flights, and checks letters, plans, flights, light and base stations against a
-/// profile.
+/// Simulates flights, and checks letters, plans, flights, light and stations against a profile.
 ///
 /// # Errors
 ///
-/// The errors of the stages. An infeasible flight is a finding instead.
+/// Returns the errors of the stages. If a flight is infeasible, this is a finding instead.
 pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
     preflight_flights(shoot, fly_plans(shoot)?, profile)
 }
 
-/// Simulates the flight of every plan, for [`preflight_flights`].
+/// Simulates the flights of all plans, for [`preflight_flights`].
 ///
 /// # Errors
 ///
-/// As [`preflight`]. An infeasible flight is an error in the list.
+/// Returns the errors of [`preflight`]. If a flight is infeasible, its list item is an error.
 pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let drones = 0..shoot.plans.len();
     if !shoot.is_one_simulation() {
@@ -86,7 +85,7 @@ pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     }
     match shoot.fly(&|_, _| {}) {
         Ok(flights) => Ok(flights.into_iter().map(Ok).collect()),
-        // Drones that act on each other have one simulation, which fails for all of them.
+        // Drones that affect each other are simulated togetherand fail together.
         Err(Error::Infeasible { what, hint, .. }) => {
             Ok(drones.map(|_| Err(Error::infeasible(what.clone(), hint.clone()))).collect())
         }
@@ -94,17 +93,17 @@ pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     }
 }
 
-/// Checks flights that were simulated already, as [`preflight`] does.
+/// Checks flights that were already simulated, as [`preflight`] does.
 pub fn preflight_flights(
     shoot: &Shoot,
     flown: Vec<Result<Flight>>,
     profile: &Profile,
 ) -> Result<Preflight> {
-    // First the design: letters, plans, and their distance from people and things.
+    // First the design is checked: letters, plans, and their distance from people and things.
     let paths = Paths::new(shoot, flown.iter().flatten());
     let mut findings = check_design(shoot, profile, &paths);
     findings.extend(check_downwash(shoot, &flown));
-    // Then each drone: its memories, its flight, and its view of the base stations.
+    // Then each drone is checked: its memories, its flight, and its view of the base stations.
     let picture = Picture::new(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
         let mut checks = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
@@ -114,7 +113,7 @@ pub fn preflight_flights(
             }
             Err(Error::Infeasible { what, .. }) => {
                 let row = Diagnostic::check("flight", Severity::Stop, None).detailed(what.as_str());
-                let advice = "see the message; tune the controller";
+                let advice = "see the message, or tune the controller";
                 checks.push(row.say(what, "a flight to its end", advice));
             }
             Err(error) => return Err(error),
@@ -122,7 +121,7 @@ pub fn preflight_flights(
         checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
         findings.extend(numbered(shoot, drone, checks));
     }
-    // Last the room. A picture cannot pass if its camera would be outside the room.
+    // Last the room is checked. A picture cannot pass if its camera would be outside the room.
     let in_room = check_room(shoot, profile)?;
     let is_inside = in_room.iter().all(|row| row.severity == Severity::Fine);
     let mut pictures = check_picture(shoot, picture.as_ref());
@@ -134,10 +133,10 @@ pub fn preflight_flights(
     Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
-/// Checks that things are inside the room, and that it has a position for the camera.
+/// Checks that things are inside the room, and that the room has a position for the camera.
 fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
     let Some(room_m) = profile.room_m else {
-        let wanted = "the room's size, its middle at x = y = 0";
+        let wanted = "the room's size, with its middle at x = y = 0";
         let help = "name the room: {expose.room_m}";
         return Ok(vec![Diagnostic::unchecked("frame", "no room is named", wanted, help)]);
     };
@@ -146,7 +145,7 @@ fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
 }
 
 impl Shot {
-    /// Makes the checks that can stop a flight, without those of memory and picture.
+    /// Performs the checks that can stop a flight, except those of memory and picture.
     pub fn findings(&self, profile: &Profile) -> Result<Vec<Diagnostic>> {
         let shoot = &self.shoot;
         let mut findings = check_design(shoot, profile, &Paths::new(shoot, &self.flights));
@@ -159,19 +158,19 @@ impl Shot {
         Ok(findings)
     }
 
-    /// Makes every check of the flights.
+    /// Performs all checks of the flights.
     pub fn preflight(&self, profile: &Profile) -> Result<Preflight> {
         preflight_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
     }
 
-    /// Returns the positions of all things in the room. `None` without a room or without strokes.
+    /// Returns the positions of all things in the room, or `None` without a room or strokes.
     pub fn placement(&self, profile: &Profile) -> Result<Option<ShotPlan>> {
         let paths = Paths::new(&self.shoot, &self.flights);
         plan_shot(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &paths)
     }
 }
 
-/// Gives the findings about a drone its number, if there are several drones.
+/// Adds the drone's number to findings about it if there are several drones.
 fn numbered(
     shoot: &Shoot,
     drone: usize,
@@ -198,8 +197,8 @@ fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnost
         let checks = check_plan(design, &lamps, is_even, profile);
         findings.extend(numbered(shoot, drone, checks));
     }
-    // Drones with trajectories on board wait for their turn in the air, which only the plans
-    // contain, not the designs.
+    // Drones with trajectories on board wait in the air for their turn. Only the plans contain this
+    // wait.
     findings.extend(check_separation(&plans_of(shoot)));
     findings.extend(check_people(shoot, paths));
     findings.push(check_obstacles(shoot, profile));
@@ -207,22 +206,22 @@ fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnost
     findings
 }
 
-/// Returns the largest of values with times, and its time. Zeros if there are no values.
+/// Returns the largest of several values and its time, or zeros if there are no values.
 fn largest(values: impl IntoIterator<Item = (f64, f64)>) -> (f64, f64) {
     values.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
 }
 
-/// Returns ` at 1.2 s`, to follow a value in a sentence. Empty for `None`.
+/// Returns ` at 1.2 s`, which follows a value in a sentence, or an empty text for `None`.
 fn at_time(time_s: impl Into<Option<f64>>) -> String {
     time_s.into().map_or(String::new(), |time_s| format!(" at {time_s:.1} s"))
 }
 
-/// Returns a warning for a limit that is exceeded.
+/// Returns a warning if a limit is exceeded.
 fn warn_if(is_exceeded: bool) -> Severity {
     if is_exceeded { Severity::Warning } else { Severity::Fine }
 }
 
-/// Returns a stop for a limit that is exceeded.
+/// Returns a stop if a limit is exceeded.
 fn stop_if(is_exceeded: bool) -> Severity {
     if is_exceeded { Severity::Stop } else { Severity::Fine }
 }
@@ -230,15 +229,15 @@ fn stop_if(is_exceeded: bool) -> Severity {
 /// A drone that is planned into the downwash of another drone.
 struct LowerDrone {
     index: usize,
-    /// Its closest approach to the nearest drone above.
+    /// Closest approach to the nearest drone above it.
     approach: Approach,
-    /// Largest position error due to the downwash, and its time.
+    /// Maximum position error because of the downwash, and its time.
     error_m: f64,
     time_s: f64,
 }
 
-/// Checks the position error due to the downwash of other drones. `None` for a single drone, and
-/// without a downwash model.
+/// Checks the position error because of other drones' downwash. Returns `None` for a single drone,
+/// and without a downwash model.
 fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
@@ -246,7 +245,7 @@ fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic>
     let most_m =
         MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
     let lower_drones = nearest_above_each_lower(shoot).into_iter().map(|(index, approach)| {
-        // A flight that fails has an infinite error.
+        // The error of a flight that fails is infinite.
         let error = downwash_error(shoot, index, &flown[index]);
         let (error_m, time_s) = error.unwrap_or((f64::INFINITY, approach.time_s));
         LowerDrone { index, approach, error_m, time_s }
@@ -256,12 +255,12 @@ fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic>
     let row = Diagnostic::check("wake", warn_if(error_m > most_m), error_m).within(most_m);
     Some(row.timed(worst.as_ref().map(|lower| lower.time_s)).say(
         match worst {
-            None => "no drone is planned into another's wake".to_owned(),
+            None => "no drone is planned into another's downwash".to_owned(),
             Some(LowerDrone { index, approach, time_s, .. }) => format!(
                 "drone {} comes {:.2} m below and {:.2} m beside another at {:.1} s; off by up to \
                  {error_m:.3} m{}",
                 index + 1,
-                approach.vertical_m.abs(),
+                approach.vertical_m,
                 approach.horizontal_m,
                 approach.time_s,
                 at_time(time_s)
@@ -272,33 +271,33 @@ fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic>
     ))
 }
 
-/// Returns each drone that is planned into a downwash, by its index, with its closest approach to
+/// Returns the index of each drone that is planned into a downwash, with its closest approach to
 /// the drone that is least above it.
 fn nearest_above_each_lower(shoot: &Shoot) -> Vec<(usize, Approach)> {
     let pairs = shoot.downwash_pairs().into_iter();
     let mut lower: Vec<_> = pairs.map(|([_, lower], approach)| (lower, approach)).collect();
     lower.sort_by(|(a, above_a), (b, above_b)| {
-        a.cmp(b).then(above_a.vertical_m.abs().total_cmp(&above_b.vertical_m.abs()))
+        a.cmp(b).then(above_a.vertical_m.total_cmp(&above_b.vertical_m))
     });
     lower.dedup_by_key(|(index, _)| *index);
     lower
 }
 
-/// Returns the largest distance between a drone's flight below others and its flight without them,
-/// and its time. `None` if a flight fails, which is a separate finding.
+/// Returns the maximum distance between a drone's flight below others and its flight without them,
+/// and its time. Returns `None` if a flight fails, which is a separate finding.
 fn downwash_error(shoot: &Shoot, drone: usize, flown: &Result<Flight>) -> Option<(f64, f64)> {
     let undisturbed = shoot.fly_drone(drone, &mut |_| {}).ok()?;
     let pairs = undisturbed.samples.iter().zip(&flown.as_ref().ok()?.samples);
     Some(largest(pairs.map(|(a, b)| ((a.position_m - b.position_m).norm(), b.time_s))))
 }
 
-/// Returns the cap height of a word. `None` for a drawing.
+/// Returns the cap height of a word, or `None` for a drawing.
 fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
     Some(letter.cell.cap_height_m)
 }
 
-/// Returns the firmware's platform of the scene's drone. `None` for drones of other makers.
+/// Returns the firmware's platform of the scene's drone, or `None` for other manufacturers' drones.
 pub fn platform(scene: &Scene) -> Option<Platform> {
     match scene.preset {
         Preset::Cf21 | Preset::Cf21ThrustKit | Preset::Ae4832022 => Some(Platform::Crazyflie2),
@@ -316,7 +315,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         .iter()
         .map(|flight| Battery::new(&scene.battery, flight.as_ref().ok()?, low_v?))
         .collect();
-    // The scene goes into the script, and from there into its log, without paths of this machine.
+    // The scene is written to the script, and from there to its log, without paths of this machine.
     let portable = scene.portable();
     Checks {
         platform,
@@ -343,7 +342,7 @@ mod tests {
         let mut upper = lower.clone();
         upper.edit(|upper| {
             for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
-                // Across the word at its middle, and above it.
+                // The second drone flies above the word, slightly to the side of its middle.
                 setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
             }
         });

@@ -1,10 +1,10 @@
-//! People and things in the room: how near a flight comes to them.
+//! Checks how close a flight comes to people and things in the room.
 //!
 //! In: a [`Shoot`], and its flights. Out: the distance of an audience, and the findings `people`
-//! and `obstacles`. People keep as far away as a drone without commands may come. Things keep the
-//! margin of a wall and the drone's reach. The distance from a thing on the floor is horizontal: a
-//! drone that lands in an emergency comes straight down. Doors, cables and other things that no
-//! key of the scene names are not checked.
+//! and `obstacles`. People must be farther away than a drone without commands can come. The
+//! distance to things must be at least the margin of a wall plus the drone's radius. The distance
+//! to a thing on the floor is horizontal, because a drone that lands in an emergency descends
+//! vertically. Doors, cables and other things that no key of the scene describes are not checked.
 
 use std::f64::consts::SQRT_2;
 
@@ -26,28 +26,29 @@ use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
 
-/// Radius of a tripod with its camera at the height of a flight, an assumption. A smaller radius
-/// ignores a long lens. A larger radius leaves no room for a camera in the smallest room.
+/// Assumed radius of a tripod with its camera at the height of a flight. A smaller radius would
+/// ignore a long lens. A larger radius would leave no room for a camera in the smallest room.
 const TRIPOD_M: f64 = 0.15;
 
-/// Radius of a base station or an anchor with its stand, an assumption: a station is 75 mm wide.
+/// Assumed radius of a base station or an anchor with its stand. A station is 75 mm wide.
 const BEACON_M: f64 = 0.05;
 
-/// Least vertical component of a plane's unit normal for which the plane counts as a floor.
+/// Minimum vertical component of a plane's unit normal at which the plane counts as a floor.
 const LEVEL_COS: f64 = 0.7;
 
-/// The paths of all drones, as planned and, if there are flights, as flown.
+/// Paths of all drones, as planned and, if there are flights, as flown.
 pub(super) struct Paths {
-    /// Straight pieces, each with the time at which it begins.
+    /// Straight pieces of the paths, each with the time at which it begins.
     pieces: Vec<([Vector3<f64>; 2], f64)>,
-    /// See [`super::ShotPlan::audience_from_m`].
+    /// Minimum distance of an audience, as in [`super::ShotPlan::audience_from_m`].
     pub(super) audience_from_m: f64,
 }
 
 impl Paths {
     /// Returns the paths of a shoot's plans and of their flights.
     pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
-        // Speeds are computed from positions: the velocities in a file may be of another flight.
+        // A plan's speed is computed from positions, because the velocities in a file may be of
+        // another flight.
         let plans = shoot.plans.iter().map(|planned| &planned.plan);
         let mut speed_m_s = plans.clone().map(greatest_speed_m_s).fold(0.0, f64::max);
         let mut pieces: Vec<_> = plans.flat_map(pieces).collect();
@@ -58,31 +59,31 @@ impl Paths {
         }
         let word_m = shoot.strokes.as_ref().map_or(0.0, |strokes| strokes.bounds_m()[3]);
         let top_m = pieces.iter().map(|([from_m, _], _)| from_m.z).fold(word_m, f64::max);
-        // A drone without commands flies on until its motors stop, and then falls from the top:
-        // v (t + √(2 h / g)).
+        // A drone without commands flies on until its motors stop, and then falls from its maximum
+        // height: v (t + √(2 h / g)).
         let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // Rounded up to the printed decimals, so that the message and the check agree.
+        // The distance is rounded up to the printed decimals, so that the message and the check
+        // agree.
         Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
-    /// Returns the least y of the paths, which is nearest to the camera. 0 at most.
+    /// Returns the minimum y of the paths, m, at most 0. The camera is on the side of negative y.
     pub(super) fn front_m(&self) -> f64 {
         let points = self.pieces.iter().flat_map(|(points, _)| points);
         points.map(|point| point.y).fold(0.0, f64::min)
     }
 }
 
-/// Returns the straight pieces between the setpoints of a plan, each with the time at which it
-/// begins.
+/// Returns the straight pieces between a plan's setpoints, each with the time at which it begins.
 fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
     let pairs = plan.setpoints.windows(2);
     pairs.map(|pair| ([pair[0].position_m, pair[1].position_m], pair[0].time_s))
 }
 
-/// Checks the horizontal distance from people to a flight: a drone that fails falls. `None` if the
-/// scene has no people.
+/// Checks the horizontal distance between people and a flight, because a drone that fails falls.
+/// Returns `None` if there are no people in the scene.
 pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
-    // A person is a circle on the floor.
+    // A person is modeled as a circle on the floor.
     let people = &shoot.scene.sensors.lighthouse.people_m;
     let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
         paths.pieces.iter().map(move |([from, to], time_s)| {
@@ -95,7 +96,7 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     let row = Diagnostic::check("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
     Some(row.timed(time_s).say(
         format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
-        format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
+        format!("{wanted_m:.1} m or more, which a drone without commands can cover"),
         "move people farther away ({sensors.lighthouse.people_m}), or fly slower \
          ({plan.style.dark_speed_m_s})",
     ))
@@ -110,10 +111,10 @@ struct Thing {
     advice: &'static str,
 }
 
-/// Checks the distance from the plans to the camera and to the things that the scene names.
+/// Checks the distance from the plans to the camera and to the things in the scene.
 pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
-    // Motors are at the corners of a square. Propellers do not overlap, so they reach beyond the
-    // motors by half of the square's side.
+    // The motors are at the corners of a square. Propellers do not overlap, so that they extend at
+    // most half a side of the square beyond the motors.
     let limit_m = ROOM_MARGIN_M + (1.0 + SQRT_2) * shoot.scene.vehicle.arm_m;
     let wanted =
         format!("{limit_m:.2} m or more from take-off to landing, and straight down from there");
@@ -122,7 +123,7 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
         let away = pieces_away_from_mark(&plan.setpoints);
         for thing in things(shoot, plan, profile) {
             for (row, (piece, time_s)) in pieces(plan).enumerate() {
-                // A drone may be near its stand while it takes off and lands.
+                // A drone may be close to its stand while it takes off and lands.
                 if thing.is_stand && !away.contains(&row) {
                     continue;
                 }
@@ -142,14 +143,13 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
     row.say(format!("{name} is {least_m:.2} m from the flight, nearest{when}"), wanted, advice)
 }
 
-/// Returns the indices of the pieces between take-off and landing. The piece of an index begins at
-/// the setpoint of that index.
+/// Returns the indices of the pieces between take-off and landing. Piece i begins at setpoint i.
 fn pieces_away_from_mark(setpoints: &[Setpoint]) -> std::ops::Range<usize> {
     let (rise, descent) = (n_above_mark(setpoints.iter()), n_above_mark(setpoints.iter().rev()));
     rise.saturating_sub(1)..setpoints.len() - descent
 }
 
-/// Returns how many setpoints at the beginning have no letter and are above the first setpoint.
+/// Returns the number of initial setpoints that have no letter and are above the first one.
 fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
     let Some(mark) = setpoints.clone().next() else { return 0 };
     let above = setpoints.by_ref().take_while(|s| {
@@ -158,8 +158,7 @@ fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -
     above.count()
 }
 
-/// Returns the camera and the things in the room that the scene names: beacons, steps of the floor,
-/// mirrors and panes.
+/// Returns the camera and the things in the scene: beacons, steps of the floor, mirrors and panes.
 fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let scene = &shoot.scene;
     let ceiling_m = profile.room_m.map_or(profile.volume_m[1][2], |room_m| room_m[2]);
@@ -174,7 +173,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     }
     things.extend(beacons(scene, ceiling_m));
     for (number, FloorStep { x_m, y_m, height_m }) in scene.floor.steps.iter().enumerate() {
-        // A drone may fly above the step with its take-off mark, but not above others.
+        // A drone may fly above the step that carries its take-off mark, but not above other steps.
         let is_stand = *height_m == stand_m;
         let top_m = if is_stand { *height_m } else { f64::INFINITY };
         let ends_m = [*x_m, *y_m, [f64::NEG_INFINITY, top_m]];
@@ -189,27 +188,27 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
 
 /// Returns the base stations or anchors as things.
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
-    let (beacon, positions_m) = stations(scene);
-    let beacons = positions_m.into_iter().enumerate().map(|(index, [x, y, z])| {
-        // In the lower half of a room they are on stands, in the upper half they hang.
-        let shape = match z < 0.5 * ceiling_m {
-            true => Solid::pillar([x, y], BEACON_M),
-            false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
+    let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
+        // Beacons in the lower half of a room are on stands, and those in the upper half hang.
+        let shape = if z < 0.5 * ceiling_m {
+            Solid::pillar([x, y], BEACON_M)
+        } else {
+            Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M }
         };
         let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
-        Thing { name: format!("{beacon} {}", index + 1), shape, is_stand: false, advice }
+        Thing { name, shape, is_stand: false, advice }
     });
     beacons.collect()
 }
 
-/// Returns mirrors and panes as obstacles. Level ones are left out, because a drone flies above a
+/// Returns mirrors and panes as obstacles, except horizontal ones, because drones fly above a
 /// floor.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;
     for (key, planes) in [("mirrors_m", &lighthouse.mirrors_m), ("panes_m", &lighthouse.panes_m)] {
         for (number, [point_m, normal]) in planes.iter().enumerate() {
-            // A normal of length zero becomes NaN, which the comparison below excludes.
+            // A normal of zero length becomes NaN, which the comparison below excludes.
             let normal = Vector3::from(*normal).normalize();
             if normal.z.abs() < LEVEL_COS {
                 let name = format!("sensors.lighthouse.{key}[{number}]");
@@ -222,17 +221,19 @@ fn reflectors(scene: &Scene) -> Vec<Thing> {
     things
 }
 
-/// Returns the name (`anchor` or `station`) and the positions of the beacons by which the drone
-/// finds its position.
-pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
-    let stations = &scene.sensors.lighthouse.stations;
-    match scene.sensors.positioning {
+/// Returns the names, such as `anchor 1` or `station 2`, and the positions of the beacons by which
+/// the drone determines its position. A drone that does so by satellites has none.
+pub fn stations(scene: &Scene) -> Vec<(String, [f64; 3])> {
+    let (kind, positions_m) = match scene.sensors.positioning {
         Positioning::UwbTwr | Positioning::UwbTdoa => {
             ("anchor", scene.sensors.uwb.anchors_m.clone())
         }
-        Positioning::Gnss => ("", Vec::new()),
+        Positioning::Gnss => return Vec::new(),
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-            ("station", stations.iter().map(|station| station.position_m).collect())
+            let stations = scene.sensors.lighthouse.stations.iter();
+            ("station", stations.map(|station| station.position_m).collect())
         }
-    }
+    };
+    let positions_m = positions_m.into_iter().enumerate();
+    positions_m.map(|(index, position_m)| (format!("{kind} {}", index + 1), position_m)).collect()
 }

@@ -1,4 +1,4 @@
-//! Checks of the picture that flights would leave: its problems, and its light along the strokes.
+//! Checks the picture that flights would leave: its problems, and its light along the strokes.
 
 use super::warn_if;
 use crate::scene::Scene;
@@ -14,20 +14,20 @@ use noctograph_picture::light::{Lamp, LightTrace, LightTraceData};
 /// Name of the check of the picture.
 pub const PICTURE: &str = "picture";
 
-/// Fraction of light facing away from the camera above which the word is invisible.
+/// Minimum fraction of light facing away from the camera at which the word is invisible.
 const MOST_AWAY_FRAC: f64 = 0.95;
 
-/// Longest time without a view of two base stations that does not harm the picture: the gyroscope
-/// and one station bridge it.
+/// Maximum time without a view of two base stations that does not harm the picture, because the
+/// gyroscope and one station bridge it.
 const MAX_UNSEEN_S: f64 = 1.0;
 
-/// Duration of the pieces of path over which light is summed, 1 cm at 0.2 m/s. They are as long as
-/// the blur of a lamp, so that the trembling of a drone makes no hot spot.
+/// Duration of the pieces of path over which light is summed, 1 cm at 0.2 m/s. A piece is as long
+/// as the blur of a lamp, so that the trembling of a drone causes no hot spot.
 const PIECE_S: f64 = 0.05;
 
-/// The picture of the light of all drones.
+/// Picture of the light of all drones.
 pub(super) struct Picture {
-    /// The lamps of all drones, and the camera. `None` if there is no picture.
+    /// Lamps of all drones, and the camera. `None` if there is no picture.
     pub(super) lit: Option<(LightTrace, Camera)>,
     /// Exposures of the lamps that write.
     readings: Vec<LampReading>,
@@ -37,9 +37,9 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    /// Returns the picture of flights. `None` if one of them fails.
+    /// Returns the picture of flights, or `None` if one of the flights fails.
     pub(super) fn new(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
-        // With the flights as recordings, nothing is simulated again.
+        // The flights are passed as recordings, so that nothing is simulated again.
         let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
         let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
         let flown = Shoot { recordings, ..shoot.clone() };
@@ -57,7 +57,7 @@ impl Picture {
         })
     }
 
-    /// Returns the light of one drone. `None` if there is no picture.
+    /// Returns the light of one drone, or `None` if there is no picture.
     pub(super) fn drone_light(&self, drone: usize) -> Option<LightTrace> {
         let (trace, _) = self.lit.as_ref()?;
         let lamps = trace.lamps.iter();
@@ -81,14 +81,14 @@ const WANTED: &str = "the whole word in the picture, lit while the shutter is op
 pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Diagnostic> {
     fn unchecked(why: &str) -> Vec<Diagnostic> {
         let advice = "remove what stops the flight, or plan a word";
-        vec![Diagnostic::unchecked(PICTURE, why, "flights that end, and letters", advice)]
+        vec![Diagnostic::unchecked(PICTURE, why, "complete flights that write letters", advice)]
     }
-    let Some(picture) = picture else { return unchecked("not every drone ends its flight") };
+    let Some(picture) = picture else { return unchecked("not every drone completes its flight") };
     let mut setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
-    // A camera that points elsewhere has every other problem, too, so only this one is reported.
+    // A camera that points elsewhere causes all other problems, and only it is reported.
     if picture.is_unseen {
         let (actual, wanted) = ("the camera shows none of the light that writes", "the whole word");
         let advice = "point the camera at the word ({camera.framing=word})";
@@ -101,7 +101,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
     picture.problems.iter().map(finding).collect()
 }
 
-/// True if the light of the lamps that write is outside a camera's picture.
+/// Returns true if the light of the lamps that write is outside a camera's picture.
 fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     let lamps = trace.lamps.iter().filter(|lamp| writing.contains(&lamp.emitter.name));
     let samples = lamps.flat_map(|lamp| &lamp.samples);
@@ -124,12 +124,12 @@ fn finding(problem: &Diagnostic) -> Diagnostic {
         .helped(problem.help.clone())
 }
 
-/// A piece of the path of a lamp that is lit.
+/// A piece of the path of a lamp while it is lit.
 pub(super) struct Piece {
-    /// When it begins.
+    /// Time at which the piece begins.
     pub(super) time_s: f64,
     pub(super) length_m: f64,
-    /// Light, in seconds at the lamp's highest level.
+    /// Amount of light, in seconds at the lamp's maximum level.
     pub(super) light_s: f64,
 }
 
@@ -144,14 +144,14 @@ pub(super) fn lit_pieces(flight: &Flight, trace: &LightTrace, scene: &Scene) -> 
     pieces
 }
 
-/// Returns the lit path of one emitter. Its highest level counts as full light, since levels also
-/// balance the dies of a color LED.
+/// Returns the lit path of one emitter. The emitter's highest level counts as full light, because
+/// levels also balance the dies of a color LED.
 fn emitter_pieces(lamp: &Lamp) -> Vec<Piece> {
     let full = lamp.samples.iter().map(|sample| sample.level).fold(0.0, f64::max);
     let (mut pieces, mut begun) = (Vec::new(), None);
     for (from, to) in lamp.samples.iter().zip(lamp.samples.iter().skip(1)) {
         let mean_level = 0.5 * (from.level + to.level) / full.max(f64::MIN_POSITIVE);
-        // A piece that the dark interrupts is dropped.
+        // A piece that darkness interrupts is dropped.
         if mean_level <= 0.0 {
             begun = None;
             continue;

@@ -1,10 +1,10 @@
-//! The shot plan: where tripod, take-off mark, base stations and audience go in a room, and which
-//! cameras show the whole word from within it.
+//! The shot plan: positions of tripod, take-off mark, base stations and audience in a room, and the
+//! cameras that can show the whole word from within it.
 //!
 //! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`ShotPlan`],
-//! in meters of the world, with the middle of the room at x = y = 0 and the word in the plane
-//! y = 0. A camera is centered in front of the word, which fills half of the picture, or more in a
-//! small room. Doors are not considered.
+//! in world coordinates in meters, with the middle of the room at x = y = 0 and the word in the
+//! plane y = 0. Each camera is centered in front of the word, which fills half of the picture, or
+//! more in a small room. Doors are not considered.
 
 use serde::Serialize;
 
@@ -22,67 +22,67 @@ use noctograph_letters::Strokes;
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::photo::PhotoOptions;
 
-/// Least distance from a lens to the wall behind it, an assumption: half a tripod, and a hand at
-/// the release. A smaller distance would allow larger words in a small room.
+/// Minimum distance from a lens to the wall behind it, which is assumed to be half a tripod and a
+/// hand at the release. A smaller distance would allow larger words in a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
 
-/// Least distance from a camera to the word, if the room is deep enough. A nearer camera would be
+/// Minimum distance from a camera to the word, if the room is deep enough. A closer camera would be
 /// in the way of the flight.
 const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
-/// Greatest fraction of the picture's width or height that the word may fill. The rest is for its
-/// glow, and for a tripod that is not quite centered.
+/// Maximum fraction of the picture's width or height that the word may fill. The rest of the
+/// picture is for the word's glow, and for a tripod that is not quite centered.
 const MOST_FILLED: f64 = 0.9;
 
 const FULL_FRAME_WIDTH_M: f64 = 0.036;
 
-/// Name of the check of the camera's position in a room. A preview does not make this check.
+/// Name of the check of the camera's position in a room. A preview does not include this check.
 pub const CAMERA_PLACE: &str = "camera";
 
-/// The positions of things in a room, and the cameras that show the word from within it.
+/// Positions of things in a room, and the cameras that show the word from within it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShotPlan {
     /// Width, depth and height of the room.
     pub room_m: [f64; 3],
-    /// Left, bottom, right and top of the word, in the plane y = 0.
+    /// Left, bottom, right and top of the word in the plane y = 0.
     pub word_m: [f64; 4],
-    /// Take-off marks of the drones, x and y.
+    /// Take-off marks of the drones, in x and y.
     pub take_off_m: Vec<[f64; 2]>,
-    /// Base stations or anchors.
+    /// Positions of base stations or anchors.
     pub stations_m: Vec<[f64; 3]>,
-    /// Distance that people keep from the flight, in whole tenths of a meter: a drone that receives
-    /// no more commands flies on at its greatest speed until its motors stop, and falls.
+    /// Minimum distance between people and the flight, in whole tenths of a meter. A drone without
+    /// commands flies on at its maximum speed until its motors stop, and falls.
     pub audience_from_m: f64,
-    /// Greatest y of the audience, in front of the flight. `None` if the room is not deep enough.
+    /// Maximum y of the audience, in front of the flight. `None` if the room is too shallow.
     pub audience_y_m: Option<f64>,
-    /// The scene's camera, then others that people own.
+    /// The scene's camera, followed by common cameras.
     pub cameras: Vec<CameraPlace>,
 }
 
 /// A camera in a room.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CameraPlace {
-    /// Body and lens.
+    /// Name of the body and lens.
     pub name: String,
-    /// Focal length on full frame with the same angle of view across the picture.
+    /// Focal length on full frame that has the same horizontal angle of view.
     pub equivalent_m: f64,
-    /// Least camera distance with the whole word in the picture.
+    /// Minimum distance at which the whole word is in the picture.
     pub least_m: f64,
     /// Position of the lens. `None` if the room is not deep enough.
     pub tripod_m: Option<[f64; 3]>,
-    /// Longest equivalent focal length that shows the word from within the room.
+    /// Maximum equivalent focal length that shows the word from within the room.
     pub longest_equivalent_m: f64,
-    /// Height of capitals that it would show from there. `None` for a drawing.
+    /// Maximum height of capitals that the camera could show from there. `None` for a drawing.
     pub largest_cap_height_m: Option<f64>,
     /// Duration of the exposure.
     pub shutter_s: f64,
-    /// Aperture and sensitivity. `None` without a place, and in darkness.
+    /// Recommended aperture and sensitivity. `None` if the camera has no place, and in darkness.
     #[serde(rename = "recommended")]
     pub metered: Option<Metered>,
 }
 
-/// Returns cameras that people own, each with its name and the widest usual lens, with the other
-/// options of the scene's camera.
+/// Returns common cameras, each with its name and the widest usual lens. The cameras' other options
+/// are those of the scene's camera.
 fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     let [zoom_18, zoom_9] = [0.018, 0.009].map(|focal_length_m| {
         LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() })
@@ -91,7 +91,7 @@ fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
         ("full frame, 28 mm", BodyModel::FullFrame24Mp, LensModel::Wide28),
         ("Sony α6400, 16 mm", BodyModel::A6400, LensModel::Kit16),
         ("Canon EOS 2000D, 18 mm", BodyModel::CanonEos2000D, zoom_18),
-        // The short end of the Sony DSC-RX100M7: 9 mm.
+        // The shortest focal length of the Sony DSC-RX100M7 is 9 mm.
         ("compact, 1 inch, 9 mm", BodyModel::OneInch, zoom_9),
         ("iPhone 15 Pro", BodyModel::IPhone15Pro, LensModel::default()),
         ("Pixel 8 Pro", BodyModel::Pixel8Pro, LensModel::default()),
@@ -105,8 +105,8 @@ fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     })
 }
 
-/// Places all things in the room of a profile. `None` without a room or without strokes. `trace` is
-/// the light of all drones, until `end_s`.
+/// Places all things in the room of a profile. Returns `None` without a room or without strokes.
+/// `trace` is the light of all drones, until `end_s`.
 pub(super) fn plan_shot(
     shoot: &Shoot,
     trace: &LightTrace,
@@ -132,14 +132,14 @@ pub(super) fn plan_shot(
         room_m,
         word_m,
         take_off_m: take_off_m(shoot).collect(),
-        stations_m: stations(scene).1,
+        stations_m: stations(scene).into_iter().map(|(_, position_m)| position_m).collect(),
         audience_from_m,
         audience_y_m,
         cameras,
     }))
 }
 
-/// Places a camera in front of the word, and meters the light for it. Its name is empty.
+/// Places a camera in front of the word, and meters the light for it. The name is left empty.
 fn place_camera(
     options: CameraOptions,
     strokes: &Strokes,
@@ -149,7 +149,7 @@ fn place_camera(
     photo: &PhotoOptions,
 ) -> Result<CameraPlace> {
     let (word_m, most_m) = (strokes.bounds_m(), max_camera_distance_m(room_m));
-    // A camera with a given pose stays there, in the room or not.
+    // A camera with a given pose stays there, even if this is outside the room.
     let is_fixed = matches!(options.framing, Framing::Fixed(_));
     let (centered, least_m) = center_in_front(options.clone(), word_m, room_m)?;
     let options = if is_fixed { options } else { centered };
@@ -157,7 +157,7 @@ fn place_camera(
     let equivalent_m = camera.focal_length_m * FULL_FRAME_WIDTH_M / camera.sensor_width_m;
     let fits = is_fixed || least_m <= most_m;
     let metered = fits.then(|| recommended(trace, &camera, &options, photo));
-    // The focal length and the letters that just fit are proportional to the distance.
+    // The maximum focal length and letter height are proportional to the distance.
     Ok(CameraPlace {
         name: String::new(),
         equivalent_m,
@@ -176,7 +176,7 @@ fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     starts.map(|start| [start.position_m.x, start.position_m.y])
 }
 
-/// Returns the distance by which a point is outside a room. 0 inside.
+/// Returns the distance by which a point is outside a room, or 0 if it is inside.
 fn distance_outside_m([x, y, z]: [f64; 3], [width_m, depth_m, height_m]: [f64; 3]) -> f64 {
     let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
     sides.into_iter().fold(0.0, f64::max)
@@ -186,14 +186,14 @@ fn distance_outside_m([x, y, z]: [f64; 3], [width_m, depth_m, height_m]: [f64; 3
 struct RoomThing {
     name: String,
     position_m: [f64; 3],
-    /// Severity of a position outside the room.
+    /// Severity of the finding if the position is outside the room.
     severity: Severity,
 }
 
 /// Checks that stations, take-off marks and a fixed camera are inside the room. If they are not,
-/// the origin or the room is wrong, and so is the position of the flight.
+/// the origin or the room is wrong, and therefore also the position of the flight.
 pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
-    // Within the tolerance of measured positions, a thing counts as inside.
+    // A thing counts as inside within the tolerance of measured positions.
     let mut things = things_in_room(shoot);
     let n = things.len();
     things.retain(|thing| distance_outside_m(thing.position_m, room_m) > FRAME_M);
@@ -208,9 +208,10 @@ pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
         sentences.push(format!("{name} at ({x:.2}, {y:.2}, {z:.2}), {outside_m:.2} m outside"));
         names.push(name);
     }
-    let actual = match names.is_empty() {
-        true => format!("all {n} places of stations, anchors, drones and camera are in the room"),
-        false => sentences.join("; "),
+    let actual = if names.is_empty() {
+        format!("all {n} positions of stations, anchors, drones and camera are in the room")
+    } else {
+        sentences.join("; ")
     };
     let row = Diagnostic::check("frame", severity, most_m).within(FRAME_M);
     row.positioned(farthest_m).detailed(names.join(", ")).say(
@@ -224,16 +225,13 @@ pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
 
 /// Returns the stations, the take-off marks, and the camera if its pose is fixed.
 fn things_in_room(shoot: &Shoot) -> Vec<RoomThing> {
-    let (beacon, stations_m) = stations(&shoot.scene);
-    let stations = stations_m.into_iter().enumerate();
-    let stations = stations.map(|(index, m)| (format!("{beacon} {}", index + 1), m));
     let marks = take_off_m(shoot).map(|[x, y]| ("take-off mark".to_owned(), [x, y, 0.0]));
-    let things = stations.chain(marks);
+    let things = stations(&shoot.scene).into_iter().chain(marks);
     let severity = Severity::Stop;
     let mut things: Vec<RoomThing> =
         things.map(|(name, position_m)| RoomThing { name, position_m, severity }).collect();
     if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
-        // The camera may look in through a door.
+        // A camera outside the room is only a warning, because it may look in through a door.
         let (name, severity) = ("camera".to_owned(), Severity::Warning);
         things.push(RoomThing { name, position_m: pose.position_m, severity });
     }
@@ -241,7 +239,7 @@ fn things_in_room(shoot: &Shoot) -> Vec<RoomThing> {
 }
 
 /// Checks that the room has a position centered in front of the word for the scene's camera, or
-/// else for a usual camera. `None` for a camera with a given pose, and without a word.
+/// else for a common camera. Returns `None` for a camera with a given pose, and without a word.
 pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Diagnostic>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
@@ -249,7 +247,7 @@ pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Opti
     };
     let (word_m, most_m) = (strokes.bounds_m(), max_camera_distance_m(room_m));
     let least_m = center_in_front(scene.camera.clone(), word_m, room_m)?.1;
-    // The message names the first of the usual cameras that fits.
+    // The message names the first common camera that fits.
     let mut other = None;
     for (name, options) in usual_cameras(scene) {
         if other.is_none() && center_in_front(options, word_m, room_m)?.1 <= most_m {
@@ -258,8 +256,8 @@ pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Opti
     }
     let (severity, verdict) = match other {
         _ if least_m <= most_m => (Severity::Fine, "fits in the room".to_owned()),
-        Some(other) => (Severity::Warning, format!("does not fit in the room; {other} does")),
-        None => (Severity::Stop, "does not fit in the room, and no usual lens does".to_owned()),
+        Some(other) => (Severity::Warning, format!("does not fit in the room, but {other} does")),
+        None => (Severity::Stop, "does not fit in the room, and no common lens does".to_owned()),
     };
     Ok(Some(Diagnostic::check(CAMERA_PLACE, severity, least_m).within(most_m).say(
         format!("{verdict}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
@@ -270,13 +268,13 @@ pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Opti
     )))
 }
 
-/// Returns the greatest distance from the word to a camera in a room.
+/// Returns the maximum distance from the word to a camera in a room.
 fn max_camera_distance_m([_, depth_m, _]: [f64; 3]) -> f64 {
     0.5 * depth_m - TRIPOD_FROM_WALL_M
 }
 
-/// Returns the options of a camera centered in front of the word, and the least distance at which
-/// it shows the whole word. The camera is moved nearer if it would be behind the wall, and farther
+/// Returns the options of a camera centered in front of the word, and the minimum distance at which
+/// it shows the whole word. The camera is moved closer if it would be behind the wall, and farther
 /// away if it would be in the way of the flight. If the room is not deep enough, it is not moved.
 fn center_in_front(
     options: CameraOptions,
@@ -287,12 +285,12 @@ fn center_in_front(
         Framing::Word(framing) => framing.clone(),
         Framing::Fixed(_) => WordFraming::default(),
     };
-    let nearest = Framing::Word(WordFraming { fill_frac: MOST_FILLED, ..word.clone() });
-    let nearest = CameraOptions { framing: nearest, ..options.clone() }.camera(word_m, 0.0)?;
+    let framing = Framing::Word(WordFraming { fill_frac: MOST_FILLED, ..word.clone() });
+    let nearest = CameraOptions { framing, ..options.clone() }.camera(word_m, 0.0)?;
     let (least_m, most_m) = (-nearest.position_m.y, max_camera_distance_m(room_m));
     let mut fill_frac = word.fill_frac;
     if least_m <= most_m {
-        // The word fills the picture in inverse proportion to the distance.
+        // The fraction that the word fills is inversely proportional to the distance.
         let [most_frac, least_frac] = [TRIPOD_FROM_WORD_M.min(most_m), most_m]
             .map(|distance_m| MOST_FILLED * least_m / distance_m);
         fill_frac = fill_frac.min(most_frac).max(least_frac);
@@ -301,11 +299,11 @@ fn center_in_front(
     Ok((CameraOptions { framing, ..options }, least_m))
 }
 
-/// Moves the scene's camera into a room, if it frames the word and the room is deep enough.
+/// Moves the scene's camera into a room, if the camera frames the word and the room is deep enough.
 ///
 /// # Errors
 ///
-/// As [`Scene::strokes`] and [`CameraOptions::camera`].
+/// Returns the errors of [`Scene::strokes`] and [`CameraOptions::camera`].
 pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     if let Framing::Word(_) = scene.camera.framing {
         let word_m = scene.strokes()?.bounds_m();
@@ -314,37 +312,35 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-/// Shrinks a scene's canvas to the area that its camera shows from inside a room, if the camera
-/// frames the word.
+/// Shrinks a scene's canvas to what its camera shows from inside a room, if it frames the word.
 pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     let (Framing::Word(_), Some([width_m, height_m])) =
         (&scene.camera.framing, scene.letters.canvas_m)
     else {
         return Ok(());
     };
-    // Each side of the canvas is limited by the same side of the picture only, so the other side is
-    // made too short to matter.
+    // Each side of the canvas is limited only by the same side of the picture, so that the other
+    // side is made too short to matter.
     let width_frac = shown_frac(scene, [width_m, 0.01 * width_m], room_m)?;
     let height_frac = shown_frac(scene, [0.01 * height_m, height_m], room_m)?;
     scene.letters.canvas_m = Some([width_m * width_frac, height_m * height_frac]);
     Ok(())
 }
 
-/// Returns the fraction of a word's size that the scene's camera shows from within a room, at most
-/// 1.
+/// Returns the fraction of a word's size, at most 1, that its camera shows from within a room.
 fn shown_frac(scene: &Scene, [width_m, height_m]: [f64; 2], room_m: [f64; 3]) -> Result<f64> {
     let low_m = scene.letters.baseline_m;
     let word_m = [-0.5 * width_m, low_m, 0.5 * width_m, low_m + height_m];
     let least_m = center_in_front(scene.camera.clone(), word_m, room_m)?.1;
-    // A millionth less, so that rounding does not move the camera into the wall.
+    // The factor prevents rounding from moving the camera into the wall.
     Ok((max_camera_distance_m(room_m) / least_m * (1.0 - 1e-6)).min(1.0))
 }
 
 impl ShotPlan {
-    /// Returns the plan as rows of a table, each with a thing and its position.
+    /// Returns the plan as table rows, each with a thing and its position.
     pub fn rows(&self) -> Vec<[String; 2]> {
         let Self { room_m: [w, d, h], word_m: [left, bottom, right, top], .. } = self;
-        let room = format!("{w} x {d} x {h} m, its middle at x = y = 0, y away from the camera");
+        let room = format!("{w} x {d} x {h} m, centered at x = y = 0, with y away from the camera");
         let rows = [
             ("room", room),
             ("word", format!("{:.2} x {:.2} m, at y = 0", right - left, top - bottom)),
@@ -357,16 +353,16 @@ impl ShotPlan {
         rows.chain(cameras).collect()
     }
 
-    /// Returns in words where the audience stands.
+    /// Returns a description of the place of the audience.
     fn audience(&self) -> String {
         let from_m = self.audience_from_m;
         let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
         match self.audience_y_m {
-            // Nobody stands beside a tripod that is nearer to the flight than the audience may be.
+            // Nobody may stand beside a tripod that is closer to the flight than people may be.
             Some(y_m) => {
                 let beside = match tripod_m {
                     Some([_, tripod_y_m, _]) if tripod_y_m > y_m => {
-                        "; nobody beside the tripod, which is nearer"
+                        ", with nobody beside the tripod, which is closer"
                     }
                     Some(_) => ", beside or behind the tripod",
                     None => "",
@@ -384,14 +380,14 @@ impl ShotPlan {
 
 impl CameraPlace {
     /// Returns the tripod's position and the camera's settings. If the room is not deep enough,
-    /// the focal length and the letters that would fit.
+    /// returns the focal length and the letter height that would fit.
     pub fn sentence(&self) -> String {
         let Some(position_m) = self.tripod_m else {
             let letters = self.largest_cap_height_m.map_or_else(String::new, |cap_m| {
                 format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
             });
             let (least_m, equivalent_mm) = (self.least_m, 1e3 * self.equivalent_m);
-            // Rounded down, so that a lens of that length does fit.
+            // The focal length is rounded down, so that a lens of that length does fit.
             let longest_mm = (1e3 * self.longest_equivalent_m).floor();
             return format!(
                 "nowhere: the room is not deep enough for {least_m:.1} m with {equivalent_mm:.0} mm \
@@ -406,13 +402,13 @@ impl CameraPlace {
     }
 }
 
-/// Returns positions separated by commas, or `none`.
+/// Returns positions separated by commas, or `none` if there are none.
 fn positions<const N: usize>(positions_m: &[[f64; N]]) -> String {
     let texts = positions_m.iter().map(|m| format!("({})", m.map(meters).join(", ")));
     if positions_m.is_empty() { "none".to_owned() } else { texts.collect::<Vec<_>>().join(", ") }
 }
 
-/// Returns meters with two decimals, never `-0.00`.
+/// Formats meters with two decimals, and never as `-0.00`.
 fn meters(value_m: f64) -> String {
     format!("{:.2}", (100.0 * value_m).round() / 100.0 + 0.0)
 }
@@ -446,7 +442,7 @@ mod tests {
             let usual = usual_cameras(&shoot.scene).map(|(_, options)| options);
             let options = [shoot.scene.camera.clone()].into_iter().chain(usual);
             for (actual, options) in placement.cameras.iter().zip(options) {
-                // Whatever the formula says: the corners of the word, seen by that camera.
+                // The formula is checked by projecting the corners of the word with that camera.
                 let y_m = actual.tripod_m.map_or(0.3 - 0.5 * room_m[1], |place| place[1]);
 
                 let mut camera = options.camera(placement.word_m, 1.0).unwrap();
@@ -468,7 +464,7 @@ mod tests {
                     assert!(y_m >= 0.3 - 0.5 * room_m[1] - 1e-9, "{actual:?}");
                 } else {
                     n_none += 1;
-                    // Barrel distortion shows a little more than the formula.
+                    // Barrel distortion shows slightly more than the formula predicts.
                     assert!(!shown(0.85), "it would have: {actual:?}");
                     assert!(actual.longest_equivalent_m < actual.equivalent_m, "{actual:?}");
                 }
@@ -491,7 +487,7 @@ mod tests {
         let (mut shoot, lighting, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
         assert!((1.0..4.0).contains(&hall.audience_from_m), "{}", hall.audience_from_m);
         assert!(hall.audience_y_m.unwrap() <= -hall.audience_from_m);
-        // Its columns may say what they will, and at a crawl people keep a meter.
+        // The plan's velocity columns do not matter. Even at low speed people keep a meter away.
         let plan = &mut shoot.plans[0].plan;
         plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.velocity_m_s *= 0.1));
         let paths = Paths::new(&shoot, &lighting.flights);

@@ -1,4 +1,4 @@
-//! Checks of plans by themselves.
+//! Checks of plans that need no simulated flight.
 
 use nalgebra::Vector3;
 
@@ -16,7 +16,7 @@ use noctograph_export::lights::{commands, switches};
 use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest};
 
-/// Distance from the design to the next setpoint that counts as a jump.
+/// Minimum distance from the design to the next setpoint that counts as a jump.
 const JUMP_M: f64 = 0.03;
 
 /// Checks the motion and the commands of a plan. `is_even` is true for the style `even`.
@@ -38,8 +38,8 @@ pub(super) fn check_plan(
     ]
 }
 
-/// Returns the distance by which a point is outside a volume, negative inside. A point above the
-/// floor is not measured from the floor.
+/// Returns the distance by which a point is outside a volume, negative inside. For a point above
+/// the floor, the distance to the floor is ignored.
 fn distance_outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 {
     let [low_m, high_m] = volume_m.map(Vector3::from);
     let (below, above) = (low_m - position_m, position_m - high_m);
@@ -47,26 +47,28 @@ fn distance_outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 
     if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
 }
 
-/// Distance outside the volume that rounding may cause.
+/// Maximum distance outside the volume that rounding may cause.
 const ROUNDING_M: f64 = 1e-6;
 
 /// Checks that the plan stays inside the profile's volume.
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     let setpoints = plan.setpoints.iter();
-    // The point that is farthest outside, or nearest to a side from within.
+    // The reported point is the one that is farthest outside, or else the one inside that is
+    // closest to a side.
     let (outside_m, time_s) =
         largest(setpoints.map(|s| (distance_outside_m(s.position_m, profile.volume_m), s.time_s)));
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
-    let actual = match outside_m > 0.0 {
-        true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s)),
-        false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
+    let actual = if outside_m > 0.0 {
+        format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s))
+    } else {
+        format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0)
     };
     let row = Diagnostic::check("volume", stop_if(outside_m > ROUNDING_M), outside_m);
     row.timed(time_s).positioned(position_m).detailed(&*volume).say(
         actual,
         format!("inside {volume}"),
-        "write smaller letters or fewer ({letters.canvas_m}, {letters.cap_height_m}, \
+        "write smaller or fewer letters ({letters.canvas_m}, {letters.cap_height_m}, \
          {letters.baseline_m})",
     )
 }
@@ -76,30 +78,28 @@ fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
     plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
 }
 
-/// Returns the step from the design, which a setpoint defines until the next setpoint, to that
-/// setpoint.
+/// Returns the displacement from a setpoint's design to the next setpoint.
 fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
     to.position_m - from.design_m(to.time_s)
 }
 
-/// A segment of the path in the air.
+/// A segment of the path while the drone is in the air.
 struct Segment {
     time_s: f64,
     duration_s: f64,
-    /// Displacement by the positions at its ends.
+    /// Displacement computed from the positions at both ends.
     moved_m: Vector3<f64>,
-    /// Displacement by the positions minus that by the velocities.
+    /// Displacement computed from the positions minus that computed from the velocities.
     mismatch_m: Vector3<f64>,
-    /// True if the next segment begins at its end.
+    /// True if the next segment begins where this one ends.
     goes_on: bool,
 }
 
-/// Shortest time over which a speed is computed from positions, so that the rounding of a file has
-/// no effect.
+/// Minimum time over which a speed is computed from positions, despite a file's rounding.
 const SEGMENT_S: f64 = 0.1;
 
-/// Returns the path in the air as segments of [`SEGMENT_S`] or more. A single jump, which has a
-/// separate check, interrupts the path. Several jumps in a row are motion.
+/// Returns the path in the air as segments of at least [`SEGMENT_S`]. A single jump, for which
+/// there is a separate check, interrupts the path. Several jumps in a row count as motion.
 fn segments(plan: &Plan) -> Vec<Segment> {
     let pairs: Vec<(&Setpoint, &Setpoint)> = pairs(plan).collect();
     let jumps: Vec<bool> = pairs.iter().map(|(a, b)| jump(a, b).norm() > JUMP_M).collect();
@@ -113,8 +113,8 @@ fn segments(plan: &Plan) -> Vec<Segment> {
             continue;
         }
         let (duration_s, moved_m) = (to.time_s - from.time_s, to.position_m - from.position_m);
-        // Plans either hold a velocity until the next setpoint, or interpolate it. The better fit
-        // counts.
+        // Plans either hold a velocity until the next setpoint, or interpolate it. The mismatch is
+        // that of the better fit.
         let interpolated_m = moved_m - 0.5 * duration_s * (from.velocity_m_s + to.velocity_m_s);
         let held_m = jump(from, to);
         let mismatch_m =
@@ -134,17 +134,17 @@ fn segments(plan: &Plan) -> Vec<Segment> {
     segments
 }
 
-/// Fraction of the path by which velocities may disagree with positions: the velocities of a plan
-/// with few setpoints miss its corners.
+/// Maximum fraction of the path by which velocities may disagree with positions. The velocities of
+/// a plan with few setpoints do not follow its corners.
 const MAX_MISMATCH_FRAC: f64 = 0.25;
 
-/// Returns the greatest speed of the positions on a path, and its time.
+/// Returns the maximum speed of the positions on a path, and its time.
 fn fastest(segments: &[Segment]) -> (f64, f64) {
     let complete = segments.iter().filter(|segment| segment.duration_s >= SEGMENT_S);
     largest(complete.map(|segment| (segment.moved_m.norm() / segment.duration_s, segment.time_s)))
 }
 
-/// Returns the greatest speed of a plan's positions.
+/// Returns the maximum speed of a plan's positions.
 pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
     fastest(&segments(plan)).0
 }
@@ -156,19 +156,19 @@ fn mismatch_frac(segments: &[Segment]) -> f64 {
         let by_velocity_m = segment.moved_m - segment.mismatch_m;
         segment.moved_m.norm().max(by_velocity_m.norm())
     });
-    // A path without motion has no mismatch, rather than 0 / 0.
+    // The lower limit makes the result 0 for a path without motion, instead of 0 / 0.
     mismatch_m / lengths_m.sum::<f64>().max(1e-9)
 }
 
-/// Checks the plan's greatest speed, by its velocities and by its positions.
+/// Checks the plan's maximum speed, by its velocities and by its positions.
 fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     let by_velocity = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let segments = segments(plan);
     let (by_position, mismatch_frac) = (fastest(&segments), mismatch_frac(&segments));
     let (speed_m_s, time_s) = largest([by_velocity, by_position]);
     let (velocity_m_s, moved_m_s, most_m_s) = (by_velocity.0, by_position.0, profile.speed_m_s);
-    // The velocities of another flight do not show the speed of this flight. 10 % and 0.05 m/s
-    // allow for rounded positions.
+    // If the velocities are those of another flight, they do not show this flight's speed. 10 % and
+    // 0.05 m/s allow for rounded positions.
     let is_faster = moved_m_s > 1.1 * velocity_m_s + 0.05;
     if velocity_m_s > 0.0 && (mismatch_frac > MAX_MISMATCH_FRAC || is_faster) {
         let row = Diagnostic::check("speed", Severity::Stop, speed_m_s).within(most_m_s);
@@ -179,10 +179,10 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
                 100.0 * mismatch_frac
             ),
             format!("velocities that agree with the positions, up to {most_m_s} m/s"),
-            "plan the flight again: times, positions and velocities are of different flights",
+            "plan the flight again, because times, positions and velocities are of different flights",
         );
     }
-    // The positions in a file are rounded, so they get more tolerance.
+    // Positions in a file are rounded, so that their tolerance is larger.
     let is_fast = velocity_m_s > 1.001 * most_m_s || moved_m_s > 1.02 * most_m_s;
     Diagnostic::check("speed", stop_if(is_fast), speed_m_s).within(most_m_s).timed(time_s).say(
         format!("{speed_m_s:.2} m/s{}", at_time(time_s)),
@@ -191,12 +191,12 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks that the plan leaves the floor and comes back to it.
+/// Checks that the plan leaves the floor and returns to it.
 fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
     let lands = plan.setpoints.last().is_some_and(Setpoint::on_floor);
-    // This also stops a plan of another program in which z does not point up.
+    // This check also stops another program's plan in which z does not point up.
     let actual = match (flies, lands) {
         (false, _) => "never leaves the floor".to_owned(),
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
@@ -205,21 +205,22 @@ fn landing(plan: &Plan) -> Diagnostic {
     Diagnostic::check("landing", stop_if(!flies || !lands), end_m).say(
         actual,
         "a flight that begins and ends on the floor",
-        "plan the flight again; in a plan of another program z must point up, and the end be at z = 0",
+        "plan the flight again, with z up and the end at z = 0 if another program makes the plan",
     )
 }
 
-/// Checks the plan's greatest acceleration.
+/// Checks the plan's maximum acceleration.
 fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
-    // Without accelerations in the plan, the changes of velocity between setpoints count. The
-    // controller smooths such steps, so they only warn. A planned acceleration is flown.
+    // If the plan contains no accelerations, they are computed from the changes of velocity between
+    // setpoints. The controller smooths such steps, so that they only cause a warning. A planned
+    // acceleration is flown.
     let is_planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
     let by_setpoints = pairs(plan).map(|(from, to)| {
         let duration_s = (to.time_s - from.time_s).max(1e-3);
         let change_m_s2 = (to.velocity_m_s - from.velocity_m_s).norm() / duration_s;
         (if is_planned { from.acceleration_m_s2.norm() } else { change_m_s2 }, to.time_s)
     });
-    // Positions accelerate where the velocity changes from one segment to the next.
+    // Positions accelerate when the velocity changes from one segment to the next.
     let segments = segments(plan);
     let joined = segments.windows(2).filter(|pair| is_planned && pair[0].goes_on);
     let by_positions = joined.map(|pair| {
@@ -232,21 +233,23 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
     let (is_beyond, when) = (value > 1.05 * most, at_time(time_s));
     let severity = if is_planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
     Diagnostic::check("acceleration", severity, value).within(most).timed(time_s).say(
-        match is_planned {
-            true => format!("{value:.2} m/s²{when}"),
-            false => format!("setpoints change velocity by up to {value:.1} m/s²{when}"),
+        if is_planned {
+            format!("{value:.2} m/s²{when}")
+        } else {
+            format!("setpoints change velocity by up to {value:.1} m/s²{when}")
         },
         format!("up to {most} m/s²"),
-        match is_planned {
-            true => "lower {plan.style.acceleration_m_s2}",
-            false => "plan with {plan.style=even}",
+        if is_planned {
+            "lower {plan.style.acceleration_m_s2}"
+        } else {
+            "plan with {plan.style=even}"
         },
     )
 }
 
-/// Checks for jumps of the position between setpoints.
+/// Checks the plan for jumps of the position between setpoints.
 fn jumps(plan: &Plan) -> Diagnostic {
-    // A drone on the floor may be carried to another mark.
+    // Jumps on the floor are ignored, because a drone may be carried to another mark.
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
     let steps = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
     let jumps: Vec<(f64, f64)> = steps.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
@@ -266,7 +269,7 @@ fn jumps(plan: &Plan) -> Diagnostic {
 /// Returns the time in the air.
 fn air_s(plan: &Plan) -> f64 {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    // The sum of no numbers is -0.0, and adding 0.0 makes it 0.0.
+    // The sum of no numbers is -0.0, which adding 0.0 turns into 0.0.
     in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0
 }
 
@@ -275,13 +278,13 @@ pub fn longer_than_battery(shoot: &Shoot) -> Option<Diagnostic> {
     let hovers_s = hovers_s(&shoot.scene)?;
     let longest_s = shoot.plans.iter().map(|it| air_s(&it.plan)).fold(0.0, f64::max);
     let message = format!(
-        "the plan is {longest_s:.0} s in the air, and the battery hovers for {hovers_s:.0} s: \
+        "the plan is in the air for {longest_s:.0} s, and the battery can hover for {hovers_s:.0} s: \
          write fewer letters, or set plan.drones=2 or a shorter plan.style.hover_s"
     );
     (longest_s > hovers_s).then(|| Diagnostic::warning("battery-short", message))
 }
 
-/// Returns the time for which the battery can hover. `None` without a battery.
+/// Returns the time in s for which the battery can hover. Returns `None` without a battery.
 pub(super) fn hovers_s(scene: &Scene) -> Option<f64> {
     scene.battery.lasts_s(scene.vehicle.mass_kg * GRAVITY_M_S2)
 }
@@ -293,9 +296,10 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
         format!("up to {most_s:.0} s in the air"),
-        match is_even {
-            true => "write fewer letters, or with {plan.drones=2}",
-            false => "write fewer letters, faster ({plan.style=even}), or with {plan.drones=2}",
+        if is_even {
+            "write fewer letters, or with {plan.drones=2}"
+        } else {
+            "write fewer letters, faster ({plan.style=even}), or with {plan.drones=2}"
         },
     )
 }
@@ -311,7 +315,7 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
         }
         Err(error) => {
             Diagnostic::check("lamps", Severity::Warning, None).detailed(error.to_string()).say(
-                "no export lights them: a lamp without a firmware parameter",
+                "no export can light them, because a lamp has no firmware parameter",
                 wanted,
                 "light with {plan.lights=[\"headlights\"]}, or name the parameter of the lamp in \
              {light.fixtures}",
@@ -320,15 +324,15 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     }
 }
 
-/// Checks that the plan does not dim a lamp that a pin switches, such as the headlights of the ring
-/// (`ring.headlightEnable` in `ledring12.c`).
+/// Checks that the plan does not dim a lamp that is switched by a pin, such as the headlights of
+/// the ring (`ring.headlightEnable` in `ledring12.c`).
 fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let switches = switches(plan, light);
     let rows = switches.iter().flat_map(|lamp| plan.setpoints.iter().zip(&plan.lights[*lamp]));
     let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
     let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
     let time_s = times_s.iter().copied().min_by(f64::total_cmp);
-    // `None` if the plan uses no such lamp.
+    // `n` is `None` if the plan uses no headlight.
     let n = (!switches.is_empty()).then_some(times_s.len());
     Diagnostic::check("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64))
         .timed(time_s)
@@ -338,19 +342,19 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
                 Some(0) => "switched on and off, not dimmed".to_owned(),
                 Some(n) => format!("dimmed by {n} commands, first{}", at_time(time_s)),
             },
-            "on or off: a lamp behind a pin cannot be dimmed",
+            "on or off, because a lamp that a pin switches cannot be dimmed",
             "set {plan.style.exposure=switched}, or write with lamps that can be dimmed",
         )
 }
 
-/// Checks the distance between drones. `None` for a single drone.
+/// Checks the distance between drones. Returns `None` for a single drone.
 pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
     }
-    // `closest` ignores drones above each other, because their downwash has a separate check.
-    let pairs = plans.iter().enumerate();
-    let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
+    // `closest` ignores drones above each other, because the downwash has a separate check.
+    let pairs =
+        plans.iter().enumerate().flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
     let (least_m, time_s) = closest.map(|pair| (pair.horizontal_m, pair.time_s)).unzip();
     let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
@@ -364,21 +368,21 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     ))
 }
 
-/// Largest distance from the strokes of a letter to a plan's light, in cap heights.
+/// Maximum distance from a letter's strokes to the light of a plan, in cap heights.
 const TOLERANCE_H: f64 = 0.1;
 
-/// Refuses a plan with light away from the strokes.
+/// Refuses a plan whose light is away from the strokes.
 ///
 /// # Errors
 ///
-/// [`Error::Input`](noctograph_core::error::Error::Input) with the time of the first setpoint that
-/// is too far away.
+/// Returns [`Error::Input`](noctograph_core::error::Error::Input) with the time of the first
+/// setpoint that is too far away.
 pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
     let tolerance_m = TOLERANCE_H * strokes.glyphs[0].cell.cap_height_m;
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
         let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
-        // The distance to the nearest lit stroke of the letter, in the plane of the word.
+        // The distance to the nearest lit stroke of the letter is in the plane of the word.
         let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
         let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
         let lit = moves.filter(|step| step.lit);
@@ -442,8 +446,8 @@ mod tests {
         assert!((x.abs() - 2.5 - outside_m).abs() < 1e-9, "{outside_m} m at {x} m");
     }
 
-    /// Handwriting of a kind: a spiral, a zigzag, a scribble, a coast, a rosette, a sketch of many
-    /// short strokes.
+    /// Returns a kind of handwriting: a spiral, a zigzag, a scribble, a coastline, a rosette, or a
+    /// sketch with many short strokes.
     fn drawing(kind: usize, size_m: f64) -> Strokes {
         let mut state = kind as f64;
         let mut next = || {
@@ -516,7 +520,8 @@ mod tests {
         assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
     }
 
-    /// A plan at a multiple of its times, with every nth setpoint and the same columns.
+    /// Returns every nth setpoint of a plan whose times are multiplied by a factor. The other
+    /// columns of the plan stay the same.
     fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
         let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
         let mut slowed = Plan::made(PlanData { setpoints: every(plan), ..PlanData::default() });

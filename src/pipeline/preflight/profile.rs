@@ -9,42 +9,42 @@ use noctograph_sim::sensors::{Generation, Station};
 /// Limits of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Profile {
-    /// Its name.
+    /// Name of the profile.
     pub name: &'static str,
-    /// Least and greatest x, y, z.
+    /// Minimum and maximum x, y, z.
     pub volume_m: [[f64; 3]; 2],
-    /// Width, depth and height of the room, if it is known. The volume is within it.
+    /// Width, depth and height of the room, if it is known. The volume is inside the room.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub room_m: Option<[f64; 3]>,
-    /// Largest distance from the word's plane.
+    /// Maximum distance from the word's plane.
     pub corridor_m: f64,
-    /// Greatest speed.
+    /// Maximum speed.
     pub speed_m_s: f64,
-    /// Greatest acceleration.
+    /// Maximum acceleration.
     pub acceleration_m_s2: f64,
-    /// Greatest tilt.
+    /// Maximum tilt.
     pub tilt_rad: f64,
-    /// Longest flight.
+    /// Maximum time in the air.
     pub flight_time_s: f64,
-    /// Heaviest drone.
+    /// Maximum mass of the drone.
     pub mass_kg: f64,
-    /// Strongest wind with its gusts.
+    /// Maximum wind including gusts.
     pub wind_m_s: f64,
-    /// True if the sun may shine on it.
+    /// True if the flight may be in sunlight.
     pub is_outdoors: bool,
 }
 
 /// Distance from the design to the walls and the ceiling of a room: the reference team's corridor,
-/// within which a flight stays.
+/// which a flight does not leave.
 pub(super) const ROOM_MARGIN_M: f64 = 0.2;
 
-/// Greatest distance from the middle of a wide room to a base station, to the side and in depth. A
-/// station reaches 6 m, so it sees the far end of a word 4 m wide.
+/// Maximum distance from the middle of a wide room to a base station, to the side and in depth. A
+/// station has a range of 6 m, so that it sees the far end of a word 4 m wide.
 const STATION_M: f64 = 2.5;
 
 impl Profile {
-    /// Returns the profile with a room of width, depth and height `room_m`, whose volume keeps a
-    /// margin from walls and ceiling. The middle of the floor is the origin.
+    /// Returns the profile for a room of width, depth and height `room_m`. The profile's volume
+    /// keeps a margin from the walls and the ceiling. The origin is in the middle of the floor.
     #[must_use]
     pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
         let [width_m, depth_m, height_m] = room_m;
@@ -62,7 +62,7 @@ impl Profile {
     }
 
     /// Lowers the default speed and acceleration of a scene to the profile's limits. Values that a
-    /// user chose stay, and the check stops them.
+    /// user chose are kept, and the check stops them.
     pub fn slow(&self, scene: &mut Scene) {
         let Style::Even(style) = &mut scene.plan.style else { return };
         let usual = EvenStyle::default();
@@ -75,8 +75,8 @@ impl Profile {
     }
 
     /// Returns two base stations in opposite corners of the room, 0.1 m below its ceiling, directed
-    /// at the middle of the volume. Bitcraze (tutorial "Getting started with the Lighthouse
-    /// system"): two serve about 4 m by 4 m, and hang at least 0.4 m above the flight.
+    /// at the middle of the volume. According to Bitcraze (tutorial "Getting started with the
+    /// Lighthouse system"), two cover about 4 m by 4 m, and hang at least 0.4 m above the flight.
     pub fn stations(&self) -> [Station; 2] {
         let [low, high] = self.volume_m;
         let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
@@ -88,7 +88,7 @@ impl Profile {
         })
     }
 
-    /// Returns the volume in words.
+    /// Returns a description of the volume.
     pub fn volume(&self) -> String {
         let [low, high] = self.volume_m;
         let [w, d, h] = [0, 1, 2].map(|axis| (1e3 * (high[axis] - low[axis])).round() / 1e3);
@@ -107,9 +107,9 @@ impl Profile {
     }
 
     /// Returns the profile for a Crazyflie indoors. 1 m/s on each axis and 20° are the limits of
-    /// the firmware's controller (`platform_defaults_cf2.h`), 2 m/s² is from firmware issue 882.
-    /// A 7-minute battery lasts 4 minutes with decks (crazyswarm issue 148: 3 to 5). ±0.2 m is the
-    /// reference team's corridor. A Lighthouse covers 5 m by 5 m.
+    /// the firmware's controller (`platform_defaults_cf2.h`), and 2 m/s² comes from issue 882 of
+    /// the firmware. A 7-minute battery lasts 4 minutes with decks (crazyswarm issue 148: 3 to 5).
+    /// ±0.2 m is the reference team's corridor. A Lighthouse system covers 5 m by 5 m.
     pub fn indoor() -> Self {
         Self {
             name: "indoor",
@@ -120,22 +120,22 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
-            // Assumptions: the weight of three of the heaviest Crazyflies, and a draft with the
-            // gusts of a fan.
+            // Assumptions: the weight of three heavy Crazyflies, and a draft with the gusts of a
+            // fan.
             mass_kg: 0.15,
             wind_m_s: 1.5,
             is_outdoors: false,
         }
     }
 
-    /// Returns the profile for indoors with visitors: 0.5 m/s (firmware issue 882).
+    /// Returns the profile for flights indoors with visitors: 0.5 m/s (firmware issue 882).
     pub fn careful() -> Self {
         Self { name: "careful", speed_m_s: 0.5, ..Self::indoor() }
     }
 
     /// Returns the profile for a larger drone outdoors. Speed (2 m/s upward, here on all axes) and
-    /// height (150 m) are Skybrush's defaults. Acceleration and tilt are assumed to be half of a
-    /// multirotor's reserve.
+    /// height (150 m) are Skybrush's defaults. Acceleration and tilt are assumed to be half of what
+    /// a multirotor can do.
     pub fn outdoor() -> Self {
         Self {
             name: "outdoor",
@@ -145,7 +145,7 @@ impl Profile {
             acceleration_m_s2: 4.0,
             tilt_rad: 30.0_f64.to_radians(),
             flight_time_s: 720.0,
-            // Assumptions: the lightest class of the EU (C2), and a fresh breeze.
+            // Assumptions: the weight limit of EU class C2, and a fresh breeze.
             mass_kg: 4.0,
             wind_m_s: 10.0,
             is_outdoors: true,

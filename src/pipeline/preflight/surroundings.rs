@@ -1,4 +1,4 @@
-//! Checks of a scene's drone and surroundings: base stations, estimator, weight, wind.
+//! Checks a scene's drone and surroundings: base stations, estimator, weight and wind.
 
 use nalgebra::Vector3;
 
@@ -17,12 +17,12 @@ use noctograph_sim::vehicle::Gusts;
 /// Grid spacing at which the view of the base stations is checked.
 const COVERAGE_STEP_M: f64 = 0.1;
 
-/// Checks that two base stations see all of the flight's bounding box.
+/// Checks that two base stations see the complete bounding box of the flight.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     const WANTED: &str = "base stations, and a flight for them to see";
     if !is_by_lighthouse(scene) {
         let unused = Diagnostic::check("coverage", Severity::Fine, None).within(1.0);
-        return Ok(unused.say("not used: it does not fly by Lighthouse", "", ""));
+        return Ok(unused.say("not used, because the drone does not fly by Lighthouse", "", ""));
     }
     if scene.sensors.lighthouse.stations.is_empty() {
         let advice = "name the stations: {sensors.lighthouse.stations}";
@@ -42,15 +42,16 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     let silent = silent_stations(plan, scene);
     let seen_frac = seen_frac(scene, &silent, bounds_m)?;
     let names: Vec<String> = silent.iter().map(|station| (station + 1).to_string()).collect();
-    let without = match names.is_empty() {
-        true => String::new(),
-        false => format!(", without station {}, which is silent", names.join(", ")),
+    let without = if names.is_empty() {
+        String::new()
+    } else {
+        format!(", without station {}, which is silent", names.join(", "))
     };
     let seen_percent = 100.0 * seen_frac;
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen_percent:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
-        // Advice to remove a cause precedes advice to write a smaller word.
+        // Advice to remove a cause comes before advice to write a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
             (false, _) => "let every station send ({sensors.lighthouse.silent})",
             (true, false) => "move people out of the light ({sensors.lighthouse.people_m})",
@@ -62,21 +63,22 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     ))
 }
 
-/// Returns the fraction of a box that two base stations see. Silent stations do not count.
+/// Returns the fraction of a box that two base stations see, without the silent stations.
 fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
     let mut sensors = scene.sensors.clone();
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
     let heard = stations.filter(|(station, _)| !silent.contains(station));
     sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    // The short outages of the other stations are bridged, so they count as always sending.
+    // Short outages of the other stations are bridged, so that these stations always send.
     sensors.lighthouse.silent.clear();
-    match sensors.lighthouse.stations.is_empty() {
-        true => Ok(0.0),
-        false => Ok(coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac()),
+    if sensors.lighthouse.stations.is_empty() {
+        Ok(0.0)
+    } else {
+        Ok(coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac())
     }
 }
 
-/// Longest total outage of a station during a flight that the other station and the gyroscope
+/// Maximum total outage of a station during a flight that the other station and the gyroscope
 /// bridge (an assumption).
 const MAX_SILENT_S: f64 = 1.0;
 
@@ -112,9 +114,9 @@ pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Diagno
 fn estimator(scene: &Scene) -> Diagnostic {
     let cheats = scene.observer.kind == EstimatorKind::Truth;
     Diagnostic::check("estimator", stop_if(cheats), None).say(
-        "the simulated drone knows its true place",
-        "an estimator that flies",
-        "judge the flight by what the drone has: {observer.kind=ekf}",
+        "the simulated drone knows its true position",
+        "an estimator that a real drone can have",
+        "choose the estimator of the drone: {observer.kind=ekf}",
     )
 }
 
@@ -128,7 +130,8 @@ fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks the steady wind with gusts of two standard deviations. A light drone has a lower limit.
+/// Checks the steady wind plus two standard deviations of the gusts. Light drones have a lower
+/// limit.
 fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {
@@ -144,15 +147,15 @@ fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Mass below which a drone counts as light, and the strongest wind for it (assumptions).
+/// Mass below which a drone counts as light, and the maximum wind for such a drone (assumptions).
 const LIGHT_KG: f64 = 0.1;
 const LIGHT_WIND_M_S: f64 = 4.0;
 
-/// Least distance between two base stations (an assumption). At 10 cm their beams are so parallel
-/// that the depth error is 0.18 m, of the corridor's 0.2 m.
+/// Minimum distance between two base stations (an assumption). At 10 cm their beams are so nearly
+/// parallel that the depth error is 0.18 m, out of the corridor's 0.2 m.
 const BASELINE_M: f64 = 1.0;
 
-/// Checks the distance between the two base stations that are farthest from each other.
+/// Checks the distance between the two base stations that are farthest apart.
 fn baseline(scene: &Scene) -> Diagnostic {
     let stations = &scene.sensors.lighthouse.stations;
     let positions_m = stations.iter().map(|station| Vector3::from(station.position_m));
@@ -171,13 +174,13 @@ fn baseline(scene: &Scene) -> Diagnostic {
 fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
     Diagnostic::check("sunlight", warn_if(is_blind), None).say(
-        "outdoors by Lighthouse, whose infrared receivers the sun blinds",
-        "darkness, or positioning that sunlight does not reach",
+        "flown outdoors by Lighthouse, whose infrared receivers the sun blinds",
+        "darkness, or positioning that sunlight does not disturb",
         "fly after dusk, or by {sensors.positioning=uwb-twr}",
     )
 }
 
-/// True if the drone's positioning is a Lighthouse.
+/// Returns true if the drone's positioning system is Lighthouse.
 fn is_by_lighthouse(scene: &Scene) -> bool {
     match scene.sensors.positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => true,
@@ -185,18 +188,18 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
     }
 }
 
-/// Ceiling height from which a room's numbers may be feet: few rooms are lower than 7 feet, and few
-/// halls are higher than 7 m.
+/// Ceiling height from which the numbers of a room may be in feet: few rooms are lower than 7 feet,
+/// and few halls are higher than 7 m.
 const FEET_FROM: f64 = 6.5;
 
-/// Checks by the ceiling height that the room was not measured in feet.
+/// Checks the ceiling height, which shows if the room was measured in feet.
 fn ceiling(profile: &Profile) -> Diagnostic {
     let room_m = profile.room_m.unwrap_or_default();
     let height_m = room_m[2];
     Diagnostic::check("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
         format!("a ceiling at {height_m} m: if these are feet, {} m are meant", from_feet(room_m)),
-        "the room's true size in meters: the fence is at its walls",
-        "measure a wall; feet are typed so: 13x20x8ft ({expose.room_m})",
+        "the room's true size in meters, because the fence is at its walls",
+        "measure a wall, or give feet as in 13x20x8ft ({expose.room_m})",
     )
 }
 
@@ -259,7 +262,7 @@ mod tests {
             let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
             let rows = preflight(&Shoot::new(scene).unwrap(), &Profile::indoor()).unwrap();
             let mut rows = rows.findings.into_iter().filter(|row| row.code == "picture");
-            // Without a room, a picture that is fine has no row.
+            // Without a room, there is no row for a picture that passes.
             rows.next().map_or_else(Default::default, |row| (row.severity, row.message))
         }
         assert_eq!(picture(&[]).0, Severity::Fine);

@@ -1,8 +1,8 @@
 //! The scene that came with a file: in the header of an exported script's log, or in a scene file
-//! beside a plan or a flight. It defines the room, the camera and the drone of the flight.
+//! next to a plan or a flight. The scene defines the room, the camera and the drone of the flight.
 //!
-//! A scene file has the digests of the files that it was written with. Only this module compares
-//! them: with the scene of another plan, a plan would be checked in another room.
+//! A scene file contains the digests of the files that it was written with. Only this module
+//! compares them, because with the scene of another plan, a plan would be checked in another room.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -14,45 +14,45 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output, WholeFile, as_spelled};
 use noctograph_logs::scene_in;
 
-/// Extension of a scene file beside a plan or a flight, and name of the scene file in a folder.
+/// Extension of a scene file next to a plan or a flight, and name of the scene file in a folder.
 const SCENE: &str = "scene.toml";
 
-/// Limit for plans and flights beside a scene, equal to that of their reader.
+/// Limit for plans and flights next to a scene, equal to that of their reader.
 const FILE: Limit =
     Limit { bytes: 128 << 20, what: "a plan or a flight", hint: "cut it, or thin it out" };
 
 /// The text of a scene that came with a file.
 #[derive(Clone, Debug)]
 pub struct CarriedScene {
-    /// TOML.
+    /// Text of the scene as TOML.
     pub toml: String,
-    /// Name of its file in messages.
+    /// Name of the scene's file in messages.
     pub file: String,
-    /// The folder to which the names of files in it are relative.
+    /// Folder to which file names in the scene are relative.
     pub folder: PathBuf,
-    /// True if it is in a log, which is not trusted.
+    /// True if the scene is in a log, which is not trusted.
     is_in_log: bool,
-    /// True if it certainly is the scene of its file: in a log, or with the digest of the file.
-    /// Scenes written by earlier versions or by hand have no digests.
+    /// True if the scene certainly belongs to its file: it is in a log, or contains the digest of
+    /// the file. Scenes written by earlier versions or by hand contain no digests.
     pub is_bound: bool,
 }
 
 impl CarriedScene {
-    /// Reads the scene of a log, a plan or a flight. `None` if none came with the file.
+    /// Reads the scene of a log, a plan or a flight. Returns `None` if no scene came with the file.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a file that cannot be read, [`Error::Input`] for a scene that was written
-    /// with other files.
+    /// Returns [`Error::Io`] for a file that cannot be read, and [`Error::Input`] for a scene that
+    /// was written with other files.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        // A pipe can be read only once, and its plan or flight is yet to be read.
+        // A named pipe can only be read once, and its plan or flight has not been read yet.
         if !path.is_file() {
             return Ok(None);
         }
         if let Some(carried) = Self::in_log(path) {
             return Ok(Some(carried));
         }
-        // The scene of a folder belongs to the plans and flights with its numbered names.
+        // The scene of a folder belongs to the plans and flights in it that have numbered names.
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
         let is_numbered =
@@ -72,7 +72,7 @@ impl CarriedScene {
         Ok(Some(carried))
     }
 
-    /// True if a plan or a flight is one of the files that the scene beside it was written with.
+    /// Returns true if the scene next to a plan or flight was written with this file.
     pub fn binds(path: &Path) -> bool {
         Self::read(path).is_ok_and(|carried| carried.is_some_and(|carried| carried.is_bound))
     }
@@ -86,7 +86,7 @@ impl CarriedScene {
         if digests.values().any(|digest| *digest == actual) {
             return Ok(());
         }
-        // The message has the digest of the file with this name, or the names of all files.
+        // The message contains the digest of the file with this name, or the names of all files.
         let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
         let wanted = match digests.get(name(path)).or(digests.values().next()) {
             Some(digest) if digests.len() == 1 || digests.contains_key(name(path)) => {
@@ -102,11 +102,11 @@ impl CarriedScene {
     }
 
     /// Checks, after files were read, that this is still their scene. Another program may have
-    /// written the scene and the files again meanwhile.
+    /// rewritten the scene and the files in the meantime.
     ///
     /// # Errors
     ///
-    /// As [`Self::of_all`], and [`Error::Input`] for another scene.
+    /// Returns the errors of [`Self::of_all`], and [`Error::Input`] for another scene.
     pub fn check_still(&self, files: &[PathBuf]) -> Result<()> {
         if Self::of_all(files)?.is_some_and(|now| now.toml == self.toml) {
             return Ok(());
@@ -115,11 +115,11 @@ impl CarriedScene {
         Err(Error::input(&*self.file, actual, wanted, "try again"))
     }
 
-    /// Checks that a folder has all plans that its scene was written with.
+    /// Checks that a folder contains all plans that its scene was written with.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the plan that is missing.
+    /// Returns [`Error::Input`] with the name of the missing plan.
     pub fn check_folder(&self, folder: &Path) -> Result<()> {
         let digests = text::digests(&self.toml, &self.file)?;
         let mut plans = digests.keys().filter(|name| name.starts_with("plan-"));
@@ -130,24 +130,25 @@ impl CarriedScene {
         Err(Error::input(folder.display(), format!("no {name}"), wanted, hint))
     }
 
-    /// Returns the scene in the header of a log. `None` for other files.
+    /// Returns the scene in the header of a log, or `None` for other files.
     pub fn in_log(path: &Path) -> Option<Self> {
         let file = format!("{} (scene)", path.display());
         let (toml, folder) = (scene_in(path)?, folder_of(path));
         Some(Self { toml, file, folder, is_in_log: true, is_bound: true })
     }
 
-    /// Returns the scene that came with the files. Some files may have none, and seeds may differ.
+    /// Returns the scene that came with the files. Some of the files may have no scene, and the
+    /// seeds of their scenes may differ.
     ///
     /// # Errors
     ///
-    /// As [`Self::read`], and [`Error::Input`] for two different scenes.
+    /// Returns the errors of [`Self::read`], and [`Error::Input`] for two different scenes.
     pub fn of_all(files: &[PathBuf]) -> Result<Option<Self>> {
         let mut scenes = Vec::new();
         for path in files {
             scenes.extend(Self::read(path)?);
         }
-        // All of the scenes must have digests.
+        // The scene is bound only if all of the scenes are.
         let is_bound = scenes.iter().all(|carried| carried.is_bound);
         let Some((first, others)) = scenes.split_first() else { return Ok(None) };
         for other in others {
@@ -166,50 +167,50 @@ impl CarriedScene {
         Ok(Some(Self { is_bound, ..first.clone() }))
     }
 
-    /// Returns the path of the scene file beside a plan or a flight.
+    /// Returns the path of the scene file next to a plan or a flight.
     pub fn path_beside(path: &Path) -> PathBuf {
         path.with_extension(SCENE)
     }
 
-    /// Returns the text of a scene file with the names and digests of the files beside it.
+    /// Returns the text of a scene file with the names and digests of the files next to it.
     pub fn text(toml: &str, files: impl IntoIterator<Item = (String, String)>) -> String {
         toml.to_owned() + &text::digest_table(files.into_iter().collect())
     }
 
-    /// Moves a plan or a flight that was written completely to its final name, with its scene and
-    /// the files that the scene names. Returns their paths, the plan first.
+    /// Moves a completely written plan or flight to its final name, with its scene and the files
+    /// that the scene names. Returns their paths, with the plan first.
     ///
     /// # Errors
     ///
-    /// As [`Scene::beside`] and [`WholeFile::keep_all`].
+    /// Returns the errors of [`Scene::beside`] and [`WholeFile::keep_all`].
     pub fn keep_with(file: WholeFile, beside: Output, scene: &Scene) -> Result<Vec<PathBuf>> {
         let scene = scene.beside(file.path())?;
         let toml = Self::text(&scene.toml, [(file.name(), file.sha256().to_owned())]);
         let mut files = scene.write_copies(file.path())?;
         files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
         files.push(file);
-        // The plan comes last: if the program is killed before, the new scene refuses the old plan.
-        // A plan is never beside the scene of another plan.
+        // The plan is moved last. If the program is killed before that, the new scene refuses the
+        // old plan, so that a plan is never accepted with the scene of another plan.
         let mut files = WholeFile::keep_all(files)?;
         files.reverse();
         Ok(files)
     }
 
-    /// Returns the scene with settings over its keys, see [`Scene::parse_with`].
+    /// Returns the scene with settings that override its keys, as in [`Scene::parse_with`].
     pub fn scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         Scene::parse_in(&self.toml, &self.file, &self.folder, settings)
     }
 
-    /// Returns the scene with settings over its keys, and refuses the scene of a log if it names
-    /// files, since the author of the log would choose which files this machine opens. Settings may
-    /// name files.
+    /// Returns the scene with settings that override its keys. Refuses the scene of a log if it
+    /// names files, because its author would choose which files this machine opens. The settings
+    /// may name files.
     ///
     /// # Errors
     ///
-    /// As [`Self::scene`], and [`Error::Input`] with the key of a file.
+    /// Returns the errors of [`Self::scene`], and [`Error::Input`] with the key that names a file.
     pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let scene = self.scene(settings)?;
-        // Keys that name a file and are not in the user's settings.
+        // The keys below name a file and are not in the user's settings.
         let background = Some("photo.background").filter(|_| !scene.photo.background.is_empty());
         let keys = scene.letters.files().map(|(key, _)| key).chain(background);
         let refused: Vec<&str> =
@@ -217,7 +218,8 @@ impl CarriedScene {
         match refused.first().filter(|_| self.is_in_log) {
             None => Ok(scene),
             Some(key) => {
-                let wanted = "no file: the scene of a log may name any on this machine";
+                let wanted =
+                    "no file, because the scene of a log may name any file on this machine";
                 let hint = "name the log as the scene as well, if you know who made it";
                 let refused = Error::input(*key, "the path of a file", wanted, hint);
                 Err(refused.in_file(&self.file, None))
@@ -226,7 +228,7 @@ impl CarriedScene {
     }
 }
 
-/// Returns the name of a file, empty if it has none in Unicode.
+/// Returns the name of a file, or an empty text if the name is not Unicode.
 fn name(path: &Path) -> &str {
     path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
 }
@@ -263,7 +265,7 @@ mod tests {
         std::fs::write(path("planned.scene.toml"), "\n").unwrap();
         assert!(CarriedScene::read(&path("planned.csv")).is_err(), "a scene that was cut off");
         std::fs::remove_file(path("planned.scene.toml")).unwrap();
-        // `--scene` takes them as well.
+        // `--scene` accepts these files as well.
         let named = |name: &str| Scene::read(&path(name)).map(|scene| scene.word);
         assert_eq!(named("NO_flight.json").unwrap(), "NO");
         assert!(
@@ -313,7 +315,7 @@ mod tests {
         let error = CarriedScene::read(&path("plan-2.csv")).unwrap_err().to_string();
         assert!(error.contains(&sha256(b"3")) && error.contains("flight.csv, plan.csv"), "{error}");
         assert!(Scene::read(&path("plan-2.csv")).is_err(), "named as the scene, too");
-        // Another program writes both anew between the scene and its plan.
+        // Another program rewrites both files between reading the scene and its plan.
         let carried = CarriedScene::read(&path("plan.csv")).unwrap().unwrap();
         std::fs::write(path("plan.csv"), "4").unwrap();
         let digests = [("plan.csv".to_owned(), sha256(b"4"))];

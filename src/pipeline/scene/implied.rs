@@ -1,5 +1,5 @@
 //! Keys that imply others: if a scene sets one of them, other keys get matching values instead of
-//! the preset's, unless the scene sets them, too.
+//! the preset's, unless the scene sets these as well.
 
 use toml::{Table, Value};
 
@@ -9,16 +9,15 @@ use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_picture::light::{Deck, RING, RingColor, RingEffect};
 use noctograph_plan::PlanOptions;
 
-/// Keys that a scene sets, and what follows, for the header of a printed scene.
+/// Keys that a scene sets, and the consequences of each, which the header of a printed scene lists.
 pub(super) const RULES: [(&str, &str); 4] = [
     ("plan.style", "every other key of [plan] is that style's default"),
-    ("light.deck = \"color-led\"", "plan.lights = [\"color-led\"]: it has no headlights beside it"),
-    ("plan.lights = [\"ring\"] alone, without light.ring", "light.ring = \"solid\""),
+    ("light.deck = \"color-led\"", "plan.lights = [\"color-led\"], because it has no headlights"),
+    ("plan.lights = [\"ring\"] without light.ring", "light.ring = \"solid\""),
     ("camera.f_number or camera.iso, without camera.metering", "camera.metering = \"off\""),
 ];
 
-/// Sets the values in a preset's scene that follow from the layers of keys over it, by [`RULES`] in
-/// their order.
+/// Sets the values in a preset's scene that follow from the layers above it, by [`RULES`] in order.
 pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
     match last_name(layers, "plan.style") {
         Some("even") => scene.plan = PlanOptions::even(),
@@ -31,20 +30,21 @@ pub(super) fn apply(scene: &mut Scene, layers: &mut [Table]) {
     }
     if chooses_ring(layers) {
         scene.light.ring = RingEffect::Solid(RingColor::default());
-        // A ring that is chosen for one run shines whatever effect the file has.
+        // A ring that is chosen for one run lights up regardless of the effect in the file.
         if let Some(Value::Table(light)) = layers[0].get_mut("light") {
             light.remove("ring");
         }
     }
-    let [f_number, iso, metering] = ["camera.f_number", "camera.iso", "camera.metering"]
-        .map(|key| layers.iter().any(|layer| value_at(layer, key).is_some()));
-    if (f_number || iso) && !metering {
+    let [sets_f_number, sets_iso, sets_metering] =
+        ["camera.f_number", "camera.iso", "camera.metering"]
+            .map(|key| layers.iter().any(|layer| value_at(layer, key).is_some()));
+    if (sets_f_number || sets_iso) && !sets_metering {
         scene.camera.metering = Metering::Off;
     }
 }
 
-/// True if `plan.lights` is only the ring and no effect is set for it. Layer 0 is the file. Its
-/// effect is ignored if a layer above it sets `plan.lights`.
+/// Returns true if `plan.lights` contains only the ring and no effect is set for it. Layer 0 is the
+/// file, whose effect is ignored if a layer above it sets `plan.lights`.
 fn chooses_ring(layers: &[Table]) -> bool {
     let layers_down = layers.iter().enumerate().rev();
     let mut choices =
@@ -55,15 +55,15 @@ fn chooses_ring(layers: &[Table]) -> bool {
         && last_name(&layers[usize::from(layer > 0)..], "light.ring").is_none()
 }
 
-/// Returns the value of a dotted key. `None` if the table lacks it.
+/// Returns the value of a dotted key, or `None` if the table lacks it.
 pub(super) fn value_at<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
     let mut keys = key.split('.');
     let first = layer.get(keys.next()?);
     keys.fold(first, |value, key| value?.get(key))
 }
 
-/// Returns the name of a choice, which is a text or the `kind` of a table, in the highest layer
-/// that has the key.
+/// Returns the name of a choice, which is a text or the `kind` of a table, from the highest layer
+/// that contains the key.
 pub(super) fn last_name<'a>(layers: &'a [Table], key: &str) -> Option<&'a str> {
     layers.iter().rev().find_map(|layer| {
         let value = value_at(layer, key)?;

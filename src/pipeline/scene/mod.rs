@@ -1,7 +1,7 @@
-//! Scene: the one TOML file that fixes a photo.
+//! Scene: the TOML file that completely determines a photo.
 //!
-//! Every key has the value of a preset, by default `cf21`, so a scene names only what it changes.
-//! Unknown keys and values out of range are refused with line and key.
+//! Omitted keys have the values of a preset, by default `cf21`, so that a scene only contains what
+//! it changes. Unknown keys and values out of range are refused with the line and the key.
 
 use std::path::Path;
 
@@ -42,17 +42,17 @@ pub use unused_keys::reason;
 
 settings! {
     /// Everything that a photo depends on. The default is the preset `ae483-2022`. A file that
-    /// names no preset begins with `cf21`.
+    /// names no preset starts from `cf21`.
     pub struct Scene {
-        /// Preset that supplies omitted keys.
+        /// Preset that supplies the values of omitted keys.
         preset: Preset = Preset::Ae4832022;
         /// Word to write. `\n` begins a new line.
         word: String = String::new(), unless "letters.drawing";
-        /// Seed of all noise: the same seed makes the same photo.
+        /// Seed of all noise. The same seed makes the same photo.
         seed: u64 = 0;
-        /// The word's drawing.
+        /// How the word is drawn.
         letters: LetterOptions = LetterOptions::default();
-        /// The way of flying.
+        /// How the strokes are flown.
         plan: PlanOptions = PlanOptions::default();
         /// The drone.
         vehicle: VehicleOptions = VehicleOptions::default();
@@ -66,47 +66,47 @@ settings! {
         rates: RateOptions = RateOptions::default();
         /// The radio from the host to the drones.
         radio: RadioOptions = RadioOptions::default();
-        /// The controller: motor commands from the estimated state.
+        /// The controller, which computes motor commands from the estimated state.
         controller: ControllerOptions = ControllerOptions::default();
-        /// The estimator: the state from the measurements.
+        /// The estimator, which computes the state from the measurements.
         observer: ObserverOptions = ObserverOptions::default();
-        /// Sensors and their noise.
+        /// The sensors and their noise.
         sensors: SensorOptions = SensorOptions::default(), unless "observer.kind" = "truth";
         /// The lamps, and how they follow commands.
         light: LightOptions = LightOptions::default();
         /// The camera.
         camera: CameraOptions = CameraOptions::default();
-        /// Resolution of the exposure, and the floor that the lamps light.
+        /// Resolution of the exposure, and the floor that the lamps illuminate.
         expose: ExposeOptions = ExposeOptions::default();
-        /// Lens and sensor effects, and the tone curve.
+        /// Effects of lens and sensor, and the tone curve.
         photo: PhotoOptions = PhotoOptions::default();
         /// The reader and its verdict.
         score: ScoreOptions = ScoreOptions::default();
     }
 }
 
-/// Largest scene file that is read.
+/// Maximum size of a scene file.
 pub(super) const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a scene file", hint: text::HINT };
 
 impl Scene {
-    /// Reads a scene file.
+    /// Reads a scene from a file.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] if it cannot be read. [`Error::Input`] with line and key for broken TOML, an
-    /// unknown key or a value out of range.
+    /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with line and key
+    /// for broken TOML, an unknown key or a value out of range.
     pub fn read(path: &Path) -> Result<Self> {
         Self::read_with(path, &[])
     }
 
     /// Reads a scene file, or the scene of a photo (PNG), a log, a plan or a flight
-    /// ([`CarriedScene`]), with single settings over its keys, as [`Self::parse_with`].
+    /// ([`CarriedScene`]). Single settings override its keys as in [`Self::parse_with`].
     fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
-        // The extension decides how the scene is read.
+        // The extension of the file determines how the scene is read.
         let file = path.display().to_string();
         if ["csv", "json"].contains(&&*ending(path)) {
             let Some(carried) = CarriedScene::read(path)? else {
-                let wanted = "the log of an exported script, or a plan or flight beside its scene";
+                let wanted = "the log of an exported script, or a plan or flight next to its scene";
                 let hint = "name the scene's own file";
                 return Err(Error::input(file, "a file without a scene", wanted, hint));
             };
@@ -122,29 +122,29 @@ impl Scene {
         Self::parse_in(&toml, &format!("{file} (scene)"), &folder_of(path), settings)
     }
 
-    /// Reads the text of a scene. `file` is its name in messages.
+    /// Reads the text of a scene. `file` is the file name to show in messages.
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         Self::parse_with(toml, file, &[])
     }
 
-    /// Reads the text of a scene, with single settings over its keys: dotted keys with their
-    /// values, such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
+    /// Reads the text of a scene. Settings, which are dotted keys with values, override keys of the
+    /// text, such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
     ///
-    /// Precedence: settings, keys of the file, implied values (a table in the text of
-    /// [`Self::to_toml`]), preset.
+    /// The order of precedence is: settings, keys of the file, implied values (a table in the text
+    /// of [`Self::to_toml`]), preset.
     pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
         Self::parse_in(toml, file, Path::new(""), settings)
     }
 
-    /// Reads the text of a scene in a folder, like [`Self::parse_with`]. Names of files in the text
-    /// are relative to that folder, names in settings to the current one.
+    /// Reads the text of a scene in a folder, like [`Self::parse_with`]. File names in the text are
+    /// relative to that folder, and those in settings to the current folder.
     pub fn parse_in(
         toml: &str,
         file: &str,
         folder: &Path,
         settings: &[(&str, &str)],
     ) -> Result<Self> {
-        // The layers, the lowest first: preset, implied values, file, single settings.
+        // Layers from low to high: preset, implied values, file, single settings.
         let mut set_keys = Table::new();
         for (key, value) in settings {
             let setting = text::single_setting(key, value)?;
@@ -165,7 +165,7 @@ impl Scene {
         Self::checked(values).map_err(|error| text::with_line(error, toml, file))
     }
 
-    /// Reads the scene from a table, and checks keys, names and ranges.
+    /// Reads the scene from a table, and checks its keys, names and ranges.
     fn checked(values: Table) -> Result<Self> {
         text::check_keys(&values)?;
         let scene = Self::from_table(values)?;
@@ -173,22 +173,22 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Returns the whole scene as the text of a TOML file: every key with value and documentation.
+    /// Returns the complete scene as TOML text, with the value and documentation of every key.
     pub fn to_toml(&self) -> String {
         text::document(self)
     }
 
     /// Returns all keys and values. Only this function and [`Self::from_table`] write and read all
-    /// settings, since such code is large when compiled.
+    /// settings, because such code is large when compiled.
     pub fn to_table(&self) -> Table {
         Table::try_from(self).expect("a scene is a TOML table")
     }
 
-    /// Reads a scene from a table with all keys. Ranges are not checked.
+    /// Reads a scene from a table that contains all keys. Ranges are not checked.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the key of a value of the wrong type.
+    /// Returns [`Error::Input`] with the key whose value has the wrong type.
     pub fn from_table(values: Table) -> Result<Self> {
         text::to_scene(values)
     }
@@ -200,7 +200,7 @@ impl Scene {
         fonts.chain([&mut letters.drawing, &mut self.photo.background])
     }
 
-    /// Returns the keys whose values differ from the preset's: key, value, the preset's value.
+    /// Returns the keys whose values differ from the preset's, each with both values.
     pub fn changes(&self) -> Vec<[String; 3]> {
         text::changes(self, self.preset.scene())
     }
@@ -210,12 +210,12 @@ impl Scene {
         preset.scene().clone()
     }
 
-    /// True if the scene names a word or a drawing.
+    /// Returns true if the scene has a word or a drawing.
     pub fn has_strokes(&self) -> bool {
         !self.word.is_empty() || !self.letters.drawing.is_empty()
     }
 
-    /// Replaces the word or drawing by another word.
+    /// Replaces the word or drawing with another word.
     pub fn set_word(&mut self, word: &str) {
         word.clone_into(&mut self.word);
         self.letters.drawing.clear();
@@ -225,7 +225,7 @@ impl Scene {
     /// Adapts the scene to an audience: a word is written in reading order, the camera has no hot
     /// pixels, and the floor is uniform.
     pub fn for_audience(&mut self) {
-        // Hebrew, Arabic and their forms are read from the right.
+        // Hebrew and Arabic, including their presentation forms, are read from right to left.
         if let Style::Even(style) = &mut self.plan.style
             && style.order == Order::Shortest
             && self.letters.drawing.is_empty()
@@ -239,12 +239,12 @@ impl Scene {
         self.expose.unevenness = 0.0;
     }
 
-    /// Makes the paths of the files absolute and sets the digest of the drawing, so that the scene
-    /// is the same in every folder. [`Self::strokes`] reports a missing drawing.
+    /// Makes the paths of files absolute and sets the digest of the drawing, so that the scene is
+    /// the same in every folder. A missing drawing is reported by [`Self::strokes`].
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] if the scene has the digest of another drawing.
+    /// Returns [`Error::Input`] if the scene contains the digest of a different drawing.
     pub fn settle_files(&mut self) -> Result<()> {
         for path in self.files_mut().filter(|name| travel::is_file(name)) {
             if let Ok(absolute) = std::path::absolute(&*path)
@@ -254,7 +254,7 @@ impl Scene {
             }
         }
         let drawing = Path::new(&self.letters.drawing);
-        // A pipe can be read only once, so it is not read before it is drawn.
+        // A named pipe can only be read once, so that it is not read before it is drawn.
         if drawing.is_file() {
             let bytes = letters::DRAWING_LIMIT.read(drawing)?;
             let actual = sha256(&bytes);
@@ -271,12 +271,12 @@ impl Scene {
         Ok(())
     }
 
-    /// Returns the strokes of the drawing or else of the word. The strokes of a drawing are grouped
-    /// by color if a lamp with colors writes.
+    /// Returns the strokes of the drawing or, if there is none, of the word. The strokes of a
+    /// drawing are grouped by color if a colored lamp writes.
     ///
     /// # Errors
     ///
-    /// As [`letters::draw`] and [`letters::write`].
+    /// Returns the errors of [`letters::draw`] and [`letters::write`].
     pub fn strokes(&self) -> Result<Strokes> {
         if !self.letters.drawing.is_empty() {
             let ink = if unused_keys::writes_in_color(self) { Ink::ByColor } else { Ink::Alike };
@@ -285,15 +285,15 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// Returns the rate of the clock that paces the setpoints, in true seconds a second. By default
-    /// it is the firmware's rate for a trajectory on board, and 1 otherwise.
+    /// Returns the rate of the clock that paces the setpoints, in its seconds per true second. By
+    /// default it is the firmware's rate for a trajectory on board, and 1 otherwise.
     pub fn trajectory_clock(&self) -> f64 {
         let is_on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
         let usual = if is_on_board { self.vehicle.firmware.clock() } else { 1.0 };
         self.plan.trajectory_clock.unwrap_or(usual)
     }
 
-    /// Returns the simulator's part of the scene.
+    /// Returns the part of the scene that the simulator uses.
     pub fn sim(&self) -> SimOptions {
         SimOptions {
             rates: self.rates.clone(),
@@ -308,11 +308,11 @@ impl Scene {
         }
     }
 
-    /// Checks every range.
+    /// Checks that every value is in its range.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the key that is out of range.
+    /// Returns [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
         if i64::try_from(self.seed).is_err() {
             let wanted = format!("a whole number from 0 to {}", i64::MAX);
@@ -352,7 +352,7 @@ mod tests {
             assert_eq!(ring("", &settings), RingEffect::Off);
         }
         assert_eq!(ring("", &[]), RingEffect::Off);
-        // A color without the effect, and with it in any order.
+        // The color is set without the effect, and together with it in any order.
         let (color, effect) = (("light.ring.color", "[1, 2, 3]"), ("light.ring", "solid"));
         let colored = RingEffect::Solid(RingColor { color: [1, 2, 3] });
         for settings in [&[chosen, color][..], &[color, effect], &[effect, color]] {

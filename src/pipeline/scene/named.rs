@@ -1,4 +1,4 @@
-//! Scenes by name.
+//! Finds scenes by name.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::as_spelled;
 use noctograph_core::settings::suggestion;
 
-/// Scenes that ship with the program, as TOML.
+/// Scenes that are shipped with the program, as TOML.
 const SHIPPED: [(&str, &str); 6] = [
     ("team", include_str!("shipped/team.toml")),
     ("pid", include_str!("shipped/pid.toml")),
@@ -23,40 +23,41 @@ const SHIPPED: [(&str, &str); 6] = [
 /// A scene with a name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedScene {
-    /// Name in tables.
+    /// Name of the scene in tables.
     pub name: String,
     /// The scene.
     pub scene: Scene,
 }
 
 impl NamedScene {
-    /// Gives a scene a name.
+    /// Creates a scene with a name.
     pub fn new(name: &str, scene: Scene) -> Self {
         Self { name: name.to_owned(), scene }
     }
 }
 
 impl Scene {
-    /// Finds a scene by `name`, and reads it with single settings over its keys, see
+    /// Finds a scene by `name`, and reads it with single settings that override its keys, as in
     /// [`Scene::parse_with`]. The name is that of a shipped scene (team, pid, geometric, tuned,
     /// two-drones-three-anchors and the same with -and-floor), a preset, a scene file, or a folder
     /// with `scene.toml`.
     ///
-    /// Names of scenes precede files: write `./tuned` for a folder of that name.
+    /// Names of scenes take precedence over files, so that a folder `tuned` is `./tuned`.
     ///
     /// # Errors
     ///
-    /// As [`Scene::parse_with`], and [`Error::Input`] for a name that is none of these.
+    /// Returns the errors of [`Scene::parse_with`], and [`Error::Input`] for any other name.
     pub fn find(name: &str, settings: &[(&str, &str)]) -> Result<NamedScene> {
         if let Some(toml) = text_of_name(name) {
             return Ok(NamedScene::new(name, Self::parse_with(&toml, name, settings)?));
         }
         let path = Path::new(name);
-        // The scene gets the name of the folder, or of the file without the extension.
+        // The scene is named after the folder, or after the file without its extension.
         if path.exists() {
-            let (short, file) = match path.is_dir() {
-                true => (path.file_name(), as_spelled(&path.join("scene.toml"))),
-                false => (path.file_stem(), path.to_owned()),
+            let (short, file) = if path.is_dir() {
+                (path.file_name(), as_spelled(&path.join("scene.toml")))
+            } else {
+                (path.file_stem(), path.to_owned())
             };
             let short = short.unwrap_or_default().to_string_lossy();
             return Ok(NamedScene::new(&short, Self::read_with(&file, settings)?));
@@ -76,7 +77,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a file that cannot be read.
+    /// Returns [`Error::Io`] for a file that cannot be read.
     pub fn text_of(name: &str) -> Result<String> {
         let path = Path::new(name);
         let file =
@@ -85,8 +86,7 @@ impl Scene {
     }
 }
 
-/// Returns the text of a shipped scene, or of a scene that only names a preset. `None` for the name
-/// of a file.
+/// Returns the text of a shipped scene or of a preset's, or `None` for a file name.
 fn text_of_name(name: &str) -> Option<String> {
     if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
         return Some((*toml).to_owned());

@@ -1,7 +1,7 @@
-//! Named sets of values for a whole scene: scene files in the tree, each number with its source.
+//! Named sets of values for a complete scene, in scene files that give the source of each number.
 //!
-//! The figures of published models disagree by factors (motor lag 0.02 to 0.25 s, yaw moment 0.005
-//! to 0.034 m), so a preset has one source if possible.
+//! The values of published models differ by factors (motor lag 0.02 to 0.25 s, yaw moment 0.005 to
+//! 0.034 m), so that a preset is taken from a single source if possible.
 
 use std::sync::OnceLock;
 
@@ -9,25 +9,24 @@ use super::Scene;
 use noctograph_core::settings::settings;
 
 settings! {
-    /// A named set of values that a scene starts from. `ae483-2022` is a complete system. The
-    /// others differ only in the drone, and write, light and photograph in the same way.
+    /// A named set of values from which a scene starts. `ae483-2022` is a complete system. The
+    /// other presets differ only in the drone, and write, light and photograph in the same way.
     pub enum Preset {
-        /// Crazyflie 2.1 as sold, with the Lighthouse and the LED-ring deck.
+        /// Crazyflie 2.1 as sold, with the Lighthouse deck and the LED-ring deck.
         "cf21" => Cf21,
         /// Crazyflie 2.1 with the thrust upgrade kit.
         "cf21-thrust-kit" => Cf21ThrustKit,
         /// Crazyflie 2.1 Brushless.
         "cf-brushless" => CfBrushless,
-        /// The quadrotor of a lab on altitude hold, 1.15 kg, with its own sensors.
+        /// The 1.15 kg quadrotor of a lab course on altitude hold, with its own sensors.
         "bzzz" => Bzzz,
-        /// The reference team's flight of December 2022: their drone, gains, letters, timing and
-        /// lamps.
+        /// The reference team's flight of December 2022, with its drone, gains, letters and lamps.
         "ae483-2022" => Ae4832022,
     }
 }
 
 impl Preset {
-    /// Returns the text of the preset's file. `None` if every setting has its default.
+    /// Returns the text of the preset's file, or `None` if every setting has its default value.
     fn toml(self) -> Option<&'static str> {
         match self {
             Self::Cf21 => Some(include_str!("presets/cf21.toml")),
@@ -38,7 +37,7 @@ impl Preset {
         }
     }
 
-    /// Returns the preset's scene, which is read only once.
+    /// Returns the preset's scene, which is parsed only once.
     pub(super) fn scene(self) -> &'static Scene {
         static SCENES: [OnceLock<Scene>; Preset::ALL.len()] =
             [const { OnceLock::new() }; Preset::ALL.len()];
@@ -63,8 +62,7 @@ mod tests {
     use noctograph_sim::vehicle::{AirOptions, Gusts};
     use noctograph_sim::{ControllerKind, Drone, EstimatorKind, MotorLag, SimOptions, fly};
 
-    /// A preset's drone in still air, with the reference team's choice of regulator, observer and
-    /// sensors.
+    /// Returns a preset's drone in still air, with the team's regulator, observer and sensors.
     fn with_regulator(preset: Preset) -> SimOptions {
         let mut sim = preset.scene().sim();
         sim.controller.kind = ControllerKind::default();
@@ -122,7 +120,7 @@ mod tests {
 
     #[test]
     fn every_set_passes_its_check_and_flies_noor_from_floor_to_floor() {
-        // Bounds are a tenth above the errors found.
+        // The bounds are a tenth larger than the observed errors.
         let sets = [
             (with_regulator(Preset::Cf21), [0.073, 0.01, 0.081]),
             (with_regulator(Preset::Cf21ThrustKit), [0.072, 0.01, 0.081]),
@@ -143,7 +141,7 @@ mod tests {
 
     #[test]
     fn every_crazyflie_bears_a_rooms_gusts_with_the_firmwares_controllers() {
-        // A regulator without integral action does not: they move cf21 by 8 cm.
+        // A regulator without integral action does not withstand gusts, which move cf21 by 8 cm.
         for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
             for (kind, bound_m) in [(ControllerKind::Pid, 0.12), (ControllerKind::Geometric, 0.06)]
             {
@@ -176,7 +174,7 @@ mod tests {
         let apart_m = coarse.samples.iter().zip(&fine.samples).filter(|(a, _)| a.letter.is_some());
         let apart_m =
             apart_m.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
-        // Most of the difference is from the moment of lift-off, which is known to a step.
+        // Most of the difference comes from the moment of lift-off, known to one step.
         assert!(apart_m < 2e-5, "{apart_m} m apart");
     }
 }

@@ -1,7 +1,7 @@
 //! Task: a scene with some keys that others may change, such as the controller's keys in a course.
 //!
-//! Product in: the text of a submission, a whole scene or a few keys. Product out: the task's scene
-//! with the allowed keys of the submission.
+//! Product in: the text of a submission, which is a whole scene or a few keys. Product out: the
+//! task's scene with the allowed keys of the submission.
 
 use std::path::Path;
 
@@ -19,9 +19,9 @@ const FILES: [&str; 5] = [
     "letters.drawing_sha256",
     "photo.background",
 ];
-/// Greatest number of differences that a message names with their values.
+/// Maximum number of differences that a message lists with their values.
 const MAX_NAMED: usize = 3;
-/// Greatest number of characters of such a value.
+/// Maximum number of characters of such a value.
 const MAX_CHARACTERS: usize = 40;
 
 /// A scene, and the keys that submissions may change.
@@ -32,13 +32,13 @@ pub struct SceneTask {
 }
 
 impl SceneTask {
-    /// Makes a task whose submissions may change the keys and tables in `may`, such as
-    /// `controller.lqr.q` and `controller.*`. If it is empty, they may change the controller and
+    /// Creates a task whose submissions may change the keys and tables in `may`, such as
+    /// `controller.lqr.q` and `controller.*`. If `may` is empty, they may change the controller and
     /// the weights of the observers.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a key that no scene has or that names a file.
+    /// Returns [`Error::Input`] for a key that no scene has or that names a file.
     pub fn new(scene: Scene, may: &[String]) -> Result<Self> {
         let may = if may.is_empty() { MAY.map(str::to_owned).to_vec() } else { may.to_vec() };
         let mut keys = paths(Scene::SHAPE.settings());
@@ -53,12 +53,13 @@ impl SceneTask {
         Ok(Self { scene, may })
     }
 
-    /// Returns the task's scene with the keys of a submission (TOML), but with the task's word and
+    /// Returns the task's scene with the keys of a submission (TOML), but with its own word and
     /// seed.
     ///
     /// # Errors
     ///
-    /// As [`Scene::read`], and [`Error::Infeasible`] with keys that a submission may not change.
+    /// Returns the errors of [`Scene::read`], and [`Error::Infeasible`] with the keys that a
+    /// submission may not change.
     pub fn submission(&self, path: &Path) -> Result<Scene> {
         let (toml, file) = (LIMIT.read_text(path)?, path.display().to_string());
         if toml.trim().is_empty() {
@@ -68,11 +69,11 @@ impl SceneTask {
         text::overlay(&mut values, text::read(&toml, &file)?, Scene::SHAPE.settings());
         let mut scene =
             Scene::checked(values).map_err(|error| text::with_line(error, &toml, &file))?;
-        // Word and seed are the task's.
+        // Word and seed are always those of the task.
         let mut task = self.scene.clone();
         scene.seed = task.seed;
         scene.word.clone_from(&task.word);
-        // A file of the task has another path on the machine of a student.
+        // On the machine of a student, a file of the task has another path.
         for (theirs, ours) in scene.files_mut().zip(task.files_mut()) {
             let [name, wanted] = [&*theirs, &*ours].map(|path| Path::new(path).file_name());
             if name.is_some() && name == wanted {
@@ -88,20 +89,20 @@ impl SceneTask {
         Err(Error::infeasible(sentence(&refused), hint))
     }
 
-    /// True if a submission may give a key this value. No submission may use the true state.
+    /// Returns true if a submission may set a key to a value. No submission may use the true state.
     fn allows(&self, key: &str, value: &str) -> bool {
         let is_truth = (key, value) == ("observer.kind", "\"truth\"");
         !is_truth && !FILES.contains(&key) && self.may.iter().any(|named| covers(named, key))
     }
 }
 
-/// True if a name is the key itself or, with `.*`, a table around the key.
+/// Returns true if a name is the key itself or, with `.*`, a table that contains the key.
 fn covers(named: &str, key: &str) -> bool {
     let table = named.strip_suffix(".*").unwrap_or(named);
     key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Returns a sentence that names the keys that differ, the first [`MAX_NAMED`] with both values.
+/// Returns a sentence with the keys that differ, of which the first [`MAX_NAMED`] have both values.
 fn sentence(changes: &[[String; 3]]) -> String {
     let mut parts = Vec::new();
     for [key, value, task] in changes.iter().take(MAX_NAMED) {

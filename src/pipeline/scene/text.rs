@@ -1,5 +1,4 @@
-//! The scene file as text: the commented file that is printed, unknown keys, and the line
-//! numbers of errors.
+//! Writes the scene file as commented text, and finds unknown keys and the line numbers of errors.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -14,22 +13,21 @@ use noctograph_core::settings::{
     Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
 };
 
-/// Greatest line width of the printed file.
+/// Maximum line width of the printed file.
 const WIDTH: usize = 80;
-/// Name of the table, which is not a setting, of the files that a scene file was written with and
-/// their SHA-256.
+/// Name of the table, not a setting, with the SHA-256 of files that a scene was written with.
 const DIGESTS: &str = "sha256";
-/// Advice on a broken scene file.
+/// Advice for a broken scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
 
-/// Returns the whole scene as the text of a commented TOML file.
+/// Returns the complete scene as a commented TOML file.
 pub(super) fn document(scene: &Scene) -> String {
     let values = scene.to_table();
-    let mut text = "# A noctograph scene: everything that the photo depends on. SI units,\n\
-                    # angles in radians. Keys that are left out keep the value of the preset, but\n\
-                    # for those that follow from a key that is set:\n"
+    let mut text = "# A noctograph scene: everything that the photo depends on, in SI units,\n\
+                    # with angles in radians. Omitted keys keep the values of the preset, except for\n\
+                    # those that follow from a key that is set:\n"
         .to_owned();
-    // Explains values that differ from the preset's although the file does not set them.
+    // The rules explain why values differ from the preset although the file does not set them.
     for (when, then) in implied::RULES {
         wrap(&mut text, "#   ", "#     ", &format!("{when}: {then}"));
     }
@@ -41,14 +39,14 @@ pub(super) fn document(scene: &Scene) -> String {
     text
 }
 
-/// True if a value is printed as a table or as a list of tables.
+/// Returns true if a value is printed as a table or as a list of tables.
 fn is_table(value: &Value) -> bool {
     value.is_table() || value.as_array().is_some_and(|rows| rows.iter().any(Value::is_table))
 }
 
-/// Appends the settings of a table, whose dotted key is `path`.
+/// Appends the settings of a table whose dotted key is `path`.
 fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
-    // In TOML all keys after the header of a table are keys of that table, so tables come last.
+    // In TOML, all keys after a table's header belong to it, so that tables must come last.
     let (tables, plain): (Vec<&Setting>, Vec<&Setting>) =
         settings.iter().partition(|setting| values.get(setting.key).is_some_and(is_table));
     for setting in plain {
@@ -85,17 +83,17 @@ fn write_settings(text: &mut String, path: &str, settings: &[Setting], values: &
     }
 }
 
-/// Returns the lamps of a scene that lists none, as comments to copy from.
+/// Returns the lamps of a scene that lists none, as comments that can be copied.
 fn lamps_of_deck(scene: &Scene) -> String {
     let rows = Value::try_from(scene.light.fixtures()).expect("lamps are tables");
     let mut text = String::new();
     write_rows(&mut text, "light.fixtures", &rows);
     let lines = text.lines().map(|line| format!("# {line}").trim_end().to_owned() + "\n");
-    "\n# The lamps of deck and board, as light.fixtures lists them.\n".to_owned()
+    "\n# The lamps of deck and board in the form of light.fixtures.\n".to_owned()
         + &lines.collect::<String>()
 }
 
-/// Appends a list of tables.
+/// Appends a list of tables to the text.
 fn write_rows(text: &mut String, path: &str, rows: &Value) {
     for (index, row) in rows.as_array().into_iter().flatten().enumerate() {
         let gap = if index > 0 { "\n" } else { "" };
@@ -104,9 +102,9 @@ fn write_rows(text: &mut String, path: &str, rows: &Value) {
     }
 }
 
-/// Appends a key with its value. A long list gets several lines.
+/// Appends a key with its value. A long list is split into several lines.
 fn write_entry(text: &mut String, key: &str, value: &Value) {
-    // Numbers are wrapped like words. Other items have a line each.
+    // Numbers are wrapped like words. Other items get a line each.
     let line = format!("{key} = {value}\n");
     match value.as_array() {
         Some(items) if line.chars().count() > WIDTH + 1 => {
@@ -123,7 +121,7 @@ fn write_entry(text: &mut String, key: &str, value: &Value) {
     }
 }
 
-/// Appends the first paragraph of a setting's documentation, with its range, as a comment.
+/// Appends the first paragraph of a setting's documentation and its range as a comment.
 fn write_comment(text: &mut String, doc: &[&str], range: Option<[f64; 2]>) {
     let mut words = first_paragraph(doc);
     if let Some([min, max]) = range {
@@ -132,23 +130,24 @@ fn write_comment(text: &mut String, doc: &[&str], range: Option<[f64; 2]>) {
     wrap(text, "# ", "# ", &words);
 }
 
-/// Appends a name of a choice, with its meaning, as a comment.
+/// Appends a name of a choice and its meaning as a comment.
 fn write_name(text: &mut String, variant: &Variant) {
     let first = format!("#   {}: ", variant.name);
     wrap(text, &first, "#     ", &first_paragraph(variant.doc));
 }
 
-/// Returns the first paragraph of a documentation, without the marks of code and links.
+/// Returns the first paragraph of a documentation text, without the markup of code and links.
 fn first_paragraph(doc: &[&str]) -> String {
     let lines = doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
     lines.collect::<Vec<_>>().join(" ").replace("[`", "").replace("`]", "").replace('`', "")
 }
 
-/// Appends words in lines of at most [`WIDTH`] columns. The lines begin with `first` and `next`.
+/// Appends words in lines of at most [`WIDTH`] columns. The first line begins with `first`, and the
+/// others begin with `next`.
 fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     let mut line = first.to_owned();
     for word in words.split_whitespace() {
-        // The indent of a line ends with a space already.
+        // The prefix of a line already ends with a space.
         let space = if line.ends_with(' ') { "" } else { " " };
         if line.chars().count() + space.len() + word.chars().count() > WIDTH {
             *text += line.trim_end();
@@ -163,7 +162,7 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     text.push('\n');
 }
 
-/// Reads the text of a scene file as a table of known keys. Errors have the line.
+/// Reads the text of a scene file as a table of known keys. Errors contain the line number.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
@@ -181,20 +180,20 @@ pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
 pub(super) fn read_file(path: &Path) -> Result<String> {
     let text = LIMIT.read_text(path)?;
     if text.trim().is_empty() {
-        let hint = "what printed it may have failed: print it again";
+        let hint = "print it again, because the command that printed it may have failed";
         return Err(Error::input(path.display(), "an empty file", "a scene", hint));
     }
     Ok(text)
 }
 
-/// Returns the digests in the text of a scene file. For a text that is not TOML they are empty. It
-/// is refused later, when the scene is read.
+/// Returns the digests in the text of a scene file. If the text is not TOML, the result is empty,
+/// and reading the scene later refuses it.
 pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>> {
     let mut table = toml.parse().unwrap_or_default();
     take_digests(&mut table).map_err(|error| with_line(error, toml, file))
 }
 
-/// Removes the digests from a scene file's table, which then has only settings, and returns them.
+/// Removes the digests from a scene file's table, leaving only settings, and returns them.
 fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     let Some(digests) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
     let digests = digests.try_into::<BTreeMap<String, String>>().ok();
@@ -203,22 +202,22 @@ fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
     });
     digests.ok_or_else(|| {
         let wanted = "names of files, each with 64 hexadecimal digits";
-        let hint = "leave the table as it was written: it has no settings";
+        let hint = "leave the table as it was written, because it contains no settings";
         Error::input(DIGESTS, "something else", wanted, hint)
     })
 }
 
-/// Returns the text of the digests, which follows the settings of a scene.
+/// Returns the text of the digests, which follows a scene's settings.
 pub(super) fn digest_table(digests: BTreeMap<String, String>) -> String {
     let digests = Value::try_from(digests).expect("texts are a table");
     let table = Table::from_iter([(DIGESTS.to_owned(), digests)]);
     format!(
-        "\n# Files that this scene was written with, by SHA-256. This is no setting: beside\n\
-         # other files the scene is refused.\n{table}"
+        "\n# SHA-256 of the files that this scene was written with. This is not a setting. The\n\
+         # scene is refused if it is next to other files.\n{table}"
     )
 }
 
-/// Replaces a patch version of the firmware (`2025.12.1`) by the name of its release.
+/// Replaces a patch version of the firmware (`2025.12.1`) with the name of its release.
 fn name_release(table: &mut Table) {
     let vehicle = table.get_mut("vehicle").and_then(Value::as_table_mut);
     let firmware = vehicle.and_then(|vehicle| vehicle.get_mut("firmware"));
@@ -229,19 +228,19 @@ fn name_release(table: &mut Table) {
     }
 }
 
-/// Checks that all keys and names of a scene's table exist.
+/// Checks that all keys and names in a scene's table exist.
 pub(super) fn check_keys(table: &Table) -> Result<()> {
     check_settings("", Scene::SHAPE.settings(), table)
 }
 
-/// Checks that all keys and names of a table exist. `path` is the table's dotted key.
+/// Checks that all keys and names in a table exist. `path` is the dotted key of the table.
 fn check_settings(path: &str, settings: &[Setting], table: &Table) -> Result<()> {
     for (key, value) in table {
         let place = joined(path, key);
         let Some(setting) = settings.iter().find(|setting| setting.key == key) else {
             return Err(unknown_key(&place, key));
         };
-        // Values of another type are reported when the scene is read from the table.
+        // Values of a wrong type are reported later, when the scene is read from the table.
         match (setting.shape, value) {
             (Shape::Group(settings), Value::Table(table)) => {
                 check_settings(&place, settings, table)?;
@@ -269,7 +268,7 @@ fn check_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -
         if owners.clone().any(|owner| kind.is_none_or(|kind| owner.name == kind)) {
             continue;
         }
-        // The advice for a key of another kind names that kind.
+        // If the key belongs to another kind, the advice names that kind.
         let place = format!("{path}.{key}");
         let (Some(owner), Some(kind)) = (owners.next(), kind) else {
             return Err(unknown_key(&place, key));
@@ -280,11 +279,12 @@ fn check_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -
     Ok(())
 }
 
-/// Checks that a choice has a name.
+/// Checks that a name is one of a choice's names.
 fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
-    match noctograph_core::settings::names(shape).any(|variant| variant == name) {
-        true => Ok(()),
-        false => Err(unknown_name(place, name, shape)),
+    if noctograph_core::settings::names(shape).any(|variant| variant == name) {
+        Ok(())
+    } else {
+        Err(unknown_name(place, name, shape))
     }
 }
 
@@ -293,8 +293,8 @@ fn unknown_key(place: &str, key: &str) -> Error {
     let paths = noctograph_core::settings::paths(Scene::SHAPE.settings());
     let same_name: Vec<&String> =
         paths.iter().filter(|path| path.rsplit('.').next() == Some(key)).collect();
-    // First a single key of this name in the same table, then a similar one, then a single key of
-    // this name in any table.
+    // A key of this name in the same table is suggested first, then a similar key, then the only
+    // key of this name in any table.
     let table = place.split_inclusive('.').next().unwrap_or_default();
     let in_table: Vec<&String> =
         same_name.iter().copied().filter(|path| path.starts_with(table)).collect();
@@ -307,13 +307,13 @@ fn unknown_key(place: &str, key: &str) -> Error {
 }
 
 /// Merges the table `over` into the table `base`, recursively. A bare name as the value of a choice
-/// is its `kind`, and a new kind removes the choice's settings in `base`. In a group with a `kind`
-/// among other keys, a new kind removes nothing.
+/// sets its `kind`, and a new kind removes the choice's settings from `base`. In a group that has a
+/// `kind` among other keys, a new kind removes nothing.
 pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
         let setting = settings.iter().find(|setting| setting.key == key);
         let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
-        // A bare name in `base` becomes a table first, so that only tables are merged.
+        // A bare name in `base` first becomes a table, so that only tables need to be merged.
         if let (Shape::Tagged(_) | Shape::Group(_), Some(name @ Value::String(_))) =
             (shape, base.get_mut(&key))
         {
@@ -342,12 +342,12 @@ pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     }
 }
 
-/// Returns a table with only a `kind`.
+/// Returns a table that contains only a `kind`.
 fn kind_table(kind: String) -> Table {
     [("kind".to_owned(), Value::String(kind))].into_iter().collect()
 }
 
-/// Merges the table of a choice into `base`, or replaces `base` if it has another `kind`.
+/// Merges the table of a choice into `base`, or replaces `base` if the `kind` is different.
 fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match (over.get("kind"), base.get("kind")) {
         (Some(kind), Some(base_kind)) if kind != base_kind => *base = over,
@@ -358,11 +358,11 @@ fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     }
 }
 
-/// Returns the table of one setting: a dotted key, and its value as TOML or as bare text.
+/// Returns the table of a single setting, given as a dotted key and its value as TOML or bare text.
 pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     let parsed = format!("value = {value}").parse::<Table>().ok();
     let parsed = parsed.filter(|table| table.len() == 1).and_then(|mut t| t.remove("value"));
-    // Digits are text for a key whose value is text: a word may be 7.
+    // Digits are read as text if the key's value is text, because a word may be 7.
     let defaults = Scene::preset(Preset::default()).to_table();
     let is_text = implied::value_at(&defaults, key).is_some_and(Value::is_str);
     let mut value = match parsed {
@@ -378,7 +378,7 @@ pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Returns the keys whose values differ from another scene's, with both values, `-` for none.
+/// Returns the keys whose values differ from another scene's, with both values, or `-` for none.
 pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     let mut changes = Vec::new();
     compare(&mut changes, "", &scene.to_table(), &other.to_table());
@@ -387,25 +387,25 @@ pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
 
 /// Collects the keys whose values differ between two tables, with both values.
 fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &Table) {
-    // A choice of another kind has other keys, so those of both tables count.
+    // Choices of different kinds have different keys, so that the keys of both tables are compared.
     let keys: BTreeSet<&String> = values.keys().chain(others.keys()).collect();
     for key in keys {
-        let (path, pair) = (joined(path, key), [values.get(key), others.get(key)]);
+        let (key_path, pair) = (joined(path, key), [values.get(key), others.get(key)]);
         match pair {
             [Some(Value::Table(value)), Some(Value::Table(other))] => {
-                compare(changes, &path, value, other);
+                compare(changes, &key_path, value, other);
             }
             [value, other] if value == other => {}
             _ => {
                 let [value, other] =
                     pair.map(|value| value.map_or("-".to_owned(), Value::to_string));
-                changes.push([path, value, other]);
+                changes.push([key_path, value, other]);
             }
         }
     }
 }
 
-/// Adds the file to an error's place, and the line if the place begins with a key of the file.
+/// Adds the file to an error's place, and the line if the place begins with a key.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     let line = match &error {
         Error::Input { place, .. } => line_of(toml, place),
@@ -414,10 +414,10 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     error.in_file(file, line)
 }
 
-/// Returns the line of a key, or of the innermost table or list around it in the file.
+/// Returns the line of a key, or that of the innermost table or list around it in the file.
 fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
-    // Follows the place from table to table. Where the file lacks a key, the value is the preset's.
+    // The loop follows the place from table to table. A missing key has the preset's value.
     let mut value = &Spanned::new(0..0, DeValue::Table(parsed.into_inner()));
     let mut line = None;
     for segment in &place.0 {
@@ -445,15 +445,15 @@ fn line_of(toml: &str, place: &Place) -> Option<u64> {
     line
 }
 
-/// Returns the line, from 1, of a byte of the text.
+/// Returns the line number, counted from 1, of a byte of the text.
 fn line_at(text: &str, byte: usize) -> u64 {
     1 + text.bytes().take(byte).filter(|b| *b == b'\n').count() as u64
 }
 
-/// Reads a scene from a table of settings. A value of the wrong type is an error with its key.
+/// Reads a scene from a table of settings. If a value has the wrong type, the error names its key.
 pub(super) fn to_scene(values: Table) -> Result<Scene> {
-    // `serde_path_to_error` doubles the compiled code that reads a scene. In a page, the key comes
-    // from the message instead, which ends with "in `key`".
+    // `serde_path_to_error` doubles the size of the compiled code that reads a scene. In a web
+    // page, the key is therefore taken from the message, which ends with "in `key`".
     if cfg!(target_family = "wasm") {
         return values.try_into().map_err(|error: toml::de::Error| {
             let actual = error.to_string().trim().replace('\n', " ");
@@ -469,8 +469,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
         });
         let place = Place(steps.collect());
         let actual = error.inner().message().replace('\n', "; ");
-        // A value of the wrong type is the most common mistake. Serde's message about it is
-        // reworded.
+        // Values of a wrong type are the most common mistake, and serde's message is reworded.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {
@@ -482,7 +481,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
     })
 }
 
-/// Returns a type or value as a user calls it, instead of as serde does.
+/// Returns the user-facing name of a type or value in place of serde's.
 fn in_words(text: &str) -> String {
     const WORDS: [(&str, &str); 12] = [
         ("f64", "a number"),

@@ -1,7 +1,7 @@
 //! Makes a scene file that can be moved together with the files that it names.
 //!
-//! In memory a scene has paths of this machine. In a file it has names relative to the folder of
-//! the file, so that the folder can be moved, and published without a path of this machine.
+//! In memory, a scene contains paths of this machine. In a file, it contains names relative to the
+//! folder of the file, so that the folder can be moved and published.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,24 +12,24 @@ use super::Scene;
 use noctograph_core::error::{Result, is_device};
 use noctograph_core::files::{Limit, Output, WholeFile, file_name, path_from, relative_name};
 
-/// Limit for each of the files: a typeface, a drawing or a background.
+/// Size limit for each of the files: a typeface, a drawing or a background.
 const LIMIT: Limit =
     Limit { bytes: 256 << 20, what: "a file of a scene", hint: "name a smaller file" };
 
-/// Prefixes of the names of other output files beside a scene.
+/// Prefixes of the names of other output files next to a scene.
 const RESERVED: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "report.", "scene."];
 
-/// The text of a scene, and the files beside it.
+/// The text of a scene, and the files next to it.
 #[derive(Clone, Debug)]
 pub struct SceneFiles {
-    /// TOML.
+    /// Text of the scene as TOML.
     pub toml: String,
-    /// Names and contents of files that are copied beside the scene.
+    /// Names and contents of files that are copied next to the scene.
     pub copies: Vec<(String, Vec<u8>)>,
 }
 
 impl SceneFiles {
-    /// Writes the copies beside a file under temporary names.
+    /// Writes the copies next to a file under temporary names.
     pub fn write_copies(&self, path: &Path) -> Result<Vec<WholeFile>> {
         let copies = self.copies.iter().map(|(name, bytes)| {
             Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
@@ -39,8 +39,8 @@ impl SceneFiles {
 }
 
 impl Scene {
-    /// Returns the scene with names instead of paths of files, for sharing. Different files get
-    /// different names, which no other output has.
+    /// Returns the scene with file names instead of paths, for sharing. Different files get
+    /// different names, and none gets the name of another output.
     #[must_use]
     pub fn portable(&self) -> Self {
         let mut scene = self.clone();
@@ -49,9 +49,9 @@ impl Scene {
             let plain = file_name(&*path);
             let numbered = (2..).map(|n| format!("{n}-{plain}"));
             let name = std::iter::once(plain.clone()).chain(numbered).find(|name| {
-                // Windows and macOS take two cases of a name for one.
+                // Windows and macOS do not distinguish upper and lower case in names.
                 let name = name.to_lowercase();
-                // A file that is named twice, as font and fallback, keeps one name.
+                // A file that is used twice, as font and as fallback, keeps one name.
                 !is_device(&name)
                     && !RESERVED.iter().any(|reserved| name.starts_with(reserved))
                     && used.iter().all(|(other, used_name)| other == path || *used_name != name)
@@ -64,7 +64,8 @@ impl Scene {
     }
 
     /// Returns the scene as the text of a file in a folder. Files below the folder get relative
-    /// names. Other files are copied beside the scene, named `prefix` and their portable name.
+    /// names. Other files are copied next to the scene, under names that consist of `prefix` and
+    /// their portable name.
     pub fn in_folder(&self, folder: &Path, prefix: &str) -> Result<SceneFiles> {
         let (mut scene, mut portable) = (self.clone(), self.portable());
         let mut copies: Vec<(String, Vec<u8>)> = Vec::new();
@@ -72,7 +73,7 @@ impl Scene {
         for (path, name) in names {
             let relative = Path::new(path).is_file().then(|| relative_name(folder, path.as_ref()));
             *path = match relative {
-                // A pipe can be read only once, and drawing did that already, so it is not copied.
+                // A named pipe was read when it was drawn, and cannot be copied.
                 None => name.clone(),
                 Some(Some(relative)) => relative,
                 Some(None) => {
@@ -87,8 +88,8 @@ impl Scene {
         Ok(SceneFiles { toml: scene.to_toml(), copies })
     }
 
-    /// Returns the scene as the text of a file beside its plan or flight, or of a file by itself,
-    /// see [`Self::in_folder`].
+    /// Returns the scene as the text of a file next to its plan or flight, or of a separate file,
+    /// as described at [`Self::in_folder`].
     pub fn beside(&self, path: &Path) -> Result<SceneFiles> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let stem = stem.strip_suffix(".scene").unwrap_or(&stem);
@@ -96,19 +97,19 @@ impl Scene {
     }
 }
 
-/// Returns the folder to which names in a file are relative. Empty for a pipe, which has none.
+/// Returns the folder to which names in a file are relative. A named pipe has an empty one.
 pub fn folder_of(path: &Path) -> PathBuf {
     let is_stream = path.exists() && !path.is_file();
     path.parent().filter(|_| !is_stream).map(Path::to_owned).unwrap_or_default()
 }
 
-/// True if the name of a font, a drawing or a background names a file. The names of built-in fonts
-/// have no extension.
+/// Returns true if the name of a font, a drawing or a background is that of a file. The names of
+/// built-in fonts have no extension.
 pub(super) fn is_file(name: &str) -> bool {
     name.contains('.')
 }
 
-/// Replaces file names in a scene's table by paths in a folder.
+/// Replaces file names in a scene's table with paths in a folder.
 pub(super) fn find_files(values: &mut Table, folder: &Path) {
     for (table, keys) in
         [("letters", &["font", "fallback", "drawing"][..]), ("photo", &["background"])]
@@ -120,7 +121,7 @@ pub(super) fn find_files(values: &mut Table, folder: &Path) {
                 name => Vec::from_iter(name),
             };
             for value in names {
-                // A path that is not Unicode stays a name, which can be read only in its folder.
+                // If the path is not Unicode, the name is keptfor use in its own folder.
                 if let Value::String(name) = value
                     && is_file(name)
                     && let Some(path) = path_from(folder, name).to_str()

@@ -1,5 +1,4 @@
-//! Finds keys without effect, with the reason: keys of another choice, or of a part that is
-//! switched off.
+//! Finds keys without effect, with the reason: another choice, or a part that is off.
 
 use toml::{Table, Value};
 
@@ -13,8 +12,9 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::{Gusts, VehicleOptions};
 
-/// Keys or tables, the test that they have no effect in a scene, and the reason. A condition on one
-/// other setting is in the declaration of the setting ([`Need`]). Others are in these rules.
+/// Keys or tables, a test that is true if they have no effect in a scene, and the reason. A
+/// condition on a single other setting is in the declaration of the setting ([`Need`]). All other
+/// conditions are in these rules.
 type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
@@ -80,21 +80,21 @@ const RULES: &[Rule] = &[
     (
         &["light.led_bitmask"],
         |s| s.light.led_bitmask < 128 || !has_lamp(s, |f| f.bitmask_bit.is_some()),
-        "bit 7, which lets it switch lamps, is not set, or no lamp has a bit in it",
+        "bit 7, which lets the mask switch lamps, is not set, or no lamp has a bit in it",
     ),
     (
         &["camera.lens", "camera.f_number", "camera.base_iso"],
         |s| s.camera.body.fixed_lens().is_some(),
-        "a telephone has a fixed lens",
+        "a phone has a fixed lens",
     ),
     (
         &["photo.ambient_cd_m2", "photo.ambient_from_m", "expose.unevenness"],
         |s| !s.photo.background.is_empty(),
-        "photo.background gives light and texture of the room",
+        "photo.background provides the light and the texture of the room",
     ),
 ];
 
-/// Keys that `coverage` and `check` use with any sensors of the drone: stations and obstacles.
+/// Keys of stations and obstacles, which `coverage` and `check` use with all sensors.
 const ALWAYS_USED: [&str; 4] = [
     "sensors.lighthouse.stations",
     "sensors.lighthouse.people_m",
@@ -105,7 +105,7 @@ const ALWAYS_USED: [&str; 4] = [
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
 
-/// True if the letters are from a typeface file.
+/// Returns true if the letters come from a typeface file.
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()
         && std::iter::once(&scene.letters.font)
@@ -122,29 +122,29 @@ fn is_bitmap(scene: &Scene) -> bool {
     kinds.contains(&&*ending(&scene.letters.drawing))
 }
 
-/// True if the simulator uses the speeds of the rotors.
+/// Returns true if the simulator uses the speeds of the rotors.
 fn has_rotor_speeds(vehicle: &VehicleOptions) -> bool {
     vehicle.motor_rise_s + vehicle.motor_fall_s > 0.0
         || vehicle.rotor_drag_n_s2_m > 0.0
         || vehicle.rotor_inertia_kg_m2 > 0.0
 }
 
-/// True if the air exerts a force or a moment on the drone.
+/// Returns true if the air exerts a force or a moment on the drone.
 fn feels_air(vehicle: &VehicleOptions) -> bool {
     vehicle.body_drag_n_s_m.iter().any(|drag| *drag > 0.0)
         || vehicle.rotor_drag_n_s2_m > 0.0
         || vehicle.airspeed_moment_n_s > 0.0
 }
 
-/// True if a lamp of the scene passes a test.
+/// Returns true if a lamp of the scene passes a test.
 fn has_lamp(scene: &Scene, test: fn(&Fixture) -> bool) -> bool {
     scene.light.fixtures().iter().any(test)
 }
 
-/// True if a channel of the plan can emit colored light.
+/// Returns true if a channel of the plan can emit colored light.
 fn writes_colors(scene: &Scene, channel: &str) -> bool {
     let light = &scene.light;
-    // The color LED is white by default. A fixture that the scene lists has the color of its dies.
+    // The color LED is white by default. A fixture that the scene lists has its dies' color.
     let has_color = light.color_led_wrgb[1..] != [0; 3]
         || !light.letters_wrgb.is_empty()
         || !scene.letters.drawing.is_empty();
@@ -160,26 +160,26 @@ fn has_color_led(scene: &Scene) -> bool {
     has_lamp(scene, |f| f.drive == Drive::ColorLed)
 }
 
-/// True if the ring writes with an effect of one color.
+/// Returns true if the ring writes with an effect of a single color.
 fn ring_writes(scene: &Scene) -> bool {
     !matches!(scene.light.ring, RingEffect::Off | RingEffect::DoubleSpin)
         && scene.plan.lights.iter().any(|channel| channel == RING.name)
         && has_lamp(scene, |f| matches!(f.drive, Drive::Ring(_)))
 }
 
-/// True if a lamp with colors writes.
+/// Returns true if a colored lamp writes.
 pub(super) fn writes_in_color(scene: &Scene) -> bool {
     has_color_led(scene) || ring_writes(scene)
 }
 
-/// Returns the reason why a key has no effect in a scene. `None` if the key has an effect.
+/// Returns the reason why a key has no effect in a scene, or `None` if it has an effect.
 pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     if ALWAYS_USED.contains(&key) {
         return None;
     }
     let values = Value::Table(scene.to_table());
     let mut reasons = Vec::new();
-    // From the outermost table to the key. The last reason found, of the innermost, is returned.
+    // The loop goes from the outermost table to the key. The innermost reason is returned.
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
         path = joined(&path, part);
@@ -202,13 +202,13 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     reasons.pop()
 }
 
-/// Returns the reason why a setting's need is not met. `None` if it is met.
+/// Returns the reason why a setting's need is not met, or `None` if it is met.
 fn unmet(need: &Need, values: &Value) -> Option<String> {
     let Need { key, names, holds } = need;
     let value = values_at(values, key).into_iter().next();
     let actual = names_at(values, key);
     let matching = names.iter().find(|name| actual.iter().any(|actual| actual == *name));
-    // Without names, any value but zero and the empty text matches.
+    // If the need lists no names, any value except zero and the empty text meets it.
     let (matches, state) = match (names.split_last(), matching, value) {
         (None, _, Some(value)) if !is_off(value) => (true, "set".to_owned()),
         (None, _, Some(value)) if value.is_float() => (false, "0".to_owned()),
@@ -222,14 +222,15 @@ fn unmet(need: &Need, values: &Value) -> Option<String> {
     (matches != *holds).then(|| format!("{key} is {state}"))
 }
 
-/// True for zero and the empty text.
+/// Returns true for zero and the empty text.
 fn is_off(value: &Value) -> bool {
     value.as_float() == Some(0.0)
         || value.as_integer() == Some(0)
         || value.as_str().is_some_and(str::is_empty)
 }
 
-/// Returns the values at a dotted key. A list on the way contributes the value of each table in it.
+/// Returns the values at a dotted key. If the path contains a list, each of its tables contributes
+/// one.
 fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     key.split('.').fold(vec![values], |values, part| {
         let rows = values.into_iter().flat_map(|value| match value {
@@ -240,8 +241,8 @@ fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     })
 }
 
-/// Returns the names at a dotted key: texts, the `kind` of tables, and whole numbers as text, also
-/// the items of a list.
+/// Returns the names at a dotted key: texts, the `kind` of tables, and whole numbers as text,
+/// including the items of a list.
 fn names_at(values: &Value, key: &str) -> Vec<String> {
     let items = values_at(values, key).into_iter().flat_map(|value| match value {
         Value::Array(items) => items.iter().collect(),
@@ -255,7 +256,7 @@ fn names_at(values: &Value, key: &str) -> Vec<String> {
 }
 
 impl Scene {
-    /// Returns the keys that differ from the preset's and have no effect, each with the reason.
+    /// Returns the keys that differ from the preset and have no effect, each with the reason.
     pub fn unused_keys(&self) -> Vec<(String, String)> {
         let plan = match &self.plan.style {
             Style::Even(_) => PlanOptions::even(),
@@ -269,8 +270,8 @@ impl Scene {
     }
 }
 
-/// Collects the keys whose values differ between two tables. For choices of different kinds it adds
-/// only the key of the choice.
+/// Collects the keys whose values differ between two tables. For choices of different kinds, only
+/// the key of the choice is added.
 fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);

@@ -1,4 +1,4 @@
-//! Exported flights: the plans are replaced by the trajectories that drones decode.
+//! Exported flights, in which the plans are replaced with the trajectories that drones decode.
 
 use super::planned::{aim, with_color_channels};
 use super::{Planned, Shoot, rehearse};
@@ -8,13 +8,13 @@ use noctograph_picture::light::LightOptions;
 use noctograph_plan::{LightClock, Plan};
 
 impl Shoot {
-    /// Returns the shoot with the exported trajectories, as the firmware decodes them from the
-    /// take-off command on, instead of the plans. With the clock `light`, lights are timed on
-    /// simulated flights of the trajectories, behind which a controller that holds positions lags.
+    /// Returns the shoot with the exported trajectories in place of the plans, as the firmware
+    /// decodes them, from the take-off command on. With the clock `light`, lights are timed on
+    /// simulated flights of the trajectories, behind which position controllers lag.
     ///
     /// # Errors
     ///
-    /// As [`flown`], [`rehearse`] and [`aim`].
+    /// Returns the errors of [`flown`], [`rehearse`] and [`aim`].
     pub fn as_exported(&self, form: Form, tolerance_m: f64, length: Length) -> Result<Self> {
         let (scene, designs, lamps) = (&self.scene, self.designs().into_owned(), self.lamps());
         let mut plans = Vec::new();
@@ -27,8 +27,8 @@ impl Shoot {
         Ok(Self { plans, designs, ..self.clone() })
     }
 
-    /// Returns the shoot with the plans on the clock of the scene's firmware, by which a script
-    /// also times the lights.
+    /// Returns the shoot with its plans paced by the clock of the scene's firmware, by which a
+    /// script also times the lights.
     #[must_use]
     pub fn by_firmware_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();
@@ -40,7 +40,7 @@ impl Shoot {
     }
 
     /// Returns the plans of a show: the exported trajectories, with light from the beginning to the
-    /// end of the strokes, since a viewer simulates no lamp and no controller that delay it.
+    /// end of each stroke, because viewers simulate no delays.
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
         let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;
@@ -50,9 +50,10 @@ impl Shoot {
 
     /// Returns the plans that are exported: the designs or, if there are none, the plans.
     pub fn designs(&self) -> std::borrow::Cow<'_, [Plan]> {
-        match self.designs.is_empty() {
-            true => self.plans.iter().map(|planned| planned.plan.clone()).collect(),
-            false => self.designs.as_slice().into(),
+        if self.designs.is_empty() {
+            self.plans.iter().map(|planned| planned.plan.clone()).collect()
+        } else {
+            self.designs.as_slice().into()
         }
     }
 }
@@ -63,10 +64,11 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
     plan.edit(|plan| {
         for (channel, levels) in &mut plan.lights {
-            // A channel is a lamp or a color of a lamp.
-            match lamps.contains(channel) {
-                true => levels.clone_from(&lit),
-                false => extend_color(levels, &lit, &commanded),
+            // A channel is either a lamp or one color of a lamp.
+            if lamps.contains(channel) {
+                levels.clone_from(&lit)
+            } else {
+                extend_color(levels, &lit, &commanded)
             }
         }
         plan.lit.clear();
@@ -74,7 +76,7 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     with_color_channels(plan, light)
 }
 
-/// Extends the levels of a color over the strokes of a plan: each row gets the level of the nearest
+/// Extends the levels of a color over the strokes of a plan. Each row gets the level of the nearest
 /// row in its stroke with a command. Strokes without a command are not changed.
 fn extend_color(levels: &mut [f64], lit: &[f64], commanded: &[f64]) {
     let mut end = 0;
@@ -96,7 +98,7 @@ mod tests {
     use crate::scene::{Preset, Scene};
     use noctograph_plan::StrokeEnd;
 
-    /// Largest error of the light at the ends of strokes, m, of simulated flights of the exports.
+    /// Compares the maximum error of the light at the ends of strokes, m, in simulated flights.
     #[test]
     fn the_firmwares_pid_lights_an_exported_trajectory_where_it_is() {
         let shoot =
@@ -112,7 +114,7 @@ mod tests {
             let flight = rehearse(&shoot.scene, &flown[0]).unwrap();
             let as_designed = stroke_end_errors(&shoot.scene, &flown[0], &flight).unwrap();
             let (timed_m, as_designed_m) = (worst_m(timed), worst_m(&as_designed));
-            // Remaining error: PID cuts corners by 16 mm on average.
+            // An error remains because PID cuts corners by 16 mm on average.
             assert!(timed_m <= 0.02, "{form:?}: {timed_m} m, {as_designed_m} m before");
             assert!(as_designed_m > 0.06, "{form:?}: {as_designed_m} m, half a second late");
             let again = exported.as_exported(form, form.tolerance_m(), Length::OnBoard).unwrap();

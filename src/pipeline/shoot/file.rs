@@ -1,4 +1,4 @@
-//! The photo as a file, with camera, seed, version, flights and scene, without a timestamp.
+//! Writes the photo to a file with camera, seed, version, flights and scene.
 
 use std::path::Path;
 
@@ -15,22 +15,22 @@ use noctograph_score::LogGap;
 settings! {
     /// Format of a picture file.
     pub enum Format {
-        /// PNG, 8 bits a channel, after the tone curve.
+        /// PNG, 8 bits per channel, after the tone curve.
         "png" => Png,
-        /// PNG, 16 bits a channel, after the tone curve.
+        /// PNG, 16 bits per channel, after the tone curve.
         "png16" => Png16,
-        /// OpenEXR, linear light as the sensor read it, 32 bits a channel.
+        /// OpenEXR, linear light as read by the sensor, 32 bits per channel.
         "exr" => Exr,
     }
 }
 
 impl Format {
-    /// Returns the format for a file name: OpenEXR for `*.exr`, PNG for `*.png` and names without
-    /// an extension.
+    /// Returns the format for a file name: OpenEXR for `*.exr`, PNG for `*.png` and for names
+    /// without an extension.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for another extension.
+    /// Returns [`Error::Input`] for another extension.
     pub fn from_path(path: &Path) -> Result<Self> {
         let extension = ending(path);
         match &*extension {
@@ -44,29 +44,30 @@ impl Format {
         }
     }
 
-    /// Checks that a picture of this width and height can be encoded in memory.
+    /// Checks that a picture with this width and height can be encoded in memory.
     pub(super) fn check(self, [width, height]: [u32; 2]) -> Result<()> {
         let pixels = u64::from(width) * u64::from(height);
         if self == Self::Png || pixels <= MAX_READ_OUT {
             return Ok(());
         }
-        // Film, readout and file: 12 bytes a pixel each.
+        // Film, readout and file take 12 bytes per pixel each.
         let [gb, most_gb] = [pixels, MAX_READ_OUT].map(|pixels| 36.0 * pixels as f64 * 1e-9);
         Err(Error::infeasible(
             format!(
                 "{} of {width}x{height} px takes {gb:.1} GB of memory, more than {most_gb:.1} GB",
                 self.name()
             ),
-            "choose a smaller picture, or PNG of 8 bits",
+            "choose a smaller picture, or PNG with 8 bits",
         ))
     }
 }
 
-/// Largest picture, in pixels, that is read out from the film and encoded in memory: 0.9 GB.
+/// Maximum size of a picture, in pixels, that is read out from the film and encoded in memory,
+/// which takes 0.9 GB.
 const MAX_READ_OUT: u64 = 24_000_000;
 
-/// Encodes a photo as a file. An 8-bit PNG has the pixels of the photo. The other formats are read
-/// out from the film.
+/// Encodes a photo as a file. An 8-bit PNG contains the pixels of the photo. The other formats are
+/// read out from the film.
 pub(super) fn encode(
     format: Format,
     scene: &Scene,
@@ -81,7 +82,7 @@ pub(super) fn encode(
         let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
         return Ok(photo::encode_png(photo, Some(&metadata), &notes));
     }
-    // More than 8 bits need the linear light of the film.
+    // Formats with more than 8 bits need the linear light of the film.
     let film = film.expect("kept for the formats that are read out");
     let readout = read_out(film, camera, &scene.expose, &scene.photo, scene.seed)?;
     let toml = scene.portable().to_toml();
@@ -95,10 +96,10 @@ pub(super) fn encode(
     Ok(readout.encode_png16(scene.photo.tone, (camera, dots_per_inch), &notes, Some(&toml)))
 }
 
-/// Metadata about what a photo shows, in addition to its scene.
+/// Metadata about the contents of a photo, in addition to its scene.
 pub(super) struct Shown {
     pub(super) flight_sha256: Option<String>,
-    /// Digest of strokes from a user's file.
+    /// Digest of the strokes from a user's file.
     pub(super) strokes_sha256: Option<String>,
     /// Log gaps that are dark in the photo.
     pub(super) log_gaps: Vec<LogGap>,
@@ -112,7 +113,7 @@ fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)
          {shutter_close_s} s of the flight",
         focal_length_m * 1000.0
     );
-    // Without time and machine, so that the same scene makes the same file.
+    // The notes contain neither time nor machine, so that the same scene makes the same file.
     let mut notes = vec![
         ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
         ("noctograph.camera", camera),

@@ -11,13 +11,14 @@ use noctograph_logs::ImportOptions;
 use noctograph_plan::infer_lights;
 
 impl Shoot {
-    /// Prepares the photograph of a flight, a log or a light trace, and returns the log's warnings
-    /// with it. A log without lights gets the lights of the scene's word, or light from take-off to
-    /// landing.
+    /// Prepares the photograph of a flight, a log or a light trace. Returns it with the log's
+    /// warnings. A log without lights gets the lights of the scene's word, or light from take-off
+    /// to landing.
     ///
     /// # Errors
     ///
-    /// As [`Recording::read`], [`infer_lights_if_dark`] and [`Self::with_recordings`].
+    /// Returns the errors of [`Recording::read`], [`infer_lights_if_dark`] and
+    /// [`Self::with_recordings`].
     pub fn of_log(mut scene: Scene, path: &Path) -> Result<Warned<Self>> {
         let firmware = Some(scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
@@ -28,9 +29,10 @@ impl Shoot {
                 warnings.push(Diagnostic::warning("log", message));
             }
             if flight.lights.is_empty() {
-                // Without a word in the scene, this is what the user asked for.
+                // If the scene has no word, this is what the user asked for.
                 if scene.has_strokes() {
-                    let message = "lit throughout: no setpoints show where the lights were on";
+                    let message =
+                        "lit throughout, because no setpoints show where the lights were on";
                     warnings.push(Diagnostic::warning("log", message));
                 }
                 light_while_airborne(flight, &scene);
@@ -40,11 +42,11 @@ impl Shoot {
     }
 }
 
-/// Gives a flight without lights the letters of the scene's word, if it has one, and their lights.
-/// If the setpoints are not on the scene's letters, and these are a preset's, the letters of the
-/// other presets are tried. The scene gets the letters that fit, whose preset is returned.
+/// Adds the letters of the scene's word, if it has one, and their lights to a flight without
+/// lights. If the setpoints are not on the scene's letters, and these are a preset's, the letters
+/// of the other presets are tried. The scene gets the letters that fit, whose preset is returned.
 pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
-    // Lights are inferred from setpoints.
+    // Lights can only be inferred from setpoints.
     let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);
     if !is_unlit || !scene.has_strokes() {
         return Ok(None);
@@ -64,7 +66,7 @@ pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Op
     Err(error)
 }
 
-/// Switches the writing lamps of a flight without letters on from take-off to landing.
+/// Switches on the writing lamps of a flight without letters from take-off to landing.
 pub fn light_while_airborne(flight: &mut Flight, scene: &Scene) {
     let in_air = airborne(flight).unwrap_or_default();
     let levels: Vec<f64> =

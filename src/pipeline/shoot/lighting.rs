@@ -1,4 +1,4 @@
-//! The light of all drones, and the camera that sees it.
+//! Computes the light of all drones, and the camera that sees it.
 
 use super::metering::{Metered, metered, recommended};
 use super::problems;
@@ -14,29 +14,29 @@ use noctograph_picture::light::{
     ColorLedLevels, LightOptions, LightTrace, RING, color_led_wrgb, light, ring_rgb,
 };
 
-/// Smallest distance of a lit lamp from the camera.
+/// Minimum distance between a lit lamp and the camera.
 const MIN_DISTANCE_M: f64 = 0.1;
 
 /// Flights, lamps and camera, ready to be exposed.
 #[derive(Clone, Debug)]
 pub struct Lighting {
-    /// Flights that carried the lamps. Recorded light has none.
+    /// Flights that carried the lamps. Empty for recorded light.
     pub flights: Vec<Flight>,
-    /// Lamps of all drones. If there are several drones, each lamp has the number of its drone.
+    /// Lamps of all drones. If there are several drones, each has its drone's number.
     pub trace: LightTrace,
     /// Names of the lamps that follow the plans.
     pub writing: Vec<String>,
-    /// The scene's camera with the settings of the meter.
+    /// The scene's camera with the settings of the light meter.
     pub camera: Camera,
-    /// The meter's settings, if the scene is metered.
+    /// Settings chosen by the light meter, if the scene is metered.
     pub metered: Option<Metered>,
-    /// Problems of the picture. Problems that make the word unreadable are first.
+    /// Problems of the picture, with those that make the word unreadable first.
     pub problems: Vec<Diagnostic>,
 }
 
 impl Lighting {
     /// Returns the aperture and sensitivity that the light meter recommends or, in a metered scene,
-    /// has set. `None` if it is dark.
+    /// has set. Returns `None` if it is dark.
     pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
         self.metered.or_else(|| recommended(&self.trace, &self.camera, &scene.camera, &scene.photo))
     }
@@ -52,12 +52,12 @@ pub(super) fn in_drawing_colors(
     let mut lamps = lamps.clone();
     let Some(strokes) = strokes.filter(|_| lamps.letters_wrgb.is_empty()) else { return lamps };
     if strokes.colors.iter().any(|rgb| *rgb != [0; 3]) {
-        // With the firmware's correction, dim colors are too coarse to mix.
+        // With the firmware's correction, the steps of dim colors are too coarse for mixing.
         lamps.color_led_levels = ColorLedLevels::Plain;
     }
     let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
     let colors = strokes.colors.iter().map(|rgb| match *rgb {
-        // A black lamp would be dark, so black strokes get the lamp's default color.
+        // A black lamp would be dark, so that black strokes get the lamp's default color.
         [0, 0, 0] => lamps.color_led_wrgb,
         rgb if by_ring => {
             let [r, g, b] = ring_rgb(rgb);
@@ -70,8 +70,8 @@ pub(super) fn in_drawing_colors(
 }
 
 impl Shoot {
-    /// Returns the scene's lamps. They write in the colors of the drawing, unless the scene defines
-    /// colors of letters.
+    /// Returns the scene's lamps. The lamps write in the colors of the drawing, unless the scene
+    /// defines colors of letters.
     pub fn lamps(&self) -> LightOptions {
         in_drawing_colors(&self.scene.light, &self.scene, self.strokes.as_ref())
     }
@@ -80,7 +80,8 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Shoot::fly`], [`light`] and [`noctograph_core::camera::CameraOptions::camera`].
+    /// Returns the errors of [`Shoot::fly`], [`light`] and
+    /// [`noctograph_core::camera::CameraOptions::camera`].
     pub fn lighting(mut self, watch: &Watch<'_>) -> Result<Lighting> {
         match std::mem::take(&mut self.recordings) {
             recordings if recordings.is_empty() => self.light(self.record(watch)?),
@@ -93,7 +94,7 @@ impl Shoot {
         let n_drones = recordings.len();
         let (mut flights, mut trace) = (Vec::new(), LightTrace::default());
         let (mut problems, mut end_s) = (Vec::new(), 0.0_f64);
-        // 1. The lamps of each drone, numbered if there are several, become one trace.
+        // 1. The lamps of all drones, numbered if there are several, are combined in one trace.
         for (drone, recording) in recordings.into_iter().enumerate() {
             let number = (n_drones > 1).then_some(DroneIndex(drone));
             let mut lamps = match recording {
@@ -119,13 +120,13 @@ impl Shoot {
             }
         }
         problems.extend(self.problems_of_strokes());
-        // 2. The camera frames the writing, and the light meter sets it.
+        // 2. The camera frames the writing, and the light meter sets the exposure.
         let bounds_m = self.bounds_m(&flights, &trace)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&trace, &mut camera, options, photo);
         check_camera_position(&trace, bounds_m, &camera, &options.framing)?;
-        // 3. Problems of the light in the camera's view. Obstacles precede the other problems.
+        // 3. The light in the camera's view is searched for problems, obstacles first.
         let is_framed = matches!(options.framing, Framing::Word(_));
         problems.extend(problems::outside(&trace, bounds_m, &camera, is_framed));
         let lamps = problems::writing(&flights, &trace, &self.scene.light);
@@ -153,8 +154,8 @@ impl Shoot {
         light(flight, &lamps, self.scene.seed, drone as u64)
     }
 
-    /// Returns warnings of strokes that the center lines of a typeface lack, and of parts that are
-    /// missing from a drawing.
+    /// Returns warnings about strokes that the center lines of a typeface lack, and about parts
+    /// that are missing from a drawing.
     fn problems_of_strokes(&self) -> Vec<Diagnostic> {
         let Some(strokes) = &self.strokes else { return Vec::new() };
         let lost: String = strokes.lost.keys().collect();
@@ -163,9 +164,9 @@ impl Shoot {
         font.map(|font| problems::lost_strokes(font, &lost)).into_iter().chain(parts).collect()
     }
 
-    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word: of the
-    /// strokes, else of the letters in the flights, else of the light. Zeros for a fixed camera
-    /// without strokes and letters.
+    /// Returns `[left, bottom, right, top]` of the writing in the plane of the word. The box is
+    /// computed from the strokes, or else from the letters in the flights, or else from the light.
+    /// Returns zeros for a fixed camera without strokes and letters.
     fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
@@ -186,27 +187,28 @@ impl Shoot {
         let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
         let lit = samples.filter(|sample| sample.level > 0.0);
         let light_m = bounds(lit.map(|sample| [sample.position_m.x, sample.position_m.z]));
-        match has_extent(light_m) {
-            true => Ok(light_m),
-            // The error that the scene names no word.
-            false => Ok(self.scene.strokes()?.bounds_m()),
+        if has_extent(light_m) {
+            return Ok(light_m);
         }
+        // `strokes` returns the error that the scene contains no word.
+        Ok(self.scene.strokes()?.bounds_m())
     }
 }
 
-/// True if a box is wider or higher than 0.
+/// Returns true if a box has a nonzero width or height.
 fn has_extent([left, bottom, right, top]: [f64; 4]) -> bool {
     left < right || bottom < top
 }
 
-/// Refuses a camera too near to a lit lamp, and a camera behind the word, which is mirrored there.
+/// Refuses a camera too close to a lit lamp, and a camera behind the word, from where it is
+/// mirrored.
 fn check_camera_position(
     trace: &LightTrace,
     [left, _, right, _]: [f64; 4],
     camera: &Camera,
     framing: &Framing,
 ) -> Result<()> {
-    // The keys that move the camera, by the kind of its framing.
+    // The keys that move the camera depend on the kind of its framing.
     let (key, hint) = match framing {
         Framing::Fixed(_) => (
             "camera.framing.position_m",

@@ -1,19 +1,19 @@
-//! Shoot: the one place where the stages are chained, from a scene to its photograph and verdict.
+//! Shoot: the only place where the stages are chained, from a scene to its photograph and verdict.
 //!
-//! Product in: a [`Scene`]. Product out: a [`Shot`] with every product on the way.
+//! Product in: a [`Scene`]. Product out: a [`Shot`] with all intermediate products.
 //!
 //! 1. [`Shoot::new`] writes the word and plans a flight for each drone. [`Shoot::with_plans`] and
-//!    [`Shoot::with_recordings`] begin later, with plans, flights or light from a file.
+//!    [`Shoot::with_recordings`] start later, with plans, flights or light from a file.
 //! 2. [`Shoot::take`] flies every plan, exposes the light of all drones on one film, develops it
 //!    and reads the word.
 //!
 //! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields.
 //!
-//! Independent work runs in parallel: the graphics device starts and the reader is prepared during
-//! the flight, and the photo is encoded while it is read.
+//! Independent work runs in parallel: the graphics device and the reader are prepared during the
+//! flight, and the photo is encoded while it is read.
 //!
 //! Drones that range to each other (estimator `cooperative`) or fly into each other's downwash are
-//! one simulation. Others are simulated one by one. Collisions are not modeled.
+//! simulated together, and other drones one by one. Collisions are not modeled.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -61,92 +61,94 @@ pub use problems::{CHECK_LIGHT, is_dark, writing};
 pub use response::step_responses;
 pub use shot::{Shot, WriteFile, flight_sha256, known};
 
-/// Longest total duration of all plans: a fleet of sixteen for 22 minutes. All pairs of plans are
-/// compared, and an hour of flight takes seconds.
+/// Maximum total duration of all plans, which allows a fleet of sixteen for 22 minutes. All pairs
+/// of plans are compared, and simulating an hour of flight takes seconds.
 const MAX_TOTAL_S: f64 = 21_600.0;
-/// Greatest total number of samples in recordings, 250 bytes each: over two hours at 100 Hz.
+/// Maximum total number of samples in recordings, at 250 bytes each. The maximum is over two hours
+/// at 100 Hz.
 const MAX_SAMPLES: usize = 800_000;
 
 /// A checked scene with its strokes and plans, ready to be flown and photographed.
 #[derive(Clone, Debug, Default)]
 pub struct Shoot {
-    /// Word, lamps, camera, seed, and the drone that planner and controllers assume.
+    /// Word, lamps, camera and seed, and the drone that planner and controllers assume.
     pub scene: Scene,
-    /// Strokes of the word or drawing. `None` for recordings without one.
+    /// Strokes of the word or drawing. `None` for recordings without strokes.
     pub strokes: Option<Strokes>,
-    /// Plans that are sent, one for each drone.
+    /// Plans that are sent to the drones, one for each drone.
     pub plans: Vec<Planned>,
-    /// True if they were planned from the scene, and are planned again if the scene changes.
+    /// True if the plans were made from the scene, and are made again if the scene changes.
     pub is_planned: bool,
-    /// Designs behind plans that are exported trajectories ([`Self::as_exported`]). Empty if the
-    /// plans are the designs.
+    /// Designs of plans that are exported trajectories ([`Self::as_exported`]). Empty if plans are
+    /// designs.
     pub designs: Vec<Plan>,
-    /// Recordings instead of simulated flights, one for each drone. Empty if the plans are flown.
+    /// Recordings that replace simulated flights, one for each drone. Empty if the plans are flown.
     pub recordings: Vec<Recording>,
-    /// The drones that actually fly, in the order of the plans. Empty if they are the scene's.
+    /// The drones that actually fly, in the plans' order. Empty if they are the scene's.
     pub actual: Vec<Actual>,
-    /// Seed of the room's errors (survey, stations), by default the scene's.
+    /// Seed of the room's errors (survey, stations). By default it is the scene's seed.
     pub room_seed: Option<u64>,
-    /// How the photo is read.
+    /// Option that determines how the photo is read.
     pub judging: Judging,
-    /// Format of the encoded photo. `None` if it is not encoded.
+    /// Format in which the photo is encoded. `None` if it is not encoded.
     pub format: Option<Format>,
     /// True if the shot keeps its film. Otherwise its memory is freed before the photo is read.
     pub keeps_film: bool,
-    /// Reader of the strokes, by default one that is prepared during the flight.
+    /// Reader of the strokes. By default it is prepared during the flight.
     pub reader: Option<Arc<Reader>>,
     /// Backend that exposes the film.
     pub backend: BackendChoice,
-    /// Number of processor cores that expose the film, by default the backend's.
+    /// Number of processor cores that expose the film. By default the backend chooses it.
     pub cores: Option<NonZero<usize>>,
-    /// Stops [`Self::take`] between two stages.
+    /// Switch that stops [`Self::take`] between two stages.
     pub stop: Stop,
 }
 
-/// A switch by which another thread stops work. It is common to all clones.
+/// A switch with which another thread stops work. All clones have the same state.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Stops the work.
+    /// Requests that the work stop.
     pub fn now(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Checks that the work was not stopped.
+    /// Checks that no stop was requested.
     ///
     /// # Errors
     ///
-    /// [`Error::Stopped`] after [`Self::now`].
+    /// Returns [`Error::Stopped`] after [`Self::now`].
     pub fn check(&self) -> Result<()> {
         if self.0.load(Ordering::Relaxed) { Err(Error::Stopped) } else { Ok(()) }
     }
 }
 
-/// The drone that flies, if it differs from the one that the scene describes.
+/// A drone that flies, if it differs from the one that the scene describes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actual {
-    /// Its body, battery, air and sensors. Controller and estimator are the scene's.
+    /// Body, battery, air and sensors of the drone. The controller and the estimator are the
+    /// scene's.
     pub sim: SimOptions,
-    /// Its lamps.
+    /// Lamps of the drone.
     pub light: LightOptions,
 }
 
 /// The flight or the light of one drone, read from a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Recording {
-    /// A flight, simulated or real, with the scene's lamps.
+    /// A simulated or real flight, lit by the scene's lamps.
     Flight(Flight),
-    /// Lamps moving through the world.
+    /// Lamps that move through the world.
     Light(LightTrace),
 }
 
 impl Recording {
-    /// Reads a flight, a log or a light trace, and returns it with the warnings of the reader.
+    /// Reads a flight, a log or a light trace. Returns it with the reader's warnings.
     ///
     /// # Errors
     ///
-    /// As [`logs::import`] and [`read_light`].
+    /// Returns the errors of [`logs::import`] and [`read_light`].
     pub fn read(path: &Path, options: &ImportOptions) -> Result<Warned<Self>> {
         let flight = if path.is_dir() {
             logs::import(path, options)?
@@ -162,7 +164,7 @@ impl Recording {
 }
 
 /// Shifts the times of all flights by the same amount, so that the first flight begins at 0. If one
-/// recording is a light trace, which has the clock of the exposure, nothing is shifted.
+/// of the recordings is a light trace, whose clock is that of the exposure, nothing is shifted.
 fn start_at_zero(recordings: &mut [Recording]) {
     let flights = recordings.iter_mut().map(|recording| match recording {
         Recording::Flight(flight) => Some(flight),
@@ -172,7 +174,7 @@ fn start_at_zero(recordings: &mut [Recording]) {
     let firsts = flights.iter().filter_map(|flight| flight.samples.first());
     let first_s = firsts.map(|sample| sample.time_s).reduce(f64::min).unwrap_or(0.0);
     for flight in flights.iter_mut().filter(|_| first_s != 0.0) {
-        // Gaps have the same clock. Times on the grid have exact differences.
+        // Gaps use the same clock. Differences of times on the grid are exact.
         flight.edit(|flight| {
             let times_s = flight.samples.iter_mut().map(|sample| &mut sample.time_s);
             let ends_s = flight.gaps.as_flattened_mut().iter_mut();
@@ -181,15 +183,15 @@ fn start_at_zero(recordings: &mut [Recording]) {
     }
 }
 
-/// How a photo is read.
+/// Determines how a photo is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Judging {
-    /// It is read, and the verdict has causes and advice.
+    /// The photo is read, and the verdict includes causes and advice.
     #[default]
     Explained,
-    /// It is read, and the verdict has neither causes nor advice.
+    /// The photo is read, and the verdict includes neither causes nor advice.
     Scored,
-    /// It is not read.
+    /// The photo is not read.
     Skipped,
 }
 
@@ -202,25 +204,25 @@ pub enum Stage {
     Exposing,
 }
 
-/// Receives a stage and the fraction of it that is done, 0 to 1, from any thread.
+/// Callback that receives a stage and the completed fraction of it, 0 to 1, from any thread.
 pub type Watch<'a> = dyn Fn(Stage, f64) + Sync + 'a;
 
 impl Shoot {
-    /// Writes and plans the word or drawing of a scene.
+    /// Draws the word or drawing of a scene as strokes, and plans them.
     ///
     /// # Errors
     ///
-    /// As [`Scene::strokes`] and [`Self::of_strokes`].
+    /// Returns the errors of [`Scene::strokes`] and [`Self::of_strokes`].
     pub fn new(scene: Scene) -> Result<Self> {
         let strokes = scene.strokes()?;
         Self::of_strokes(scene, strokes, &|_| Ok(()))
     }
 
-    /// Plans the scene's strokes, which were drawn already. The designs must pass `check`.
+    /// Plans strokes that were already drawn for the scene. The designs must pass `check`.
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`], [`fly`], [`step_responses`] and `check`.
+    /// Returns the errors of [`Scene::check`], [`fly`], [`step_responses`] and `check`.
     pub fn of_strokes(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
         scene.check()?;
         let plans = plan(&scene, &strokes, check)?;
@@ -228,13 +230,12 @@ impl Shoot {
         Ok(Self { scene, strokes, plans, is_planned: true, keeps_film: true, ..Self::default() })
     }
 
-    /// Prepares the flights of plans, one for each drone. If the scene names no word, the photo is
-    /// not read.
+    /// Prepares the flights of plans, one for each drone. Without a word, the photo is not read.
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`] and [`Scene::strokes`], and [`Error::Input`] for plans whose total
-    /// duration is too long.
+    /// Returns the errors of [`Scene::check`] and [`Scene::strokes`]. Returns [`Error::Input`] for
+    /// plans whose total duration is too long.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
         scene.check()?;
         let total_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();
@@ -249,24 +250,23 @@ impl Shoot {
         Ok(Self { scene, strokes, plans, keeps_film: true, ..Self::default() })
     }
 
-    /// Prepares the photograph of recorded flights or light, one for each drone, all on the same
-    /// clock. The exposure begins with the first recording. If the scene names no word, the photo
-    /// is not read.
+    /// Prepares the photograph of recorded flights or light, one for each drone, all with the same
+    /// clock. The exposure begins with the first recording. Without a word, the photo is not read.
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
         start_at_zero(&mut recordings);
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
     }
 
-    /// Checks that recordings do not have more samples than a picture may be made of.
+    /// Checks that recordings do not have more samples than a picture may contain.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with their number.
+    /// Returns [`Error::Input`] with the number of samples.
     pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
         let counts = recordings.iter().map(|recording| match recording {
             Recording::Flight(flight) => flight.samples.len(),
-            // A sample of light is a fourth as large as a flight's sample.
+            // A sample of light takes a fourth of the memory of a flight's sample.
             Recording::Light(trace) => {
                 trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
             }
@@ -279,11 +279,11 @@ impl Shoot {
         Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
     }
 
-    /// Simulates the flight of every plan.
+    /// Simulates the flights of all plans.
     ///
     /// # Errors
     ///
-    /// As [`noctograph_sim::fly`], for the first drone whose flight fails.
+    /// Returns the errors of [`noctograph_sim::fly`], for the first drone whose flight fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
         if self.is_one_simulation() {
@@ -302,21 +302,22 @@ impl Shoot {
                 watch(Stage::Flying, mean_frac);
             })
         });
-        // All flights are collected first, so that the same drone's error is reported every time.
+        // All flights are collected first, so that the same drone's error is always reported.
         let flights: Vec<Result<Flight>> = flights.collect();
         flights.into_iter().collect()
     }
 
-    /// True if all drones are simulated together: they range to each other, or fly through each
-    /// other's downwash.
+    /// Returns true if all drones are simulated together, because they range to each other or fly
+    /// through each other's downwash.
     pub(crate) fn is_one_simulation(&self) -> bool {
         self.plans.len() > 1
             && (self.scene.observer.kind == EstimatorKind::Cooperative
                 || !self.downwash_pairs().is_empty())
     }
 
-    /// Returns pairs of drones, counted from 0, whose second drone is planned into the downwash of
-    /// the first, each with their closest approach. Empty without a downwash model.
+    /// Returns the pairs of drones, counted from 0, whose second drone is planned into the downwash
+    /// of the first. Each has its closest approach, at which the first drone is `vertical_m` above
+    /// the second. The list is empty without a downwash model.
     pub(crate) fn downwash_pairs(&self) -> Vec<([usize; 2], Approach)> {
         if self.scene.air.downwash == Downwash::None {
             return Vec::new();
@@ -325,13 +326,14 @@ impl Shoot {
         let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
         let pairs = pairs.filter_map(|[a, b]| {
             let nearest = downwash_approach(&self.plans[a].plan, &self.plans[b].plan)?;
-            Some((if nearest.vertical_m < 0.0 { [b, a] } else { [a, b] }, nearest))
+            let pair = if nearest.vertical_m < 0.0 { [b, a] } else { [a, b] };
+            Some((pair, Approach { vertical_m: nearest.vertical_m.abs(), ..nearest }))
         });
         pairs.collect()
     }
 
-    /// Returns the simulated drone with an index. `believed` is the drone that its controller
-    /// assumes.
+    /// Returns the simulated drone with the given index. `believed` is the drone that its
+    /// controller assumes.
     fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
         let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
         let seed = self.scene.seed;
@@ -343,13 +345,13 @@ impl Shoot {
     ///
     /// # Panics
     ///
-    /// If there is no such plan.
+    /// If there is no plan with this index.
     pub fn fly_drone(&self, drone: usize, progress: &mut dyn FnMut(f64)) -> Result<Flight> {
         let believed = self.scene.sim();
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// Begins a flight of the first plan that a user's controller or estimator steers step by step.
+    /// Begins a flight of the first plan in which a user's controller or estimator steps along.
     ///
     /// # Panics
     ///
@@ -363,10 +365,11 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// The errors of the stages, and [`Error::Stopped`]. [`Error::Input`] for a camera behind the
-    /// word, which is mirrored there. [`Error::Infeasible`] for a camera too near to a lamp.
+    /// Returns the errors of the stages, and [`Error::Stopped`]. Returns [`Error::Input`] for a
+    /// camera behind the word, from where it appears mirrored. Returns [`Error::Infeasible`] for a
+    /// camera too close to a lamp.
     pub fn take(self, watch: &Watch<'_>) -> Result<Shot> {
-        // The graphics device, which takes long, gets ready during the flight.
+        // The graphics device takes long to prepare, which the flight's time hides.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
@@ -383,10 +386,7 @@ impl Shoot {
         // The reader, which takes long, gets ready during the flight.
         let recordings = std::mem::take(&mut self.recordings);
         let (recordings, reader) = rayon::join(
-            || match recordings.is_empty() {
-                true => self.record(watch),
-                false => Ok(recordings),
-            },
+            || if recordings.is_empty() { self.record(watch) } else { Ok(recordings) },
             || self.reader(),
         );
         let (recordings, reader) = (recordings?, reader?);
@@ -403,26 +403,26 @@ impl Shoot {
         Ok(shot)
     }
 
-    /// Exposes, on the processor, recordings that may have grown since the last photograph on the
-    /// same film. Only their new light is drawn. The photo is that of [`Self::take`], and it is not
+    /// Exposes recordings that may have grown since the last photograph on the same film. Only
+    /// their new light is drawn, on the processor. The photo is that of [`Self::take`] but not
     /// read.
     ///
     /// # Errors
     ///
-    /// As [`Self::take`].
+    /// Returns the errors of [`Self::take`].
     pub fn take_on(mut self, film: &mut GrowingFilm) -> Result<Shot> {
         let recordings = std::mem::take(&mut self.recordings);
         let lighting = self.light(recordings)?;
         self.expose(lighting, |latent| Ok(Exposure::by_processor(film.develop(latent))), None)
     }
 
-    /// Simulates the flights as recordings.
+    /// Simulates the flights and returns them as recordings.
     fn record(&self, watch: &Watch<'_>) -> Result<Vec<Recording>> {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// Returns a reader of the strokes. `None` if the photo is not read, or shows no word that can
-    /// be judged.
+    /// Returns a reader of the strokes, or `None` if the photo is not read or its word cannot be
+    /// judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

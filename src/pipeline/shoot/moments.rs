@@ -1,8 +1,8 @@
-//! The photograph as it develops: the film after each fraction of the exposure.
+//! Shows how the photograph develops, by the film after each fraction of the exposure.
 //!
-//! Light adds up, so the film at each moment is the film at the moment before plus the light in
-//! between. It is developed like the complete film, but without the noise of the sensor, and with
-//! the room's light up to that moment.
+//! Light is additive, so that the film at each moment is the previous film plus the light since
+//! then. The film of a moment is developed like the complete film, but without the noise of the
+//! sensor, and with the room's light up to that moment.
 
 use super::Shot;
 use crate::scene::Scene;
@@ -18,7 +18,7 @@ impl Shot {
     ///
     /// # Errors
     ///
-    /// As [`noctograph_picture::expose::expose`], [`develop`] and `each`.
+    /// Returns the errors of [`noctograph_picture::expose::expose`], [`develop`] and `each`.
     pub fn moments(
         &self,
         width_px: u32,
@@ -28,8 +28,7 @@ impl Shot {
         let camera = self.camera.at_width(width_px);
         let Scene { expose, photo, seed, .. } = &self.shoot.scene;
         let options = PhotoOptions { noise: Noise::Off, ..photo.clone() };
-        // Counts of half the size of the complete film's, so that the rounding of the parts cannot
-        // overflow them.
+        // Counts are half the size of those of the complete film, so that rounding cannot overflow.
         let room = reflectance(&camera, &options)?;
         let complete = project(&self.trace, &camera, expose)?.reflected_by(room.clone());
         let scale_log2 = complete.scale_log2() + 1;
@@ -41,8 +40,8 @@ impl Shot {
         for moment in 1..=n {
             let duration_s = (end_s - shutter_open_s) * f64::from(moment) / f64::from(n);
             let shutter_close_s = shutter_open_s + duration_s;
-            // Adds the lamps' light since the moment before. Developing adds the room's light from
-            // the start of the exposure.
+            // The lamps' light since the previous moment is added. Developing adds the room's light
+            // from the start of the exposure.
             let until = Camera { shutter_close_s, ..camera.clone() };
             let since = Camera { shutter_open_s: time_s, ..until.clone() };
             let trace = samples_between(&self.trace, time_s, shutter_close_s);
@@ -60,7 +59,7 @@ impl Shot {
     }
 }
 
-/// Returns the samples of lamps from `from_s` to `to_s`, with one before and one after.
+/// Returns the samples of lamps from `from_s` to `to_s`, with one sample before and one after.
 fn samples_between(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
     let lamps = trace.lamps.iter().map(|lamp| {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);

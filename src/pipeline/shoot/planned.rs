@@ -1,7 +1,7 @@
-//! The plans of a scene, for its drone, controller and lamps.
+//! Makes the plans of a scene for its drone, its controller and its lamps.
 //!
-//! [`noctograph_plan`] does not depend on the simulator and the lamps. This module gives it the
-//! step responses of the loop, the simulated flight of a plan, and the delays of the lamps.
+//! [`noctograph_plan`] does not depend on the simulator or the lamps. This module supplies the step
+//! responses of the loop, the simulated flight of a plan, and the delays of the lamps.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -21,15 +21,15 @@ use noctograph_plan::{
 };
 use noctograph_sim::{Drone, fly};
 
-/// Accepts or refuses designs, before flights of them are simulated.
+/// Function that accepts or refuses designs before their flights are simulated.
 pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
 
 /// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planned {
-    /// The plan that is sent.
+    /// Plan that is sent to the drone.
     pub plan: Plan,
-    /// Errors of the light at the strokes' ends. Empty if lights follow the setpoints.
+    /// Errors of the light at the ends of strokes. Empty if lights follow the setpoints.
     pub ends: Vec<StrokeEnd>,
 }
 
@@ -41,7 +41,7 @@ pub(super) fn plan(
     check: &DesignCheck<'_>,
 ) -> Result<Vec<Planned>> {
     let lamps = in_drawing_colors(&scene.light, scene, Some(strokes));
-    // 1. Designs and, in parallel, the step responses of the closed loop.
+    // 1. The designs and, in parallel, the step responses of the closed loop are computed.
     let trajectory_clock = Some(scene.trajectory_clock());
     let options = PlanOptions { trajectory_clock, ..scene.plan.clone() };
     let is_inverse = scene.plan.reference == ReferenceKind::Inverse;
@@ -53,12 +53,12 @@ pub(super) fn plan(
     check(&designs)?;
     let responses = responses?;
     let planned = designs.into_par_iter().map(|design| {
-        // 2. The reference that is sent to the drone.
+        // 2. The reference that is sent to the drone is derived.
         let plan = match &responses {
             None => design,
             Some(responses) => leading_reference(scene, design, responses)?,
         };
-        // 3. The light commands, which depend on the flight of that reference.
+        // 3. The light commands are timed by a flight of that reference.
         match scene.plan.light_clock {
             LightClock::Setpoint => {
                 Ok(Planned { plan: with_color_channels(plan, &lamps), ends: Vec::new() })
@@ -66,23 +66,24 @@ pub(super) fn plan(
             LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
         }
     });
-    // All plans are collected first, so that the same drone's error is reported every time.
+    // All plans are collected first, so that the error reported is always that of the same drone.
     let planned: Vec<Result<Planned>> = planned.collect();
     planned.into_iter().collect()
 }
 
-/// Returns the reference that makes the drone follow a design: the design filtered by the inverse
-/// of the closed loop. Take-off, integrators and saturation are nonlinear, so the reference is
+/// Returns the reference with which the drone follows a design: the design filtered by the inverse
+/// of the closed loop. Take-off, integrators and saturation are nonlinear, so that the reference is
 /// corrected by the tracking error that remains in a simulated flight.
 fn leading_reference(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
     check_cost(&design, responses)?;
     let inverse = inverse(&design, responses);
-    let reference = match scene.controller.kind.follows_reference() {
-        true => design,
-        false => feedforward(&design, &inverse),
+    let reference = if scene.controller.kind.follows_reference() {
+        design
+    } else {
+        feedforward(&design, &inverse)
     };
     let mut flight = rehearse(scene, &reference)?;
-    // The mean error of real flights, which the simulation lacks, is corrected, too.
+    // The mean error of real flights, which the simulation lacks, is corrected as well.
     let mean_error_m = Vector3::from(scene.plan.mean_error_m);
     if mean_error_m != Vector3::zeros() {
         flight.edit(|flight| flight.samples.iter_mut().for_each(|s| s.position_m += mean_error_m));
@@ -95,7 +96,7 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     if light.letters_wrgb.is_empty() {
         return plan;
     }
-    // Commands precede the light, so a row has the color of the letter that its command lights.
+    // Commands precede the light, so that a row gets its lit letter's color.
     let letters = noctograph_plan::light_letters(&plan);
     let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
     for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
@@ -103,10 +104,16 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
             continue;
         }
         for (color, channel) in channels.iter().enumerate() {
-            let levels = letters.iter().zip(&lit).map(|(letter, lit)| match lit {
-                false => 0.0,
-                true if lamp == RING.name => f64::from(light.ring_rgb_of(*letter)[color]) / 255.0,
-                true => f64::from(light.wrgb_of(*letter)[color]) / 255.0,
+            let levels = letters.iter().zip(&lit).map(|(letter, is_lit)| {
+                if !is_lit {
+                    return 0.0;
+                }
+                let byte = if lamp == RING.name {
+                    light.ring_rgb_of(*letter)[color]
+                } else {
+                    light.wrgb_of(*letter)[color]
+                };
+                f64::from(byte) / 255.0
             });
             let levels = levels.collect();
             plan.edit(|plan| plan.lights.insert((*channel).to_owned(), levels));
@@ -115,10 +122,10 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     plan
 }
 
-/// Greatest number of multiplications for the inverse of a loop, which take some seconds.
+/// Maximum number of multiplications to invert a loop, which take some seconds.
 const MAX_INVERSE: f64 = 4e9;
 
-/// Refuses a plan if computing the inverse of the loop for its setpoints takes minutes.
+/// Refuses a plan if inverting the loop for its setpoints would take minutes.
 fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     let n = plan.setpoints.len();
     let interval_s = plan.duration_s() / n.max(1) as f64;
@@ -136,8 +143,9 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     ))
 }
 
-/// Simulates an undisturbed flight of a plan, with the drone's own filter if the stations see the
-/// whole flight. Otherwise its estimate would depend on chance, so the true state is used.
+/// Simulates an undisturbed flight of a plan. The controller uses the drone's own filter if the
+/// stations see the whole flight. Otherwise the estimate would depend on chance, so that the true
+/// state is used.
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
     // The seed, which selects the sweeps that the Lighthouse deck drops, is always the same.
     let seed = 0;
@@ -151,12 +159,10 @@ pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
 }
 
 /// Moves a plan's light commands so that the light begins and ends with the strokes of a simulated
-/// or real flight of this plan.
+/// or real flight of the plan.
 pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
-    let between = match scene.controller.kind.follows_reference() {
-        true => Between::Design,
-        false => Between::Held,
-    };
+    let between =
+        if scene.controller.kind.follows_reference() { Between::Design } else { Between::Held };
     let (plan, ends) = time_lights(plan, flight, &lamp_timing(lamps), between)?;
     Ok(Planned { plan: with_color_channels(plan, lamps), ends })
 }
@@ -166,7 +172,7 @@ pub fn stroke_end_errors(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<
     stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }
 
-/// Returns the mean delay from a light command to the light.
+/// Returns the mean delay between a light command and the light.
 fn lamp_timing(options: &LightOptions) -> LampTiming {
     LampTiming {
         delay_s: options.radio_delay_s + 0.5 * options.radio_jitter_s,
@@ -200,7 +206,8 @@ mod tests {
         scene
     }
 
-    /// Root mean square of the distance from the path, undisturbed, and the largest streak.
+    /// Returns the root mean square distance from the path in an undisturbed flight, and the worst
+    /// streak.
     fn flown(scene: &Scene) -> (f64, f64) {
         let planned = plan(scene, &noor()).unwrap().swap_remove(0);
         let flight = rehearse(scene, &planned.plan).unwrap();
@@ -227,13 +234,13 @@ mod tests {
         }
     }
 
-    /// A lit stretch of commands, begun ahead of its stroke and ended behind it, has one color.
+    /// A run of lit commands, which begins before its stroke and ends after it, has one color.
     #[test]
     fn no_stroke_ends_in_the_color_of_the_next() {
         for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
             let mut scene = scene(PlanOptions::even(), ControllerKind::Pid);
             scene.plan.lights = vec![lamp.to_owned()];
-            // The drone trails positions by about 0.3 s, and so does the light.
+            // The drone is about 0.3 s behind the setpoints, and so is its light.
             scene.plan.reference = ReferenceKind::Design;
             scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 255, 0], [0, 0, 0, 255]];
             let plan = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
@@ -274,7 +281,7 @@ mod tests {
         }
     }
 
-    /// The filter's error by the drone's drag is the same in every flight.
+    /// The filter's error that is caused by the drone's drag is the same in every flight.
     #[test]
     fn a_rehearsal_by_the_drones_own_filter_leads_its_bias_away() {
         let [by_truth_m, by_filter_m] =
@@ -293,8 +300,7 @@ mod tests {
         assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
     }
 
-    /// In still air: the remaining error is the drone's settling and the change of the sensors'
-    /// errors.
+    /// In still air, what remains is settling and the change of the sensors' errors.
     #[test]
     fn curves_close_within_a_centimeter() {
         for word in ["pool", "Quartz", "2027"] {
@@ -313,7 +319,7 @@ mod tests {
                 lasts_s > 2.0 && (pair[0].at_m - pair[1].at_m).norm() < 0.03
             }
             let gaps_m = ends.chunks(2).filter(is_loop).map(|pair| {
-                // Its end draws on over its beginning.
+                // The end of the loop is drawn over its beginning.
                 let late = (0..200).map(|k| at_m(pair[1].time_s - 0.005 * f64::from(k)));
                 let begun_m = at_m(pair[0].time_s);
                 late.map(|late_m| (late_m - begun_m).xz().norm()).fold(1.0, f64::min)

@@ -1,7 +1,7 @@
-//! Finds problems of a picture: obstacles, which hide any word, and warnings.
+//! Finds problems of a picture: obstacles, which make any word unreadable, and warnings.
 //!
 //! Obstacles come first: a shutter that misses the word, lamps that are dark or face away, a black
-//! or a white picture. Then come warnings of the flights, gaps of logs, strokes that a font lacks,
+//! or a white picture. Warnings follow, about the flights, gaps in logs, strokes that a font lacks,
 //! and strokes outside the picture.
 
 use nalgebra::Vector3;
@@ -14,19 +14,20 @@ use noctograph_picture::light::gaps::{Gap, gaps};
 use noctograph_picture::light::{Lamp, LightOptions, LightSample, LightTrace};
 use noctograph_picture::photo::Photo;
 
-/// Codes of obstacles.
+/// Codes of the obstacles.
 pub const OBSTACLES: [&str; 7] =
     ["shutter-closes", "shutter-opens", UNLIT, FACES_AWAY, "overexposed", UNDEREXPOSED, NO_PICTURE];
 /// Codes of other flaws of a picture.
 pub const FLAWS: [&str; 4] = ["log-gaps", "lost-strokes", "drawing-part", "outside"];
 
-/// No lamp that writes is lit while the shutter is open.
+/// Code of the obstacle that no writing lamp is lit while the shutter is open.
 pub const UNLIT: &str = "unlit";
-/// The lamps that write face away from the camera, for `away_frac` of their light's time.
+/// Code of the obstacle that the writing lamps face away from the camera, for the fraction
+/// `away_frac` of their light.
 pub const FACES_AWAY: &str = "faces-away";
-/// Nothing is exposed.
+/// Code of the obstacle that nothing is exposed.
 pub const UNDEREXPOSED: &str = "underexposed";
-/// A stage before the photo fails.
+/// Code of the obstacle that a stage before the photo failed.
 pub const NO_PICTURE: &str = "no-picture";
 
 /// Returns the diagnostic of an obstacle.
@@ -34,16 +35,16 @@ fn obstacle(code: &'static str, message: String, help: &'static str) -> Diagnost
     Diagnostic::new(code, Severity::Stop, message).helped(help)
 }
 
-/// Returns the obstacle that a stage before the photo failed.
+/// Returns the obstacle for a failure of a stage before the photo.
 pub fn no_picture(error: &Error) -> Diagnostic {
     let help = "see `preview`; {camera.framing=word} frames the word";
     obstacle(NO_PICTURE, error.to_string(), help)
 }
 
-/// Returns the warning that the center lines of a typeface lack a stroke of `letters`.
+/// Returns a warning that a typeface's center lines lack a stroke of `letters`.
 pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
     let message =
-        format!("the center lines of {font} lack a stroke of {letters}: they may misread");
+        format!("the center lines of {font} lack a stroke of {letters}, which may be misread");
     Diagnostic::warning("lost-strokes", message)
         .with("letters", letters)
         .helped("write with {letters.font=simplex} or a plainer typeface")
@@ -53,35 +54,35 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";
 
-/// Largest fraction of a lamp's light that may face away from the camera: the end of a stroke.
+/// Maximum fraction of a lamp's light that may face away from the camera: the end of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
-/// Longest continuous path, in cap heights, along which a lamp may face away. The check
-/// `lit transit` allows strokes that are too short by as much. Those of the ring, low in high
-/// letters, are.
+/// Maximum length of a continuous path, in cap heights, along which a lamp may face away. The check
+/// `lit transit` allows strokes that are too short by the same length, as are those of the ring low
+/// in tall letters.
 const LONGEST_AWAY_H: f64 = 0.1;
 
-/// Least intensity toward the camera that counts as light, as a fraction of that on the axis.
+/// Minimum intensity toward the camera that counts as light, as a fraction of that on the axis.
 const TOWARD_FRAC: f64 = 0.02;
 
-/// Least difference in level between the brightest pixels and the median.
+/// Minimum difference in level between the brightest pixels and the median.
 const CONTRAST: usize = 10;
 
 /// Fraction of the pixels that counts as the brightest, small enough for a thin trail.
 const BRIGHTEST_FRAC: f64 = 0.000_2;
 
-/// Least level of a white pixel.
+/// Minimum level of a white pixel.
 const WHITE_LEVEL: u8 = 245;
-/// Fraction of white pixels above which no trail is visible.
+/// Maximum fraction of white pixels at which a trail can be visible.
 const MOST_WHITE_FRAC: f64 = 0.5;
 
-/// Greatest number of log gaps that a message lists.
+/// Maximum number of log gaps that a message lists.
 const MAX_SPANS: usize = 5;
 
 /// Time by which the shutter may cut off the beginning and the end of a word.
 const SLACK_S: f64 = 0.1;
 
-/// True if a sample of a lamp is lit while a camera's shutter is open.
+/// Returns true if a lamp's sample is lit while a camera's shutter is open.
 pub(crate) fn is_exposed(sample: &LightSample, camera: &Camera) -> bool {
     sample.level > 0.0 && (camera.shutter_open_s..=camera.shutter_close_s).contains(&sample.time_s)
 }
@@ -96,7 +97,7 @@ pub fn writing<'a>(
     if flights.iter().all(|flight| flight.lights.is_empty()) {
         return trace.lamps.iter().collect();
     }
-    // Keeps the fixtures that a channel drives. Lamps have the names of their fixtures.
+    // Lamps have the names of their fixtures, and only fixtures that a channel drives are kept.
     let mut fixtures = options.fixtures();
     fixtures.retain(|fixture| {
         let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
@@ -106,19 +107,19 @@ pub fn writing<'a>(
     lamps.filter(|lamp| fixtures.iter().any(|f| f.name == lamp.emitter.name)).collect()
 }
 
-/// True if a channel of a flight drives a lamp or one of its colors.
+/// Returns true if a channel of a flight drives a lamp or one of its colors.
 fn drives(channel: &str, lamp: &str) -> bool {
     channel.strip_prefix(lamp).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Returns obstacles that can be found without a photo, in flights, lamps and camera.
+/// Returns the obstacles that can be found in flights, lamps and camera without a photo.
 pub(super) fn before_photo(
     flights: &[Flight],
     lamps: &[&Lamp],
     camera: &Camera,
     cap_height_m: f64,
 ) -> Vec<Diagnostic> {
-    // The time from the first to the last letter of all drones.
+    // The word takes from the first to the last lettered sample of all drones.
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =
@@ -143,9 +144,9 @@ pub(super) fn before_photo(
 }
 
 /// Returns the obstacle of lamps that are never lit while the shutter is open, or that face away
-/// from the camera. `None` if one of the lamps can be seen.
+/// from the camera. Returns `None` if one of the lamps can be seen.
 fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<Diagnostic> {
-    // One visible lamp is enough, so the lamp that faces away the least counts.
+    // One visible lamp is sufficient, so that the lamp that faces away the least decides.
     let away = lamps.iter().filter_map(|lamp| facing_away(lamp, camera));
     let Some((away_frac, longest_m)) = away.min_by(|a, b| a.0.total_cmp(&b.0)) else {
         let message = "no lamp that writes is lit while the shutter is open".to_owned();
@@ -163,7 +164,7 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<
 }
 
 /// Returns the fraction of a lamp's light that faces away from a camera, and the length of the
-/// longest continuous path along which it does. `None` for a lamp that is not lit.
+/// longest continuous path along which it does. Returns `None` for a lamp that is not lit.
 fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
     let (mut n_lit, mut n_away, mut path_m, mut longest_m) = (0_u32, 0_u32, 0.0, 0.0_f64);
     let mut previous_m: Option<Vector3<f64>> = None;
@@ -183,20 +184,20 @@ fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
     (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
 }
 
-/// True if no trail stands out in a photo. A reader might then find letters in the noise.
+/// Returns true if no trail is visible in a photo, so that a reader might misread noise.
 pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
     exposure_obstacle(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
 }
 
-/// Returns the obstacle of a photo without a visible trail: it is overexposed or underexposed.
-/// `None` if a trail can be seen.
+/// Returns the obstacle of a photo without a visible trail, which is overexposed or underexposed.
+/// Returns `None` if a trail can be seen.
 pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
     let pixels = photo.rgb8.as_chunks::<3>().0;
     let mut counts = [0_usize; 256];
     for &[r, g, b] in pixels {
         counts[usize::from(r.max(g).max(b))] += 1;
     }
-    // The fraction of pixels at or above each level: the cumulative histogram from white.
+    // The fraction of pixels at or above each level is the cumulative histogram from white.
     let (mut at_least_frac, mut n_at_least) = ([0.0; 256], 0);
     for level in (0..256).rev() {
         n_at_least += counts[level];
@@ -212,7 +213,8 @@ pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagno
                     ({photo.ambient_cd_m2})";
         return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
-    // The levels that the brightest pixels and half of all pixels reach.
+    // `brightest` and `median` are the levels that the brightest pixels and half of all pixels
+    // reach.
     let [brightest, median] = [BRIGHTEST_FRAC, 0.5]
         .map(|frac| (0..256).rev().find(|level| at_least_frac[*level] >= frac).unwrap_or(0));
     let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";
@@ -222,8 +224,8 @@ pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagno
     })
 }
 
-/// Returns a warning of lit channels of a flight that have no lamp in the scene. `None` if all of
-/// them have one, or none has.
+/// Returns a warning about lit channels of a flight for which the scene has no lamp. Returns `None`
+/// if all channels have one, or none has.
 pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnostic> {
     let fixtures = lamps.fixtures();
     let lit = flight.lights.iter().filter(|(_, levels)| levels.iter().any(|level| *level > 0.0));
@@ -234,17 +236,17 @@ pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnost
         });
     (!with_lamp.is_empty() && !without.is_empty()).then(|| {
         let names = without.join(", ");
-        let message = format!("the scene has no lamp for the light of {names}: it is left out");
+        let message = format!("the scene has no lamp for the light of {names}, which is left out");
         Diagnostic::warning("lamp-missing", message)
     })
 }
 
-/// Returns a warning of log gaps that a smooth path bridges, and one of gaps that break trails.
+/// Returns a warning about log gaps that a smooth path bridges, and about gaps that break trails.
 pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
     let smooth = format!("bridged by a smooth path, uncertain by up to {:.0} mm", 1e3 * most_m);
-    let broken = "too long to bridge; trails break there, though the lamps may have shone";
+    let broken = "too long to bridge, so that trails break there, though the lamps may have shone";
     let kinds = [(bridged, smooth), (open, broken.to_owned())].into_iter();
     kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, effect)| {
         let spans = gaps.iter().take(MAX_SPANS).map(|gap| gap.span_s);
@@ -257,8 +259,8 @@ pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     })
 }
 
-/// Returns warnings of a word and of light that are partly outside the picture. `is_framed` is true
-/// for a camera that frames the word.
+/// Returns warnings about a word and about light that are partly outside the picture. `is_framed`
+/// is true for a camera that frames the word.
 pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],
@@ -269,7 +271,7 @@ pub(super) fn outside(
     let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
     let light = samples.filter(|s| is_exposed(s, camera)).map(|sample| sample.position_m);
-    // A framed word is in the picture, so light outside is probably in a wrong position.
+    // A framed word is inside the picture, so that light outside is probably at a wrong position.
     let margin = "{camera.framing.fill_frac} sets the margin";
     let place = "{camera.framing.fill_frac} sets the margin around the word; is the flight in \
                  meters, with z up, and at the word's place?";
@@ -290,7 +292,7 @@ mod tests {
     use noctograph_core::flight::DroneIndex;
     use noctograph_picture::light::{Deck, Emitter, LightSample, LightTraceData};
 
-    /// The advice about dark lamps and the page list every deck.
+    /// Checks that the advice about dark lamps and the page list every deck.
     #[test]
     fn what_lists_the_decks_lists_all_of_them() {
         let page = include_str!("../../serve/page/wish.js");

@@ -13,8 +13,8 @@ use noctograph_plan::response::StepResponse;
 use noctograph_plan::{Plan, Setpoint};
 use noctograph_sim::{Drone, SimOptions, fly};
 
-/// Size of the step: small enough for the drone to stay linear (1.5° of tilt with the reference
-/// gains), large enough for the grid of a flight's positions, a micrometer.
+/// Size of the step. The step is small enough for the drone to stay linear (1.5° of tilt with the
+/// reference gains), and large compared with a micrometer, the grid of a flight's positions.
 const STEP_M: f64 = 0.05;
 /// Time for the drone to come to rest before the step. Loops settle in two to four seconds.
 const BEFORE_S: f64 = 4.0;
@@ -22,20 +22,20 @@ const BEFORE_S: f64 = 4.0;
 const AFTER_S: f64 = 6.0;
 /// Height at which the floor has no effect on the drone.
 const HEIGHT_M: f64 = 1.5;
-/// Largest error after the response, as a fraction of the step.
+/// Maximum error after the response, as a fraction of the step.
 const MAX_ERROR_FRAC: f64 = 0.05;
 
 /// Returns the responses of the drone's position to a step of the setpoint along world x, y and z.
 ///
 /// # Errors
 ///
-/// As [`fly`], and [`Error::Infeasible`] for a loop that has not reached the setpoint after six
-/// seconds.
+/// Returns the errors of [`fly`], and [`Error::Infeasible`] for a loop that has not reached the
+/// setpoint after six seconds.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
     let (still, stepped) = rayon::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));
     let (still, stepped) = (still?, stepped?);
-    // The response, as a fraction of the step.
+    // The response is a fraction of the step.
     let pairs = still.samples.iter().zip(&stepped.samples);
     let response: Vec<Vector3<f64>> = pairs
         .filter(|(still, _)| still.time_s >= BEFORE_S)
@@ -46,7 +46,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     if let Some(axis) = (0..3).find(|axis| (end[*axis] - 1.0).abs() > MAX_ERROR_FRAC) {
         let after = format!("{AFTER_S} s after a step of the setpoint along axis {axis}");
         return Err(Error::infeasible(
-            format!("{after} the drone has gone {:.0} % of it", 100.0 * end[axis]),
+            format!("{after} the drone has moved by {:.0} % of it", 100.0 * end[axis]),
             "set plan.reference = \"design\", or choose gains that follow",
         ));
     }
@@ -57,7 +57,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     }))
 }
 
-/// Simulates the flight of a drone that hovers and gets a step along all axes at the same time.
+/// Simulates the flight of a drone that hovers, and whose setpoint steps along all axes at once.
 fn fly_step(options: &SimOptions, step_m: f64) -> Result<Flight> {
     let times_and_steps = [(0.0, 0.0), (BEFORE_S, step_m), (BEFORE_S + AFTER_S, step_m)];
     let setpoints = times_and_steps.map(|(time_s, step_m)| Setpoint {
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn the_reference_loop_answers_as_its_linear_model_does() {
-        // Trailing a ramp by K_v / K_p: the area above the step response.
+        // The lag behind a ramp is K_v / K_p, which equals the area above the step response.
         let responses = step_responses(&SimOptions::default()).unwrap();
         for (response, lag_s) in responses.iter().zip([0.461, 0.495, 0.454]) {
             let area_s: f64 = response.values.iter().map(|v| (1.0 - v) * response.interval_s).sum();

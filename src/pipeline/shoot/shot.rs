@@ -1,4 +1,4 @@
-//! The photograph with every product on the way to it.
+//! The photograph with all intermediate products.
 
 use std::io::Write;
 use std::sync::OnceLock;
@@ -18,35 +18,35 @@ use noctograph_plan::PlanOptions;
 use noctograph_plan::tracking::{Part, Tracking, track};
 use noctograph_score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
 
-/// A photograph with every product on the way to it.
+/// A photograph with all intermediate products.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// Subject: scene, strokes and plans, without recordings.
+    /// Scene, strokes and plans of the photograph, without recordings.
     pub shoot: Shoot,
-    /// Flights, one for each drone. Recorded light has none.
+    /// Flights, one for each drone. Empty for recorded light.
     pub flights: Vec<Flight>,
     /// Lamps of all drones.
     pub trace: LightTrace,
-    /// The camera.
+    /// Camera that took the photo.
     pub camera: Camera,
-    /// The light meter's settings. `None` without metering.
+    /// Settings chosen by the light meter. `None` without metering.
     pub metered: Option<Metered>,
-    /// The film ([`Shoot::keeps_film`]).
+    /// Exposed film, if [`Shoot::keeps_film`] is true.
     pub film: Option<Film>,
-    /// The backend that exposed it.
+    /// Backend that exposed the film.
     pub backend: Backend,
-    /// Name and driver of the graphics device, `CPU` without one.
+    /// Name and driver of the graphics device, or `CPU` without one.
     pub adapter: String,
     /// The photo.
     pub photo: Photo,
-    /// The photo's file in [`Shoot::format`].
+    /// Contents of the photo's file in [`Shoot::format`].
     pub file: Option<Vec<u8>>,
-    /// The verdict. `None` if reading is skipped, and for a drawing or a word in letters that the
-    /// reader does not know.
+    /// Verdict of the reader. `None` if reading is skipped, for a drawing, and for a word in
+    /// letters that the reader does not know.
     pub verdict: Option<Verdict>,
-    /// The reader's marks in the picture, if faults were searched ([`Judging::Explained`]).
+    /// The reader's marks in the picture, if faults were searched for ([`Judging::Explained`]).
     pub marks: Option<Marks>,
-    /// Problems of flights and picture. Problems that make any word unreadable are first.
+    /// Problems of flights and picture, with those that make any word unreadable first.
     pub problems: Vec<Diagnostic>,
     digests: OnceLock<Vec<String>>,
     tracking: OnceLock<Vec<Option<Tracking>>>,
@@ -58,23 +58,23 @@ impl Shot {
         self.digests.get_or_init(|| digests(&self.flights))
     }
 
-    /// Returns the tracking errors of each flight. `None` for a flight without a design.
+    /// Returns the tracking errors of each flight, or `None` for a flight without a design.
     pub fn tracking(&self) -> &[Option<Tracking>] {
         self.tracking.get_or_init(|| tracking(&self.flights))
     }
 
-    /// Returns the SHA-256 of the flights, separated by spaces. `None` without flights.
+    /// Returns the SHA-256 of the flights, separated by spaces, or `None` without flights.
     pub fn flight_sha256(&self) -> Option<String> {
         joined(self.digests())
     }
 
-    /// Calls `put` with the name and the content of each file: the photo (PNG), and the flight and
+    /// Calls `put` with the name and the contents of each file: the photo (PNG), and the flight and
     /// the plan of each drone, numbered if there are several. `put` writes a file and returns its
-    /// SHA-256. Returns names and digests of flights and plans, for the scene beside them.
+    /// SHA-256. Returns names and digests of flights and plans, for the scene next to them.
     ///
     /// # Errors
     ///
-    /// As `put`.
+    /// Returns the errors of `put`.
     pub fn each_file(
         &self,
         mut put: impl FnMut(&str, &WriteFile<'_>) -> Result<String>,
@@ -82,7 +82,7 @@ impl Shot {
         if let Some(png) = &self.file {
             put("photo.png", &|out| out.write_all(png))?;
         }
-        // The scene beside the files names these digests. The photo contains its scene.
+        // The scene next to the files contains these digests. The photo contains its own scene.
         let mut digests = Vec::new();
         for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
             let number = match self.shoot.plans.len() {
@@ -99,10 +99,10 @@ impl Shot {
     }
 }
 
-/// Writes the content of a file.
+/// Function that writes the contents of a file.
 pub type WriteFile<'a> = dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a;
 
-/// Returns the SHA-256 of flights, separated by spaces. `None` without flights.
+/// Returns the SHA-256 of flights, separated by spaces, or `None` without flights.
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
     joined(&digests(flights))
 }
@@ -112,18 +112,18 @@ fn digests(flights: &[Flight]) -> Vec<String> {
     flights.iter().map(|flight| flight.sha256()).collect()
 }
 
-/// Returns the tracking errors of each flight. `None` for a flight without a design.
+/// Returns the tracking errors of each flight, or `None` for a flight without a design.
 fn tracking(flights: &[Flight]) -> Vec<Option<Tracking>> {
     flights.iter().map(|flight| track(flight, Part::from_flight(flight)).ok()).collect()
 }
 
-/// Returns digests separated by spaces. `None` if there are none.
+/// Returns digests separated by spaces, or `None` if there are none.
 fn joined(digests: &[String]) -> Option<String> {
     (!digests.is_empty()).then(|| digests.join(" "))
 }
 
 impl Shoot {
-    /// Exposes the film by `add_up`, develops it, encodes the photo and reads it.
+    /// Exposes the film with `add_up`, develops it, encodes the photo and reads it.
     pub(super) fn expose(
         self,
         lighting: Lighting,
@@ -132,7 +132,7 @@ impl Shoot {
     ) -> Result<Shot> {
         let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
         let scene = &self.scene;
-        // 1. Expose and develop.
+        // 1. The film is exposed and developed.
         if let Some(format) = self.format {
             format.check([camera.width_px, camera.height_px])?;
         }
@@ -144,7 +144,7 @@ impl Shoot {
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
         photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
-        // 2. Read, encode and look for problems in parallel.
+        // 2. Reading, encoding and the search for problems run in parallel.
         let (digests, tracking) = (OnceLock::new(), OnceLock::new());
         let (read, (file, exposed)) = rayon::join(
             || self.read(reader, &photo, &camera, &flights, &tracking),
@@ -156,7 +156,7 @@ impl Shoot {
             },
         );
         let ((mut verdict, marks), file) = (read?, file?);
-        // 3. Obstacles change the verdict on the letters.
+        // 3. Obstacles affect the verdict on the letters.
         add_exposure_problem(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
             film: film.filter(|_| self.keeps_film),
@@ -177,8 +177,8 @@ impl Shoot {
         })
     }
 
-    /// Encodes the photo in [`Self::format`]. `None` if that is `None`. Computes the digests of the
-    /// flights if `known_digests` is empty.
+    /// Encodes the photo in [`Self::format`], or returns `None` if no format is set. Computes the
+    /// digests of the flights if `known_digests` is empty.
     fn encoded(
         &self,
         photo: &Photo,
@@ -188,7 +188,7 @@ impl Shoot {
         known_digests: &OnceLock<Vec<String>>,
     ) -> Result<Option<Vec<u8>>> {
         let Some(format) = self.format else { return Ok(None) };
-        // The scene does not contain strokes from a user's file, so the photo has their digest.
+        // The scene does not contain the strokes of a user's filebut the photo has their digest.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         let shown = Shown {
@@ -200,7 +200,7 @@ impl Shoot {
     }
 
     /// Reads the photo. Returns the verdict if there is a reader, and its marks if faults are
-    /// searched. Computes the tracking errors if `tracked` is empty.
+    /// searched for. Computes the tracking errors if `tracked` is empty.
     fn read(
         &self,
         reader: Option<&Reader>,
@@ -229,29 +229,29 @@ fn add_exposure_problem(
     mut verdict: Option<&mut Verdict>,
 ) {
     if let Some(exposed) = exposed {
-        // The reader brightens faint light to full light, and may then find letters in noise.
+        // The reader amplifies faint light, and may then find letters in noise.
         let is_dark = exposed.code == UNDEREXPOSED;
         if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
             verdict.refuse(Reason::NoLight);
         }
-        // An obstacle that was found earlier is the cause of a missing trail, so it stays first.
+        // An earlier obstacle is the cause of a missing trail, so that it stays first.
         let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
         problems.insert(usize::from(is_hidden), exposed);
     }
     let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
     if let Some(verdict) = verdict.filter(|verdict| !verdict.legible && is_hidden) {
-        // Advice on letters does not help against an obstacle.
+        // Advice about letters is of no use against an obstacle.
         verdict.advice.clear();
     }
 }
 
 /// Returns facts from flights that help to explain their photo: speed along the strokes, distance
-/// from the path and lag (means over the drones), and the gaps of logs.
+/// from the path and lag (means over the drones), and the gaps in logs.
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     known_of(flights, &tracking(flights), plan)
 }
 
-/// Returns the facts as [`known`] does, from tracking errors that were computed already.
+/// Returns the facts as [`known`] does, from tracking errors that were already computed.
 fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions) -> Known {
     let tracked: Vec<&Tracking> = tracked.iter().flatten().collect();
     Known {
@@ -262,20 +262,20 @@ fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions
     }
 }
 
-/// Returns the mean of the values. `None` without values.
+/// Returns the mean of the values, or `None` without values.
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
     let n = values.len();
     (n > 0).then(|| values.sum::<f64>() / n as f64)
 }
 
-/// Greatest number of log gaps in a photo's file. The reference flight has three.
+/// Maximum number of log gaps in a photo's file. The reference flight has three.
 const MAX_LOG_GAPS: usize = 1000;
 
-/// Returns the gaps of a real flight's log that are dark in its photo.
+/// Returns the gaps in a real flight's log that are dark in its photo.
 fn log_gaps(flight: &Flight) -> Vec<LogGap> {
     let mut gaps = Vec::new();
     for (Gap { span_s, .. }, way_m) in dark(flight) {
-        // The positions at the beginning and the end of the gap.
+        // The ends are the positions at the beginning and the end of the gap.
         let ends_m = span_s.map(|time_s| {
             let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
             flight.samples.get(row).map(|sample| [sample.position_m.x, sample.position_m.z])

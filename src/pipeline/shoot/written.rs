@@ -9,9 +9,9 @@ use noctograph_core::geometry::bounds;
 use noctograph_letters::{LetterOptions, Strokes};
 use noctograph_plan::Plan;
 
-/// Least change of size, as a fraction, for which the scene's word is rescaled to the plans.
+/// Minimum change of size, as a fraction, at which the scene's word is rescaled to the plans.
 const OTHER_SIZE: f64 = 0.02;
-/// Largest error of the shorter side of the same word, as a fraction of the longer side.
+/// Maximum error of the shorter side of the same word, as a fraction of the longer side.
 const SAME_SHAPE: f64 = 0.05;
 
 /// Returns the scene and its strokes with the size and the baseline of plans of the same word,
@@ -24,19 +24,20 @@ pub(super) fn fit_to_plans(
     let Some(word_m) = strokes.as_ref().map(|strokes| strokes.bounds_m()) else {
         return Ok((scene, strokes));
     };
-    // The bounding box of the light in all plans.
+    // The box contains the light in all plans.
     let mut lit_m = Vec::new();
     for plan in plans {
         let lit = plan.setpoints.windows(2).zip(plan.lit()).filter(|(_, level)| *level > 0.0);
         lit_m.extend(lit.flat_map(|(pair, _)| [pair[0].position_m, pair[1].position_m]));
     }
     let plan_m = bounds(lit_m.into_iter().map(|point_m| [point_m.x, point_m.z]));
-    // The longer side gives the scale. The other side must agree, or it is another word.
+    // The longer side determines the scale. If the other side disagrees, the word is another.
     let [[width_m, height_m], [plan_width_m, plan_height_m]] =
         [word_m, plan_m].map(|[left, bottom, right, top]| [right - left, top - bottom]);
-    let (size_m, scale) = match width_m > height_m {
-        true => (width_m, plan_width_m / width_m),
-        false => (height_m, plan_height_m / height_m),
+    let (size_m, scale) = if width_m > height_m {
+        (width_m, plan_width_m / width_m)
+    } else {
+        (height_m, plan_height_m / height_m)
     };
     let error_m =
         (plan_width_m - scale * width_m).abs().max((plan_height_m - scale * height_m).abs());
@@ -44,7 +45,7 @@ pub(super) fn fit_to_plans(
     if !is_rescaled {
         return Ok((scene, strokes));
     }
-    // Scales all lengths of the letters, and then moves the baseline to that of the plans.
+    // All lengths of the letters are scaled, and then the baseline is moved to that of the plans.
     let LetterOptions { cap_height_m, width_m, gap_m, spacing_m, line_gap_m, canvas_m, .. } =
         &mut scene.letters;
     let by_default = [width_m, gap_m, line_gap_m].into_iter().flatten();

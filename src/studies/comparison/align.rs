@@ -4,44 +4,47 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_plan::tracking::{DesignPath, minimize, spread_m2};
 
-/// Time step of the comparison: the shortest usual interval of setpoints over the radio.
+/// Time step of the comparison: the shortest interval at which setpoints usually arrive by radio.
 const STEP_S: f64 = 0.02;
-/// Largest time between the designs' first moves after alignment, for lost packets and waiting.
+/// Maximum time between the designs' first moves after alignment, to allow for lost packets and
+/// waiting.
 const MAX_APART_S: f64 = 3.0;
-/// Largest mean square difference (m² per axis) of designs whose clocks are equal: files are
-/// rounded to 1e-6 m.
+/// Maximum mean square difference (m² per axis) of designs whose clocks are equal, given that files
+/// are rounded to 1e-6 m.
 const EQUAL_M2: f64 = 1e-11;
 
-/// Returns the time to add to B's timestamps so that its design agrees best with A's, apart from a
-/// constant offset in position. 0 if the clocks agree already.
+/// Returns the time to add to B's timestamps at which its design agrees best with A's, apart from a
+/// constant offset in position. Returns 0 if the clocks agree already.
 pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     let [a, b] = [design(a, "flight A")?, design(b, "flight B")?];
     if difference_m2(&a, &b, 0.0) < EQUAL_M2 {
         return Ok(0.0);
     }
-    // About the offset at which the first moves coincide, the least mean square difference.
+    // The offset with the least mean square difference is near the one at which the first moves
+    // coincide. The coarse search uses the same cost as the fine one, because [`STEP_S`] already
+    // limits the number of samples.
     let about_s = a.first_move_s() - b.first_move_s();
     let range_s = [about_s - MAX_APART_S, about_s + MAX_APART_S];
     Ok(minimize(range_s, |s| difference_m2(&a, &b, s)))
 }
 
-/// Returns a flight's design. Refuses a flight without one.
+/// Returns a flight's design. Refuses a flight that has none.
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     DesignPath::new(flight).ok_or_else(|| {
-        let hint = "state the offset of B's clock; 0 leaves it as it is";
-        Error::input(name, "no design position", "a design to set the clocks by", hint)
+        let hint = "state the offset of B's clock, or 0 to leave it as it is";
+        Error::input(name, "no design position", "a design by which clocks can be aligned", hint)
             .coded("clocks-apart")
     })
 }
 
-/// Returns the mean square difference, about its mean, of two designs with B's clock moved by
-/// `offset_s`, over the time that either covers. A design rests before its start and after its end.
+/// Returns the variance of the difference between two designs over the time that either covers,
+/// with `offset_s` added to B's clock. A design rests before its start and after its end.
 fn difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let ([a0, a1], [b0, b1]) = (a.span_s(), b.span_s().map(|t| t + offset_s));
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));
     #[expect(clippy::cast_possible_truncation, reason = "a log is short")]
     let n = ((to_s - from_s) / STEP_S) as u32;
-    // Both designs are walked forward once.
+    // Both designs are traversed only once, in order of time.
     let (mut walk_a, mut walk_b) = (a.walk(), b.walk());
     let times_s = (0..=n).map(|k| from_s + f64::from(k) * STEP_S);
     spread_m2(times_s.map(|t| walk_a.at_m(t) - walk_b.at_m(t - offset_s)))

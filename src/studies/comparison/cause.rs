@@ -1,40 +1,42 @@
-//! The cause that explains most of the difference between two flights.
+//! Finds the cause that explains most of the difference between two flights.
 
 use nalgebra::Vector3;
 
 use super::{FlightSample, mean};
 use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 
-/// Time over which noise averages out but an error of the path does not: a stroke of 0.1 m.
+/// Time over which noise averages out but an error of the path does not, which is that of a 0.1 m
+/// stroke.
 const SMOOTH_S: f64 = 0.5;
 
-/// Largest error of scale of a positioning system. With a larger difference, B flies another path.
+/// Maximum scale error of a positioning system. If the difference is larger, B flies another path.
 const MAX_SCALE: f64 = 0.5;
 
-/// A cause of the difference between flight B and flight A, with its amount.
+/// A cause of the difference of flight B from flight A, with its amount.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Discrepancy {
-    /// B is late by this, s.
+    /// B is later than A by this time, s.
     Lag(f64),
-    /// B is displaced from A by this, m.
+    /// B is displaced from A by this distance, m.
     Offset(Vector3<f64>),
-    /// B is larger than A by this fraction, about the middle of both.
+    /// B is larger than A by this fraction, about the center of both.
     Scale(f64),
-    /// B differs slowly from A's path by this, m (root mean square).
+    /// B departs slowly from A's path by this root mean square distance, m.
     Path(f64),
-    /// B oscillates about its path by this, m (root mean square).
+    /// B oscillates about its path with this root mean square amplitude, m.
     Noise(f64),
 }
 
-/// Returns the cause that by itself explains the largest fraction of the mean square distance, and
-/// that fraction. `None` if the flights do not differ.
+/// Returns the cause that on its own explains the largest fraction of the mean square distance, and
+/// that fraction. Returns `None` if the flights do not differ.
 pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
     let differences: Vec<_> = pairs.iter().map(|[a, b]| b.position_m - a.position_m).collect();
     let total = power(&differences);
     if total == 0.0 {
         return None;
     }
-    // Offset: the mean. Scale: the rest, fitted to A's distances from its middle.
+    // The offset is the mean difference. The scale is fitted to the remaining differences, given
+    // A's distances from its center.
     let middle = mean(pairs.iter().map(|[a, _]| a.position_m));
     let from_middle: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
     let offset = mean(differences.iter().copied());
@@ -42,8 +44,7 @@ pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f6
     let (lag_s, moved) = lag(pairs);
     let scale =
         Some(fit(&centered, &from_middle)).filter(|by| by.abs() <= MAX_SCALE).unwrap_or(0.0);
-    // The residuals of offset, lag and scale. Their slow part is the path, their fast part is
-    // noise.
+    // Of the residuals of offset, lag and scale, the slow part is the path, the fast part noise.
     let mean_moved = mean(moved.iter().copied());
     let parts = centered.iter().zip(moved.iter().zip(&from_middle));
     let residuals: Vec<_> =
@@ -67,9 +68,9 @@ fn power(vectors: &[Vector3<f64>]) -> f64 {
     mean(vectors.iter().map(|v| v.component_mul(v))).sum()
 }
 
-/// Returns the factor by which `along` comes closest to `vectors`, by least squares.
+/// Returns the factor by which `along` comes closest to `vectors` in the least-squares sense.
 fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
-    // Σ v · a / Σ a².
+    // The factor is Σ v · a / Σ a².
     let (dot, square) = vectors
         .iter()
         .zip(along)
@@ -77,8 +78,8 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// Returns the lag of B, and at each sample how far A moves in that time. The lag is the shift of A
-/// in time that comes closest to B, apart from a constant offset, as `--align flown` finds it.
+/// Returns the lag of B, and how far A moves in that time at each sample. The lag is the time shift
+/// of A that comes closest to B, apart from a constant offset, as found by `--align flown`.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     let a = DesignPath::through(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
     fn cost(a: &DesignPath, pairs: &[[FlightSample; 2]], lag_s: f64) -> f64 {
@@ -87,7 +88,8 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
     let lag_s = minimize(range_s, |s| cost(&a, pairs, s));
-    // If the flights rest, all shifts are equal. A shift at an end of the search is not the best.
+    // If the flights rest, all shifts have the same cost. A shift at an end of the range is no
+    // minimum.
     let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
     let lag_s = if is_best { lag_s } else { 0.0 };
     let moved = pairs.iter().zip(shifted(&a, pairs, lag_s));
@@ -104,9 +106,9 @@ fn shifted(
     pairs.iter().map(move |[a, _]| walk.at_m(a.time_s - lag_s))
 }
 
-/// Returns the mean of values over [`SMOOTH_S`] around each sample.
+/// Returns the moving average of values over [`SMOOTH_S`], centered at each sample.
 fn smoothed(pairs: &[[FlightSample; 2]], values: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    // A running sum over the samples `from..to` of the window.
+    // The sum covers the samples `from..to` of the window, which moves forward.
     let (mut from, mut to, mut sum) = (0, 0, Vector3::zeros());
     let means = pairs.iter().map(|[middle, _]| {
         while to < values.len() && pairs[to][0].time_s <= middle.time_s + SMOOTH_S / 2.0 {
@@ -129,7 +131,7 @@ mod tests {
     use crate::comparison::{Alignment, ComparisonOptions, compare};
     use noctograph_plan::tracking::Part;
 
-    /// The first cause if B flies the square with a change.
+    /// Returns the main cause if B flies the square with a change.
     fn first_cause(change: impl Fn(f64) -> Vector3<f64>) -> (Discrepancy, f64) {
         let a = flight(0.01, 16.0, square, square);
         let b = flight(0.01, 16.0, change, square);
@@ -140,7 +142,7 @@ mod tests {
 
     #[test]
     fn each_cause_is_found_with_its_amount() {
-        // The longer lags are over whole strokes, along which a delay differs from a step.
+        // The longer lags last for whole strokes, where a delay differs from a shift in position.
         for (late_s, within_s, least) in [
             (0.1, 1e-3, 0.99),
             (0.3, 2e-3, 0.97),
@@ -167,12 +169,12 @@ mod tests {
         assert!(matches!(noise, Discrepancy::Noise(m) if (m - 0.0141).abs() < 1e-3), "{noise:?}");
         assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
         assert!(noise_part > 0.9 && path_part > 0.8, "{noise_part} {path_part}");
-        // B is half as large and turned by half a turn, a scale that no positioning system has.
+        // B is half as large and rotated by half a turn, which no error of scale explains.
         let (path, part) = first_cause(|t| middle + (square(t) - middle) * -0.5);
         assert!(matches!(path, Discrepancy::Path(_)) && part > 0.8, "{path:?}, {part}");
     }
 
-    /// An L, which ends elsewhere than it began.
+    /// Returns the position on an L-shaped path, which ends elsewhere than it begins.
     fn l(t: f64) -> Vector3<f64> {
         Vector3::new(0.2 * (t - 4.0).clamp(0.0, 2.0), 0.0, 1.0 - 0.2 * t.min(4.0))
     }

@@ -1,4 +1,4 @@
-//! Aligns the frames of two flights, because a flight without setpoints may be in another frame.
+//! Aligns the frames of two flights, because a flight without setpoints may use another frame.
 
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;
@@ -8,35 +8,36 @@ use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
 use noctograph_core::input_error;
 
-/// Least root mean square distance of flights that may be in two frames.
+/// Minimum root mean square distance of flights that may use different frames.
 const TWO_FRAMES_M: f64 = 0.15;
-/// Largest root mean square distance of one flight's two logs after alignment.
+/// Maximum root mean square distance of two logs of one flight after alignment.
 const MAX_RESIDUAL_M: f64 = 0.05;
-/// Flights whose distance an alignment reduces to less than this fraction are in two frames.
+/// Fraction of the distance that remains after alignment, below which flights are assumed to use
+/// different frames.
 const RESIDUAL_FRAC: f64 = 0.3;
-/// Number of rotations that are tried.
+/// Number of rotations to try.
 const TURNS: u32 = 24;
-/// Least size of a path whose rotation can be found.
+/// Minimum size of a path whose rotation can be determined.
 const NARROW_M: f64 = 0.05;
 
 /// Transform from flight B's frame to that of A.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FrameAlignment {
-    /// Rotation about the vertical.
+    /// Rotation about the vertical axis.
     pub turn_rad: f64,
-    /// Shift after the rotation.
+    /// Translation after the rotation.
     pub shift_m: Vector3<f64>,
-    /// Remaining root mean square distance.
+    /// Root mean square distance that remains after the transform.
     pub left_m: f64,
 }
 
 impl FrameAlignment {
-    /// Returns the rotation about the vertical.
+    /// Returns the rotation about the vertical axis as a matrix.
     fn rotation(&self) -> Rotation3<f64> {
         Rotation3::from_axis_angle(&Vector3::z_axis(), self.turn_rad)
     }
 
-    /// Returns a flight with every sample transformed.
+    /// Returns a copy of a flight with every sample transformed.
     fn placed(&self, flight: &Flight) -> Flight {
         let mut placed = flight.clone();
         placed.edit(|placed| placed.samples.iter_mut().for_each(|sample| self.place(sample)));
@@ -54,8 +55,9 @@ impl FrameAlignment {
 }
 
 /// Returns the seconds to add to B's clock, and the transform of B's frame if it differs from A's.
-/// Frames differ if a flight lacks setpoints and both are decimeters apart, and only centimeters
-/// after a rotation and a shift. `clock` returns the seconds for a flight in place of B.
+/// The frames are taken to differ if a flight lacks setpoints, both flights are decimeters apart,
+/// and only centimeters remain after a rotation and a translation. `clock` returns the seconds for
+/// a transformed flight in place of B.
 pub(super) fn place(
     a: &Flight,
     b: &Flight,
@@ -71,7 +73,8 @@ pub(super) fn place(
         return Ok((offset_s, None));
     };
     let mut best_s = offset_s;
-    // A rotated path aligns the clock wrongly, so the clock is aligned again for each rotation.
+    // The clock cannot be aligned well with a path in another frameand is aligned again for each
+    // rotation.
     for step in 1..TURNS {
         if best.left_m <= 0.5 * MAX_RESIDUAL_M {
             break;
@@ -86,7 +89,7 @@ pub(super) fn place(
             best_s = offset_s;
         }
     }
-    // Once more with the complete rotation: the clock was aligned with a step of it.
+    // The clock was aligned with a coarse rotationand is aligned once more now.
     let again_s = clock(&best.placed(b))?;
     let further = fit_at([a, b], options, again_s)?;
     if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {
@@ -102,13 +105,13 @@ pub(super) fn place(
             "flights A and B",
             "paths {apart_m:.2} m apart, and {left_m:.2} m after the best turn and shift",
             "paths in one frame",
-            "they are in two frames: convert one log, or compare flights that have setpoints",
+            "they use two frames, so convert one log, or compare flights that have setpoints",
         ));
     }
     Ok((offset_s, None))
 }
 
-/// Calls [`fit`] with the pairs of two flights, after `offset_s` is added to B's times.
+/// Calls [`fit`] with the pairs of two flights after adding `offset_s` to B's times.
 fn fit_at(
     [a, b]: [&Flight; 2],
     options: &ComparisonOptions,
@@ -119,15 +122,15 @@ fn fit_at(
     Ok(fit(&pairs(&a, &b, options.max_gap_s)))
 }
 
-/// Returns the root mean square distance of pairs, and the rotation and shift of B that minimize it
-/// (orthogonal Procrustes problem about the vertical: Schönemann, Psychometrika 31, 1966). `None`
-/// for fewer than ten pairs.
+/// Returns the root mean square distance of pairs, and the rotation and translation of B that
+/// minimize it (orthogonal Procrustes problem about the vertical axis: Schönemann, Psychometrika
+/// 31, 1966). Returns `None` for fewer than ten pairs.
 fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     if pairs.len() < 10 {
         return None;
     }
     let n = pairs.len() as f64;
-    // The rotation is about the centroids: atan2(Σ b × a, Σ b · a).
+    // The rotation is about the centroids, by the angle atan2(Σ b × a, Σ b · a).
     let [a_m, b_m] = [0, 1].map(|side| mean(pairs.iter().map(|pair| pair[side].position_m)));
     let (mut sin, mut cos, mut spread_m2) = (0.0, 0.0, 0.0);
     for [a, b] in pairs {

@@ -1,17 +1,18 @@
-//! Comparison: differences between two flights, each sampled on its own clock.
+//! Comparison: differences between two flights, each sampled by its own clock.
 //!
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
-//! Method: B's clock is shifted so that both designs or both paths agree, or by a given time. Then
-//! B is interpolated linearly at the times of A's samples. Samples of A are ignored if B's
-//! neighbors are further apart than [`ComparisonOptions::max_gap_s`], for example after lost
-//! packets, or if they are outside the compared part of either flight.
+//! Method: B's clock is shifted by a given time, or so that both designs or both paths agree. B is
+//! then interpolated linearly at the times of A's samples. A sample of A is ignored if B's
+//! neighbors are farther apart than [`ComparisonOptions::max_gap_s`], for example after lost
+//! packets, or if it is outside the compared part of either flight.
 //!
-//! A flight without setpoints, such as a motion capture's, may be in another frame. If only
-//! centimeters remain after a rotation about the vertical and a shift, these are applied
-//! ([`FrameAlignment`]). If more remains, but much less than before, the comparison is refused.
+//! A flight without setpoints, such as one from motion capture, may use another frame. If a
+//! rotation about the vertical axis and a translation reduce the distance to centimeters, they are
+//! applied ([`FrameAlignment`]). If the distance is much reduced but larger than that, the
+//! comparison is refused.
 //!
-//! Not done: clocks of different rates, which `import` converts.
+//! Not done: converting clocks that run at different rates, which `import` does.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -38,12 +39,12 @@ pub use frame::FrameAlignment;
 /// Options of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ComparisonOptions {
-    /// Compared part of both flights.
+    /// Part of both flights to compare.
     pub part: Part,
-    /// Alignment of B's clock to A's.
+    /// Alignment of B's clock with A's.
     pub alignment: Alignment,
-    /// Longest gap between two samples of B over which it is interpolated. A Crazyflie's log has a
-    /// sample every 10 to 30 ms. A longer limit hides oscillations of 1 to 4 Hz, and a much shorter
+    /// Maximum gap between two samples of B over which B is interpolated. A Crazyflie's log has a
+    /// sample every 10 to 30 ms. A larger value hides oscillations of 1 to 4 Hz, and a much smaller
     /// one discards good samples.
     pub max_gap_s: f64,
 }
@@ -54,45 +55,45 @@ impl Default for ComparisonOptions {
     }
 }
 
-/// Alignment of the clock of flight B to that of flight A.
+/// Alignment of the clock of flight B with that of flight A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alignment {
-    /// Best agreement of the designs. If one design is held between setpoints and the other is not,
-    /// its error is half the time between two setpoints.
+    /// By the best agreement of the designs. If one design is held between setpoints and the other
+    /// is not, the error is half the time between two setpoints.
     Design,
-    /// Best agreement of the flown positions in the air, for a log whose setpoints are ahead of its
-    /// design, such as those from the inverse of the position loop.
+    /// By the best agreement of the flown positions in the air. This alignment is for a log whose
+    /// setpoints are ahead of its design, such as those computed by inverting the position loop.
     Flown,
-    /// Seconds added to B's times.
+    /// By adding these seconds to B's times.
     Offset(f64),
 }
 
 /// Differences between two flights, A minus B, in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Part of the flights that the figures cover.
+    /// Part of the flights that the differences cover.
     pub part: Part,
     /// Time added to B's timestamps.
     pub offset_s: f64,
-    /// Transform from B's frame to A's. `None` if both have one frame.
+    /// Transform from B's frame to A's. `None` if both flights use the same frame.
     #[serde(rename = "frame")]
     pub placement: Option<FrameAlignment>,
     /// Number of compared samples of A.
     #[serde(rename = "samples")]
     pub n_samples: usize,
-    /// Times of the first and the last compared sample, on A's clock.
+    /// Times of the first and the last compared sample, by A's clock.
     pub span_s: [f64; 2],
     /// Root mean square difference in position on each axis.
     pub rmse_m: Vector3<f64>,
     /// Mean difference in position on each axis.
     pub mean_m: Vector3<f64>,
-    /// Largest distance in position.
+    /// Maximum distance between the positions.
     pub max_m: f64,
-    /// Root mean square difference in attitude. `None` if a flight has none.
+    /// Root mean square difference in attitude. `None` if a flight does not contain its attitude.
     #[serde(rename = "attitude_rmse_rad")]
     pub attitude_rmse: Option<Attitude>,
-    /// The cause that explains most of the difference, and its fraction of the mean square. `None`
-    /// if there is no difference.
+    /// The cause that explains most of the difference, and the fraction of the mean square that it
+    /// explains. `None` if there is no difference.
     #[serde(skip)]
     pub first: Option<(Discrepancy, f64)>,
 }
@@ -101,11 +102,11 @@ pub struct Comparison {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range, a flight without samples in the part, a flight
-/// without a design if designs are aligned, and flights without a time in common.
+/// Returns [`Error::Input`] for an option out of range, a flight without samples in the part, a
+/// flight without a design if designs are aligned, and flights that have no time in common.
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
-    // The clock first, since the frame is aligned by pairs with equal times.
+    // The clock is aligned first, because the frame is aligned by pairs with equal times.
     let offset_s = options.alignment.offset_s(a, b)?;
     match options.alignment {
         Alignment::Design => check_words(a, b)?,
@@ -128,7 +129,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         let error = Error::input("flights A and B", spans, wanted, hint);
         return Err(error.coded("clocks-apart"));
     };
-    // Differences of angles are from -π to π.
+    // Differences of angles are in the range from -π to π.
     let apart = pairs.iter().map(|[a, b]| a.position_m - b.position_m);
     let angles = pairs.iter().map(|[a, b]| {
         let difference = angles_rad(&a.attitude) - angles_rad(&b.attitude);
@@ -160,14 +161,14 @@ impl Alignment {
     }
 }
 
-/// Returns a flight's part in the air, with the flown path as design.
+/// Returns the part of a flight in the air, with the flown path as its design.
 fn flown(flight: &Flight) -> Result<Flight> {
     let samples = Part::Airborne.samples(flight)?.into_iter();
     let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
     Ok(Flight::made(FlightData { samples, ..FlightData::default() }))
 }
 
-/// Largest distance of two flights' letters that are the same: a fifth of a capital.
+/// Maximum distance at which two flights' letters count as the same: a fifth of a capital's height.
 const MAX_LETTERS_APART_M: f64 = 0.1;
 
 /// Refuses flights whose designs write different letters.
@@ -175,23 +176,23 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     let [a, b] = [a, b].map(|flight| {
         let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
         let mut points: Vec<Vector3<f64>> = written.map(|sample| sample.design_m).collect();
-        // A point every 2 cm, which limits the comparisons.
+        // A point every 2 cm limits the number of comparisons.
         points.dedup_by(|next_m, last_m| (*last_m - *next_m).norm() < 0.02);
         points
     });
     if a.is_empty() || b.is_empty() {
         return Ok(());
     }
-    // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points, since one
-    // of the plans may lack an approach to a letter.
-    let apart_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
+    // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points, because
+    // one of the plans may lack an approach to a letter.
+    let each_way_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
         let nearest_m = from.iter().map(|p| {
             let to_each_m = to.iter().map(|q| (p - q).norm());
             (to_each_m.fold(f64::MAX, f64::min), 1.0)
         });
         weighted_quantile(&mut nearest_m.collect::<Vec<_>>(), 0.9).unwrap_or(0.0)
     });
-    let apart_m = apart_m[0].max(apart_m[1]);
+    let apart_m = each_way_m[0].max(each_way_m[1]);
     if apart_m <= MAX_LETTERS_APART_M {
         return Ok(());
     }
@@ -199,11 +200,11 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
         "flights A and B",
         "letters that lie {apart_m:.2} m apart",
         "two flights of the same word at the same place",
-        "compare flights of one word",
+        "compare flights of the same word",
     ))
 }
 
-/// Returns each sample of A with B at the same time, without the times at which B is unknown.
+/// Pairs each sample of A with B at the same time, and omits times at which B is unknown.
 fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightSample; 2]> {
     let mut next = 0;
     let mut pairs = Vec::with_capacity(a.len());
@@ -220,8 +221,8 @@ fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightS
     pairs
 }
 
-/// Interpolates between two consecutive samples. `None` if they do not enclose `time_s` or are more
-/// than `max_gap_s` apart.
+/// Interpolates between two consecutive samples. Returns `None` if they do not enclose `time_s` or
+/// are more than `max_gap_s` apart.
 fn between(
     before: &FlightSample,
     after: &FlightSample,

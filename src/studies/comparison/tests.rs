@@ -1,4 +1,4 @@
-//! Flights with a known difference.
+//! Tests of the comparison with flights whose difference is known.
 
 use super::constructed::{flight, square, still};
 use super::*;
@@ -7,7 +7,7 @@ fn near(value: f64, wanted: f64, within: f64, what: &str) {
     assert!((value - wanted).abs() <= within, "{what}: {value} instead of {wanted}");
 }
 
-/// The square after a wait on the spot, as a drone 2 cm to the right of it flies it.
+/// Returns a flight that waits and then flies the square, 2 cm to the right of it.
 fn aside(wait_s: f64, step_s: f64) -> Flight {
     let design = |t: f64| square(t - wait_s);
     flight(step_s, 12.0 + wait_s, |t| design(t) + Vector3::new(0.02, 0.0, 0.0), design)
@@ -25,7 +25,7 @@ fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
     let options = ComparisonOptions { part: Part::All, ..Default::default() };
     let comparison = compare(&a, &b, &options).unwrap();
     near(comparison.offset_s, -524.95, 2e-4, "offset");
-    // The corners are cut by at most half a sample of B, 1.1 mm.
+    // Interpolation cuts the corners by at most half a sample of B, 1.1 mm.
     near(comparison.rmse_m.x, 0.0, 1e-3, "x");
     near(comparison.rmse_m.y, 0.01, 1e-9, "y");
     near(comparison.mean_m.y, -0.01, 1e-9, "mean y");
@@ -64,7 +64,7 @@ fn gaps_are_not_interpolated() {
     let (a, mut b) = (aside(0.0, 0.01), aside(0.0, 0.01));
     let whole = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     assert_eq!(whole.n_samples, 1201);
-    // B is silent for 0.7 s and jumps meanwhile.
+    // B has no samples for 0.7 s, during which it jumps.
     b.edit(|b| b.samples.retain(|sample| sample.time_s <= 3.0 || sample.time_s >= 3.7));
     let options = ComparisonOptions::default();
     let gapped = compare(&a, &b, &options).unwrap();
@@ -93,7 +93,7 @@ fn attitude_is_compared_the_short_way_round() {
 
 #[test]
 fn flights_of_different_words_are_refused() {
-    // A sweep of 1 m to the right, and the same word a quarter of a meter higher.
+    // The flights are a sweep of 1 m to the right, and the same word a quarter of a meter higher.
     fn sweep(z: f64) -> Flight {
         let sample = |i: i32| {
             let at_m = Vector3::new(f64::from(i) * 0.01, 0.0, z);
@@ -137,13 +137,14 @@ fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
     assert!(compare(&undesigned, &a, &options).is_ok(), "only the clocks need a design");
 }
 
-/// For [`captured`], whose clock is 7 s late.
+/// Returns the options for [`captured`], whose clock is 7 s late.
 fn seven_seconds_later() -> ComparisonOptions {
     let (part, alignment) = (Part::All, Alignment::Offset(-7.0));
     ComparisonOptions { part, alignment, ..Default::default() }
 }
 
-/// A motion capture's record of the square: only positions, turned about the vertical and shifted.
+/// Returns the record of a motion capture system for the square: positions only, rotated about the
+/// vertical axis and translated.
 fn captured(turn_rad: f64, shift_m: Vector3<f64>, noise_m: f64) -> Flight {
     let mut flight = aside(1.0, 0.01);
     let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
@@ -192,7 +193,7 @@ fn one_frame_is_not_moved_and_two_that_no_transform_joins_are_refused() {
     let wild = captured(0.9, Vector3::new(2.0, 0.0, 0.0), 0.1);
     let error = compare(&a, &wild, &options).unwrap_err().to_string();
     assert!(error.contains("after the best turn and shift"), "{error}");
-    // Setpoints say the frame: a drone that flew elsewhere did so.
+    // Setpoints determine the frame, so that a drone that flew elsewhere really did.
     let mut elsewhere = aside(1.0, 0.01);
     elsewhere.edit(|elsewhere| {
         elsewhere.samples.iter_mut().for_each(|sample| sample.position_m.x += 1.0)

@@ -1,4 +1,4 @@
-//! Altitude hold with many seeds: figures of each scenario, and their limits.
+//! Flies altitude hold with many seeds, and compares the figures of each scenario with limits.
 
 use rayon::prelude::*;
 
@@ -10,71 +10,73 @@ use noctograph_sim::{AltitudeSensor, SimOptions};
 
 /// Duration of a flight, s.
 pub const DURATION_S: f64 = 60.0;
-/// Time after which a flight counts, when the filter has settled, s.
+/// Time from which a flight is evaluated, because the filter has settled by then, s.
 const FROM_S: f64 = 5.0;
-/// Time before and after an event in which innovations do not count, s.
+/// Time before and after an event within which innovations are ignored, s.
 const EVENT_S: f64 = 0.5;
-/// Most runs of a scenario.
+/// Maximum number of runs of a scenario.
 const MAX_RUNS: f64 = 1e4;
-/// Range of the mean squared error over variance of a consistent state, whose σ is at most 20 %
+/// Range of the mean of squared error over variance for a consistent state: σ is at most 20 %
 /// wrong.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
-/// Figures of a scenario over its flights. Root mean squares are over time and flights.
+/// Figures of a scenario over all of its flights. Root mean squares are over time and flights.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct HoldFigures {
     /// Name of the scenario.
     pub scenario: &'static str,
-    /// Name of the model that was flown.
+    /// Name of the simulated model.
     pub model: &'static str,
     /// Number of flights.
     pub runs: u32,
-    /// Error of the estimated altitude, root mean square with its 95 % interval, m.
+    /// Root mean square error of the estimated altitude, with its 95 % interval, m.
     pub estimate_m: Estimate,
-    /// Distance from the held altitude, root mean square with its 95 % interval, m.
+    /// Root mean square distance from the set altitude, with its 95 % interval, m.
     pub hold_m: Estimate,
-    /// Fraction of the time in which the altitude is inside its 95 % band.
+    /// Fraction of the time in which the true altitude is inside the filter's 95 % band.
     pub inside: f64,
-    /// Error of the estimated hover throttle, root mean square.
+    /// Root mean square error of the estimated hover throttle.
     pub hover_throttle: f64,
-    /// Squared error over variance of each state, away from events.
+    /// Mean of squared error over variance for each state, away from events.
     pub states: Vec<Consistency>,
-    /// Normalized innovation squared of satellites, ranger and barometer, away from events.
+    /// Mean normalized innovation squared of satellites, ranger and barometer, away from events.
     pub nis: [Option<f64>; 3],
-    /// Mean number of floor steps in a flight: detected, and passed by the height sensor.
+    /// Mean numbers of floor steps per flight: those that the filter detected, and those that the
+    /// height sensor passed over.
     pub steps: [f64; 2],
-    /// Limits. `None` for the scenario without any.
+    /// Limits of the figures. `None` for a scenario without limits.
     pub bounds: Option<Bounds>,
-    /// A sentence for each limit that was exceeded.
+    /// Messages, one for each exceeded limit.
     pub missed: Vec<String>,
 }
 
-/// Consistency of a state's variance with its error.
+/// Consistency between the filter's variance of a state and the state's actual error.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Consistency {
     /// Name of the state.
     pub state: &'static str,
-    /// Mean over time and flights of the squared error over its variance, with its 95 % interval. 1
-    /// if the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
+    /// Mean of the squared error over its variance, over time and flights, with its 95 % interval.
+    /// The mean is 1 if the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section
+    /// 5.4).
     pub error: Estimate,
-    /// Its class.
+    /// Class of the mean.
     pub verdict: HoldVerdict,
 }
 
 settings! {
-    /// Size of the estimated standard deviation relative to the error, by [`CONSISTENT`].
+    /// Size of the estimated standard deviation relative to the error, according to [`CONSISTENT`].
     pub enum HoldVerdict {
-        /// Right.
+        /// The estimated standard deviation is right.
         "consistent" => Consistent,
-        /// Too small.
+        /// The estimated standard deviation is too small.
         "overconfident" => Overconfident,
-        /// Too large.
+        /// The estimated standard deviation is too large.
         "conservative" => Conservative,
     }
 }
 
 impl HoldVerdict {
-    /// Classifies a mean squared error over variance.
+    /// Classifies a mean of squared error over variance.
     fn from_error(squared_error: f64) -> Self {
         match squared_error {
             error if error < CONSISTENT[0] => Self::Conservative,
@@ -84,25 +86,25 @@ impl HoldVerdict {
     }
 }
 
-/// Limits of a scenario's figures.
+/// Limits for the figures of a scenario.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Bounds {
-    /// Error of the estimated altitude, root mean square, m.
+    /// Maximum root mean square error of the estimated altitude, m.
     pub estimate_m: f64,
-    /// Distance from the held altitude, root mean square, m.
+    /// Maximum root mean square distance from the set altitude, m.
     pub hold_m: f64,
-    /// Fraction of the time inside the 95 % band, least and most.
+    /// Minimum and maximum fraction of the time inside the 95 % band.
     pub inside: [f64; 2],
-    /// Error of the estimated hover throttle, root mean square.
+    /// Maximum root mean square error of the estimated hover throttle.
     pub hover_throttle: f64,
-    /// Normalized innovation squared, least and most.
+    /// Minimum and maximum normalized innovation squared.
     pub nis: [f64; 2],
-    /// Difference between detected and passed floor steps in a flight.
+    /// Maximum difference between the numbers of detected and passed floor steps per flight.
     pub steps: f64,
 }
 
 impl Bounds {
-    /// Returns the limits of a scenario. `None` for a floor step during a satellite outage, when
+    /// Returns the limits of a scenario, or `None` for a floor step during a satellite outage, when
     /// only the barometer measures the altitude.
     fn new(scenario: HoldScenario) -> Option<Self> {
         let (estimate_m, hold_m) = match scenario {
@@ -121,7 +123,8 @@ impl Bounds {
 ///
 /// # Errors
 ///
-/// Those of [`hold`]. [`noctograph_core::error::Error::Input`] for no or more than 10 000 runs.
+/// Returns the errors of [`hold`]. Returns [`noctograph_core::error::Error::Input`] for 0 or over
+/// 10 000 runs.
 pub fn hold_figures(
     model: HoldModel,
     options: &SimOptions,
@@ -130,11 +133,11 @@ pub fn hold_figures(
     runs: u32,
 ) -> Result<HoldFigures> {
     within("runs", runs.into(), 1.0, MAX_RUNS)?;
-    // Only the means of a flight are kept, so that ten thousand flights fit into memory.
+    // Only the means of each flight are kept, so that ten thousand flights fit into memory.
     let flights = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     });
-    // Collected twice, so that of several errors the first one is returned.
+    // The results are collected twice, so that of several errors the first one is returned.
     let flights: Vec<Result<FlightMeans>> = flights.collect();
     let flights: Vec<FlightMeans> = flights.into_iter().collect::<Result<_>>()?;
     let mean_of = |value: fn(&FlightMeans) -> f64| mean(flights.iter().map(value));
@@ -168,31 +171,31 @@ pub fn hold_figures(
     Ok(figures)
 }
 
-/// Means of one flight.
+/// Means over the samples of one flight.
 #[derive(Debug)]
 struct FlightMeans {
     estimate_m2: f64,
     hold_m2: f64,
     inside: f64,
     hover_throttle_sq: f64,
-    /// Squared error over variance of each state.
+    /// Mean of squared error over variance for each state.
     states: [f64; 6],
-    /// Sum of the normalized innovations squared, and their number.
+    /// Sum of the normalized innovations squared, and their number, for each sensor.
     nis: [(f64, f64); 3],
-    /// Floor steps: detected by the filter, and passed by the height sensor.
+    /// Numbers of floor steps: detected by the filter, and passed over by the height sensor.
     steps: [f64; 2],
 }
 
 impl FlightMeans {
-    /// Computes the means of a flight after [`FROM_S`].
+    /// Computes the means of a flight from [`FROM_S`] on.
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
-        // Consistency counts away from events, at which the model is wrong on purpose.
+        // Consistency is evaluated away from eventswhere the filter's model is wrong on purpose.
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
-        // Sums and numbers, so that flights with more readings have more weight.
+        // Sums and numbers are kept, so that flights with more readings have more weight.
         let mut nis = [(0.0, 0.0); 3];
         for reading in quiet.iter().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
             let (sum, n) = &mut nis[reading.sensor as usize];
@@ -223,7 +226,7 @@ fn square(value: f64) -> f64 {
 }
 
 impl HoldFigures {
-    /// Returns a sentence for each limit that the figures exceed.
+    /// Returns a message for each limit that the figures exceed.
     fn misses(&self) -> Vec<String> {
         let Some(bounds) = self.bounds else { return Vec::new() };
         let Bounds { estimate_m, hold_m, inside: [low, high], hover_throttle, nis, steps } = bounds;
@@ -243,7 +246,7 @@ impl HoldFigures {
             let throttle = self.hover_throttle;
             missed.push(format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"));
         }
-        // Innovations are checked in both directions, states only for too small a σ.
+        // Innovations are checked in both directions, states only for a σ that is too small.
         let [low, high] = nis;
         let beyond = self.nis.iter().flatten().filter(|nis| !(low..=high).contains(*nis));
         missed.extend(beyond.map(|nis| format!("NIS {nis:.2}, not {low} to {high}")));
@@ -277,14 +280,13 @@ mod tests {
         }
     }
 
-    /// The variances of motion and thrust are as large as their errors.
+    /// Asserts that the variances of motion and thrust are as large as their errors.
     fn assert_consistent(figures: &HoldFigures) {
         let [least, most] = CONSISTENT;
         for (index, Consistency { state, error, .. }) in figures.states.iter().enumerate() {
             let what = format!("{}, {}, {state}: {error:?}", figures.model, figures.scenario);
             assert!(error.low <= most, "{what}");
-            // The floor is flat and the barometer hardly drifts: easier than the filter is made
-            // for.
+            // The floor is flat and the barometer hardly driftswhich the filter does not assume.
             assert!(index >= 4 || error.high >= least, "{what}");
         }
     }
@@ -292,11 +294,11 @@ mod tests {
     #[test]
     fn the_full_simulator_keeps_to_the_limits_too() {
         for scenario in HoldScenario::ALL {
-            // Of eight flights, one with a gain far from the believed one decides.
+            // With only eight flights, a single one with an unusual gain decides the result.
             let figures = figures(HoldModel::Full, *scenario, 12);
             assert_consistent(&figures);
             let Some(bounds) = figures.bounds else { continue };
-            // Fewer flights than the limits are made for: a seventh looser.
+            // The limits are a seventh looser, because there are fewer flights.
             assert!(figures.estimate_m.value < 1.15 * bounds.estimate_m, "{figures:?}");
             assert!(figures.hold_m.value < 1.15 * bounds.hold_m, "{figures:?}");
             assert!((0.92..=0.99).contains(&figures.inside), "{figures:?}");
@@ -324,7 +326,7 @@ mod tests {
             let start = format!("{state} overconfident");
             assert!(unknown.missed.iter().any(|text| text.starts_with(&start)), "{unknown:?}");
         }
-        // With gravity known, a walk that no battery has only widens σ.
+        // If gravity is known, a random walk of the gain that no battery has only widens σ.
         assert_eq!(known.states[3].verdict, HoldVerdict::Conservative, "{known:?}");
     }
 

@@ -10,7 +10,7 @@ use noctograph_plan::{Plan, PlanData, Setpoint};
 use noctograph_sim::vehicle::Plant;
 use noctograph_sim::{Avionics, Drone, SimOptions, fly_watched};
 
-/// Flies a scenario: see [`super::hold()`].
+/// Flies a scenario as described at [`super::hold()`].
 pub(super) fn hold(
     believed: &SimOptions,
     scenario: HoldScenario,
@@ -25,7 +25,7 @@ pub(super) fn hold(
     let drone = Drone { believed, ..Drone::new(&actual, seed) };
     let watch = &mut |tick: u32, plant: &Plant, avionics: &Avionics| {
         let Some(filter) = avionics.altitude() else { return };
-        // A sample has the readings of all ticks since the one before.
+        // A sample contains the readings of all ticks since the previous sample.
         readings.extend_from_slice(filter.readings());
         if tick.is_multiple_of(ticks_per_sample) {
             let throttle = avionics.motors().iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
@@ -52,7 +52,7 @@ fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
     [z_m, v_m_s, offset_m_s2, plant.gain_m_s2(), ranger_m, barometer_m]
 }
 
-/// Returns a plan along x at a constant speed, with a setpoint each second.
+/// Returns a plan along x at constant speed, with one setpoint per second.
 fn level_flight(duration_s: f64) -> Plan {
     let seconds = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
     let setpoints = seconds.chain([duration_s]).map(|time_s| Setpoint {

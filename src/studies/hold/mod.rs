@@ -1,15 +1,14 @@
-//! Altitude hold from three imperfect sensors, with an unknown thrust map.
+//! Altitude hold with three imperfect sensors and an unknown thrust map.
 //!
 //! A quadcopter measures its altitude with satellites, with a height sensor above an uneven floor,
 //! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes
 //! with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
-//! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude with its
-//! estimates through [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full
-//! simulator.
+//! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] keeps the altitude constant with
+//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: scalar and full.
 //!
-//! Limits of the filter: while the throttle is held, α⁰ and α¹ are not observable separately (rank
-//! 5 of 6, and 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports
-//! that one, and α¹ with its standard deviation.
+//! Limits of the filter: while the throttle is constant, α⁰ and α¹ are not separately observable
+//! (rank 5 of 6, and 4 while the satellites are silent). Only the hover throttle −α⁰/α¹ is
+//! observable. The filter therefore reports the hover throttle, and α¹ with its standard deviation.
 
 mod figures;
 mod full;
@@ -28,34 +27,35 @@ use noctograph_sim::{
     AltitudeFilter, AltitudeSensor, AltitudeState, EstimatorKind, HeightReading, SimOptions,
 };
 
-/// Longest flight.
+/// Maximum duration of a flight.
 const MAX_DURATION_S: f64 = 3600.0;
-/// Samples per second, and steps of the filter in the scalar model, as in the lab sheet.
+/// Rate of samples, and of the filter's steps in the scalar model, as in the lab sheet.
 const SAMPLES_HZ: u32 = 10;
-/// Least change of the floor that counts as an event.
+/// Minimum change of the floor's height that counts as an event.
 const EVENT_M: f64 = 0.1;
-/// Altitude that is held.
+/// Altitude to be held.
 const SET_M: f64 = 1.5;
 
 settings! {
-    /// The simulated drone.
+    /// Model of the simulated drone.
     pub enum HoldModel {
-        /// Only vertical motion: a gain, an offset, a motor lag and gusts.
+        /// Vertical motion only: a gain, an offset, a motor lag and gusts.
         "scalar" => Scalar,
-        /// The full simulator: body, rotors, battery, sensors, controller.
+        /// The full simulator: body, rotors, battery, sensors and controller.
         "full" => Full,
     }
 }
 
-/// Simulates altitude hold in a scenario for `duration_s`, with the noise of a seed.
+/// Simulates altitude hold in a scenario for `duration_s`, with noise from a seed.
 ///
 /// The drone, its sensors, the filter and the gains are those of the options. The drone's true lift
-/// differs from the options' by a fraction that is drawn from the seed.
+/// differs from that of the options by a fraction drawn from the seed.
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`]. [`Error::Input`] for options without an altitude filter, and for
-/// a duration out of range. [`Error::Infeasible`] if the drone does not stay in the air.
+/// Returns the errors of [`SimOptions::check`]. Returns [`Error::Input`] for options without an
+/// altitude filter, and for a duration out of range. Returns [`Error::Infeasible`] if the drone
+/// does not stay in the air.
 pub fn hold(
     model: HoldModel,
     options: &SimOptions,
@@ -66,7 +66,7 @@ pub fn hold(
     options.check()?;
     let kind = options.observer.kind;
     if kind != EstimatorKind::Altitude {
-        let hint = "name the preset bzzz, or set the kind and sensors of the altitude";
+        let hint = "use the preset bzzz, or set the kind and sensors of the altitude filter";
         return Err(Error::input("observer.kind", kind.name(), "altitude", hint));
     }
     // Both models fly the same scenario with the same true drone.
@@ -80,18 +80,18 @@ pub fn hold(
 /// A flight at constant altitude.
 #[derive(Clone, Debug)]
 pub struct Hold {
-    /// Altitude that is held.
+    /// The set altitude.
     pub set_m: f64,
-    /// Samples, ten a second.
+    /// Samples, ten per second.
     pub samples: Vec<HoldSample>,
     /// Number of floor steps that the filter detected.
     pub steps: u32,
 }
 
-/// Truth, estimate and readings at one instant.
+/// True states, estimates and readings at one instant.
 #[derive(Clone, Debug)]
 pub struct HoldSample {
-    /// Time since the start.
+    /// Time since the start of the flight.
     pub time_s: f64,
     /// True states, in the order of [`AltitudeState`].
     pub truth: [f64; 6],
@@ -99,13 +99,13 @@ pub struct HoldSample {
     pub estimate: [f64; 6],
     /// Standard deviations of the estimates.
     pub sigma: [f64; 6],
-    /// Throttle that is commanded until the next sample.
+    /// Throttle commanded until the next sample.
     pub throttle: f64,
     /// Readings since the previous sample.
     pub readings: Vec<HeightReading>,
 }
 
-/// All states, in order.
+/// All states in the order of their columns.
 const STATES: [AltitudeState; 6] = [
     AltitudeState::Altitude,
     AltitudeState::Velocity,
@@ -115,9 +115,9 @@ const STATES: [AltitudeState; 6] = [
     AltitudeState::Barometer,
 ];
 
-/// Their names in tables.
+/// Names of the states in tables.
 pub const STATE_NAMES: [&str; 6] = ["z", "v", "α⁰", "α¹", "ranger", "barometer"];
-/// Their columns in files.
+/// Names of the states' columns in files.
 const STATE_COLUMNS: [&str; 6] =
     ["z_m", "v_m_s", "offset_m_s2", "gain_m_s2", "ranger_bias_m", "barometer_bias_m"];
 
@@ -130,7 +130,7 @@ impl Hold {
             .flat_map(|kind| STATE_COLUMNS.iter().map(move |state| format!("{state}_{kind}")));
         let header = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
         out.write_record(header.map(str::to_owned).into_iter().chain(columns))?;
-        // The last reading of each sensor since the previous sample, or an empty cell.
+        // A cell contains the sensor's last reading since the previous sample, or is empty.
         for s in &self.samples {
             let numbers = [s.time_s, s.throttle].map(Some);
             let readings = AltitudeSensor::ALL.map(|sensor| {
@@ -145,10 +145,10 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the height sensor stepped, for at least two
+    /// Returns the times at which the floor below the height sensor stepped for at least two
     /// samples.
     pub fn events_s(&self) -> Vec<f64> {
-        // State 4 is the height sensor's bias, minus the floor's height.
+        // State 4 is the height sensor's bias, which equals minus the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);
         for pair in self.samples.windows(2) {
             let last_m = last_m.get_or_insert(pair[0].truth[4]);
@@ -175,7 +175,7 @@ impl HoldSample {
         Self { time_s, truth, estimate, sigma, throttle, readings }
     }
 
-    /// Returns the throttle −α⁰/α¹ that carries the drone's weight: true and estimated.
+    /// Returns the true and the estimated throttle −α⁰/α¹ that carries the drone's weight.
     pub fn hover_throttle(&self) -> [f64; 2] {
         [self.truth, self.estimate].map(|states| -states[2] / states[3])
     }
@@ -187,7 +187,7 @@ mod tests {
     use noctograph_pipeline::scene::{Preset, Scene};
     use noctograph_sim::sensors::Positioning;
 
-    /// Root mean square of the distance from the set altitude, from 5 s on.
+    /// Returns the root mean square distance from the set altitude, from 5 s on.
     fn rms_m(model: HoldModel, options: &SimOptions, seed: u64) -> f64 {
         let flight = hold(model, options, HoldScenario::Step, 60.0, seed).unwrap();
         let settled = flight.samples.iter().filter(|s| s.time_s > 5.0);
@@ -212,7 +212,8 @@ mod tests {
             let flight =
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
-            // It grows at once to the bound by the ranger over a known floor, and stays there.
+            // The error grows at once to the bound that the ranger sets over a known floor, and
+            // stays there.
             let [before_m, first_m, later_m @ .., after_m] =
                 [19.9, 20.1, 20.5, 22.0, 25.0, 29.9, 31.1].map(|time_s| {
                     let mut samples = flight.samples.iter();

@@ -1,7 +1,7 @@
 //! Altitude hold in a scalar model.
 //!
-//! Truth: `z̈ = α⁰ + α¹ τ + gust`, with the motors' lag, at 100 Hz. Sensors, filter and controller
-//! run at 10 Hz, as in the lab sheet.
+//! The true motion is `z̈ = α⁰ + α¹ τ + gust`, with the motors' lag, at 100 Hz. Sensors, filter and
+//! controller run at 10 Hz, as in the lab sheet.
 
 use super::scenario::{DRONE, GAIN_SPREAD, GUST, HoldScenario, OFFSET_SPREAD_M_S2};
 use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
@@ -11,12 +11,12 @@ use noctograph_core::random::Noise;
 use noctograph_sim::sensors::{Positioning, SensorOptions};
 use noctograph_sim::{AltitudeFilter, AltitudeSensor, AltitudeState, SimOptions, altitude_gains};
 
-/// Simulation steps per second.
+/// Rate of the simulation steps.
 const TRUTH_HZ: u32 = 100;
 /// Standard deviation of the barometer's initial bias, m.
 const BAROMETER_BIAS_M: f64 = 0.3;
 
-/// Flies a scenario: see [`super::hold()`].
+/// Flies a scenario as described at [`super::hold()`].
 pub(super) fn hold(
     options: &SimOptions,
     scenario: HoldScenario,
@@ -35,7 +35,8 @@ pub(super) fn hold(
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(TRUTH_HZ);
         if tick.is_multiple_of(TRUTH_HZ / SAMPLES_HZ) {
-            // Time update, then a measurement update for each sensor that the drone carries.
+            // The filter's time update is followed by a measurement update for each sensor on
+            // board.
             if tick > 0 {
                 filter.predict(throttle, 1.0 / f64::from(SAMPLES_HZ));
             }
@@ -47,7 +48,7 @@ pub(super) fn hold(
                     filter.update(*sensor, truth.measured_m(*sensor, time_s, error));
                 }
             }
-            // State feedback on the estimates.
+            // The throttle is a state feedback on the estimates.
             let [z, v] = [AltitudeState::Altitude, AltitudeState::Velocity]
                 .map(|state| filter.estimate(state));
             throttle = filter.thrust_map().throttle(-k_z * (z - SET_M) - k_v * v);
@@ -69,7 +70,7 @@ fn carries(sensors: &SensorOptions, sensor: AltitudeSensor) -> bool {
     }
 }
 
-/// The true drone and its sensors' biases.
+/// The true state of the drone and the biases of its sensors.
 #[derive(Debug)]
 struct Truth<'a> {
     options: &'a SimOptions,
@@ -86,9 +87,9 @@ struct Truth<'a> {
 }
 
 impl<'a> Truth<'a> {
-    /// Creates the drone at the set altitude, with gain, offset and bias drawn from the seed.
+    /// Creates the drone at the set altitude, with its gain, offset and bias drawn from the seed.
     fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
-        // The same random stream as in the full simulator, so that both have the same drone.
+        // This is the random stream of the full simulator, so that both models have the same drone.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let hover = options.vehicle.hover_throttle();
         Self {
@@ -106,7 +107,7 @@ impl<'a> Truth<'a> {
         }
     }
 
-    /// Returns α¹ at `time_s`, which falls with the battery.
+    /// Returns α¹ at `time_s`, which decreases with the battery.
     fn gain(&self, time_s: f64) -> f64 {
         self.full_gain * self.scenario.lift_frac(time_s)
     }
@@ -135,7 +136,7 @@ impl<'a> Truth<'a> {
         let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
         let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);
         self.throttle += (throttle - self.throttle) * (dt / lag_s).min(1.0);
-        // Gusts are an Ornstein–Uhlenbeck process, the barometer's bias a random walk.
+        // The gusts are an Ornstein–Uhlenbeck process, and the barometer's bias is a random walk.
         let [sigma, correlation_s] = GUST;
         self.gust_m_s2 += -self.gust_m_s2 * dt / correlation_s
             + sigma * (2.0 * dt / correlation_s).sqrt() * self.gusts.normal();

@@ -1,32 +1,32 @@
-//! Events during altitude hold, for the scalar model and the full simulator.
+//! Scenarios of altitude hold, with their events, for the scalar model and the full simulator.
 
 use noctograph_core::random::Noise;
 use noctograph_core::settings::settings;
 use noctograph_sim::SimOptions;
 use noctograph_sim::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
 
-/// σ of the true lift per throttle, as a fraction of the vehicle's.
+/// Standard deviation of the true lift per throttle, as a fraction of the vehicle's value.
 pub(super) const GAIN_SPREAD: f64 = 0.05;
-/// σ of the true α⁰ about gravity, m/s²: lift without throttle, or a steady draft.
+/// Standard deviation of the true α⁰ about gravity, m/s²: lift at zero throttle or a steady draft.
 pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
-/// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
+/// Standard deviation, m/s², and correlation time, s, of the vertical acceleration by gusts.
 pub(super) const GUST: [f64; 2] = [0.15, 2.0];
 
-/// Height of the table, m, and the time during which it is below the drone, s.
+/// Height of the table, m, and start and end of the time for which it is below the drone, s.
 const TABLE_M: f64 = 0.5;
 const TABLE_S: [f64; 2] = [20.0, 40.0];
-/// Time without satellites, s.
+/// Start and end of the satellite outage, s.
 const SILENT_S: [f64; 2] = [20.0, 30.0];
-/// Fraction of the lift that the battery loses, and the time for this, s.
+/// Fraction of its lift that the battery loses, and the time that this takes, s.
 const DRAIN_FRAC: f64 = 0.25;
 const DRAIN_S: f64 = 60.0;
-/// Drift of the air pressure, m/s.
+/// Drift of the altitude by air pressure, m/s.
 const DRIFT_M_S: f64 = 0.02;
-/// Speed in the full simulator, in which the drone flies over the table, m/s.
+/// Speed at which the drone flies over the table in the full simulator, m/s.
 pub(super) const SPEED_M_S: f64 = 0.2;
 /// Half the width of the table, m.
 const TABLE_HALF_WIDTH_M: f64 = 50.0;
-/// Bisections in the search for the drained battery's voltage.
+/// Number of bisections in the search for the drained battery's voltage.
 const BISECTIONS: u32 = 60;
 
 settings! {
@@ -40,9 +40,9 @@ settings! {
         "silent" => Silent,
         /// The battery loses a quarter of its lift in 60 s.
         "drain" => Drain,
-        /// Air pressure drifts by 2 cm/s.
+        /// The air pressure drifts by 2 cm/s of altitude.
         "drift" => Drift,
-        /// Step and silence together: only the barometer shows the step.
+        /// The table appears and the satellites are silentand only the barometer shows it.
         "step-silent" => StepSilent,
     }
 }
@@ -69,7 +69,7 @@ impl HoldScenario {
         matches!(self, Self::Silent | Self::StepSilent)
     }
 
-    /// Returns the fraction of the full lift that the battery allows at `time_s`.
+    /// Returns the fraction of its full lift that the battery provides at `time_s`.
     pub(super) fn lift_frac(self, time_s: f64) -> f64 {
         if self == Self::Drain { 1.0 - DRAIN_FRAC * time_s / DRAIN_S } else { 1.0 }
     }
@@ -80,10 +80,10 @@ impl HoldScenario {
     }
 
     /// Returns the options of the drone that actually flies in the full simulator, with the
-    /// scenario's events. `believed` are the filter's and the controller's.
+    /// scenario's events. `believed` are the options that the filter and the controller assume.
     pub(super) fn applied(self, believed: &SimOptions, seed: u64) -> SimOptions {
         let mut actual = believed.clone();
-        // Drawn in the order of the scalar model.
+        // The numbers are drawn in the same order as in the scalar model.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let lift = 1.0 + GAIN_SPREAD * drawn.normal();
         let offset_m_s2 = OFFSET_SPREAD_M_S2 * drawn.normal();
@@ -100,7 +100,7 @@ impl HoldScenario {
         if self == Self::Drain {
             drain(&mut actual);
         }
-        // Gusts and draft as wind that causes the same acceleration through the body's drag.
+        // Gusts and draft are modeled as wind that accelerates the body equally by its drag.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
@@ -120,21 +120,22 @@ impl HoldScenario {
 /// Name of the random stream that draws the true drone in both models.
 pub(super) const DRONE: &str = "hold drone";
 
-/// Replaces the battery. The lift in hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`], for which its
-/// charge lasts, and its open-circuit voltage falls linearly.
+/// Replaces the battery so that the lift at hover falls by [`DRAIN_FRAC`] in [`DRAIN_S`]. The
+/// charge lasts for this time, and the open-circuit voltage falls linearly.
 fn drain(options: &mut SimOptions) {
     let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;
     let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
     let full_v = battery.open_circuit_v(battery.charge_frac);
     let wanted_n = (1.0 - DRAIN_FRAC) * lift_n(battery, full_v, current_a);
-    // The voltage at which the lift is as wanted in the end, by bisection.
+    // The final voltage is found by bisection, so that the lift has the wanted value at the end.
     let (mut low_v, mut high_v) = (0.0, full_v);
     for _ in 0..BISECTIONS {
         let middle_v = 0.5 * (low_v + high_v);
-        match lift_n(battery, middle_v, current_a) < wanted_n {
-            true => low_v = middle_v,
-            false => high_v = middle_v,
+        if lift_n(battery, middle_v, current_a) < wanted_n {
+            low_v = middle_v
+        } else {
+            high_v = middle_v
         }
     }
     let tenth_v = (full_v - low_v) / 10.0;

@@ -1,7 +1,7 @@
-//! Draws lines, cells and text on white or on a photo, as SVG or as pixels.
+//! Draws lines, cells and text on white or over a photo, as SVG or as pixels.
 //!
-//! Pixels have y down, from the upper left corner. Text has the viewer's sans-serif typeface in
-//! SVG, and single strokes in pixels.
+//! Pixel coordinates start at the upper left corner, with y down. Text uses the viewer's sans-serif
+//! typeface in SVG, and single strokes in pixels.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use kurbo::{Point, Rect, Vec2};
@@ -12,17 +12,17 @@ use tiny_skia::{
 use noctograph_letters::{Cell, Font, Trace};
 use noctograph_picture::photo::{self, Photo, PhotoData};
 
-/// Red, green, blue.
+/// A color: red, green, blue.
 pub(super) type Rgb = [u8; 3];
 
-/// Height of capitals, relative to the font size.
+/// Height of capitals relative to the font size.
 pub(super) const CAP_RATIO: f64 = 0.7;
 
-/// Width of written strokes, and the space between characters, relative to the height of capitals.
+/// Width of the strokes of text, and the space between charactersrelative to the cap height.
 const STROKE_RATIO: f64 = 0.12;
 const SPACE_RATIO: f64 = 0.25;
 
-/// Attributes of a group of shapes in an SVG file, and the end of its tag.
+/// Attributes of a group of shapes in an SVG file, including the end of its tag.
 const GROUP: &str = "fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n";
 
 /// Style of a line.
@@ -42,19 +42,19 @@ impl Pen {
     }
 }
 
-/// The point of a text's lower edge at its position.
+/// The point on the lower edge of a text that is placed at the given position.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
     Middle,
     End,
-    /// The middle of a text that is rotated to read upward.
+    /// The middle of the text, which is rotated to read upward.
     Upward,
 }
 
-/// A surface for lines, dots and text: an SVG file or pixels.
+/// A surface for lines, dots and text: an SVG file or a raster picture.
 pub(super) trait Surface {
-    /// Begins a layer with a name.
+    /// Begins a named layer.
     fn layer(&mut self, name: &str);
 
     /// Draws a line through points.
@@ -63,10 +63,10 @@ pub(super) trait Surface {
     /// Draws a filled disk.
     fn dot(&mut self, center: Point, radius_px: f64, color: Rgb);
 
-    /// Writes a text with capitals `cap_px` high, from its lower left corner on.
+    /// Writes text whose lower left corner is `corner` and whose capitals are `cap_px` high.
     fn write(&mut self, text: &str, corner: Point, cap_px: f64, color: Rgb);
 
-    /// Draws the outline of a disk, as a polygon with 24 corners.
+    /// Draws the outline of a disk as a polygon with 24 corners.
     fn ring(&mut self, center: Point, radius_px: f64, pen: Pen) {
         let corners = (0..=24).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) * std::f64::consts::TAU / 24.0);
@@ -76,7 +76,7 @@ pub(super) trait Surface {
     }
 }
 
-/// Maps a plane of the world, with y up, to pixels: by its upper left corner in both, and a scale.
+/// Maps a plane of the world, with y up, to pixels by a scale and by its upper left corner in both.
 pub(super) struct Window {
     pub(super) corner_px: Point,
     pub(super) corner_m: Point,
@@ -84,30 +84,30 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Returns the pixel of a point in the plane.
+    /// Returns the pixel position of a point in the plane.
     pub(super) fn px(&self, point_m: Point) -> Point {
         let Vec2 { x, y } = point_m - self.corner_m;
         self.corner_px + self.px_per_m * Vec2::new(x, -y)
     }
 
-    /// Returns the pixels of a rectangle in the plane.
+    /// Returns the pixel rectangle of a rectangle in the plane.
     pub(super) fn rect_px(&self, rect_m: Rect) -> Rect {
         Rect::from_points(self.px(rect_m.origin()), self.px(Point::new(rect_m.x1, rect_m.y1)))
     }
 }
 
-/// The text of an SVG file, to which shapes are appended.
+/// Text of an SVG file, to which shapes are appended.
 pub(super) struct Canvas(String);
 
 impl Canvas {
-    /// Creates a white canvas. Its sides are rounded up to integers.
+    /// Creates a white canvas whose sides are rounded up to whole pixels.
     pub(super) fn white(size_px: [f64; 2]) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "thousands")]
         let size_px = size_px.map(|side| side.ceil() as u32);
         Self::new(size_px, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n")
     }
 
-    /// Creates a canvas with a photo in the background, which is embedded in the file.
+    /// Creates a canvas over a photo, which is embedded in the file.
     pub(super) fn over(photo: &Photo) -> Self {
         let PhotoData { width_px, height_px, .. } = &**photo;
         let image = format!(
@@ -118,7 +118,7 @@ impl Canvas {
         Self::new([*width_px, *height_px], &image)
     }
 
-    /// Creates a canvas with a background, given as SVG elements.
+    /// Creates a canvas over a background that is given as SVG elements.
     pub(super) fn new([width, height]: [u32; 2], background: &str) -> Self {
         Self(format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
@@ -132,7 +132,7 @@ impl Canvas {
         self.line(corners.map(Point::from), pen);
     }
 
-    /// Draws a rectangle without antialiasing, so that neighbors have no gap between them.
+    /// Draws a rectangle without antialiasingwhich would leave gaps between neighbors.
     pub(super) fn cell(&mut self, rect: Rect, color: Rgb) {
         let (Rect { x0, y0, .. }, width, height) = (rect, rect.width(), rect.height());
         self.0 += &format!(
@@ -142,7 +142,7 @@ impl Canvas {
         );
     }
 
-    /// Writes a text with capitals `cap_px` high.
+    /// Writes text with capitals `cap_px` high, anchored at a point.
     pub(super) fn text(
         &mut self,
         text: impl AsRef<str>,
@@ -151,7 +151,7 @@ impl Canvas {
         cap_px: f64,
         color: Rgb,
     ) {
-        // Upward text is rotated about its position.
+        // Upward text is rotated about its anchor.
         let (anchor, rotation) = match anchor {
             Anchor::Start => ("start", String::new()),
             Anchor::Middle => ("middle", String::new()),
@@ -165,7 +165,7 @@ impl Canvas {
         );
     }
 
-    /// Returns the SVG file.
+    /// Returns the complete SVG document.
     pub(super) fn svg(self) -> String {
         self.0 + "</g>\n</svg>\n"
     }
@@ -205,7 +205,7 @@ impl Surface for Canvas {
     }
 }
 
-/// A photo that is drawn on.
+/// A copy of a photo to draw on.
 pub(super) struct Pixels {
     pixels: Pixmap,
     font: Font,
@@ -223,7 +223,7 @@ impl Pixels {
         }
     }
 
-    /// Returns the photo with everything that was drawn.
+    /// Returns the photo with everything that was drawn on it.
     pub(super) fn photo(self) -> Photo {
         let [width_px, height_px] = [self.pixels.width(), self.pixels.height()];
         let rgba = self.pixels.take();
@@ -231,13 +231,13 @@ impl Pixels {
         Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
-    /// Returns the lines of a text from its lower left corner on, and the x of its right end.
+    /// Returns the lines of a text whose lower left corner is `corner`, and the x of its right end.
     /// Characters that the font lacks are omitted.
     pub(super) fn letters(&self, text: &str, corner: Point, cap_px: f64) -> (Vec<Vec<Point>>, f64) {
         let (mut lines, mut right) = (Vec::new(), 0.0);
         for character in text.chars() {
             let Some(aspect) = self.font.aspect(character) else { continue };
-            // The cell's meters are pixels, with the baseline at y = 0.
+            // The cell's unit is pixels instead of meters, and its baseline is at y = 0.
             let (width_m, cap_height_m) = (aspect * cap_px, cap_px);
             let cell = Cell { left_m: right, baseline_m: 0.0, width_m, cap_height_m };
             let moves = self.font.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);
@@ -281,7 +281,7 @@ impl Surface for Pixels {
     }
 }
 
-/// Returns the paint of a color.
+/// Returns an opaque paint of a color.
 fn paint([r, g, b]: Rgb) -> Paint<'static> {
     let mut paint = Paint::default();
     paint.set_color_rgba8(r, g, b, 255);

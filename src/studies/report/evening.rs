@@ -1,4 +1,4 @@
-//! The page of an evening: its flights, its drones over time, and their conditions.
+//! Builds the page of an evening, with its flights, drones over time, and conditions.
 
 use super::Page;
 use super::canvas::{Pen, Rgb};
@@ -8,9 +8,9 @@ use crate::{Evening, EveningLog, LogFigures};
 
 /// Height of a panel.
 const HEIGHT_PX: f64 = 130.0;
-/// Selects a figure of a log.
+/// Function that selects a figure of a log.
 type Select = fn(&LogFigures) -> Option<f64>;
-/// Most drones with a curve.
+/// Maximum number of drones whose curves are drawn.
 const MOST_DRONES: usize = 7;
 
 /// Returns the page: the `printed` table of the evening, plots of its drones over time, and the
@@ -18,13 +18,13 @@ const MOST_DRONES: usize = 7;
 pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &str) -> Page {
     let (n, sound) = (evening.logs.len(), evening.sound().count());
     let drones = evening.drones();
-    let lead = format!("{n} logs of {} drone(s); {sound} sound.", drones.len());
+    let lead = format!("{n} logs of {} drone(s), of which {sound} are valid.", drones.len());
     let mut page = Page::new(title, &lead).section("Flights").printed(printed).text(
-        "Thrust per command and weight, relative to the scene; trim: the center of mass that the \
-         motors compensate; gusts: the gusts that turn a drone as its air did. -: not shown by \
-         the log.",
+        "Thrust is per command and weight, relative to the scene. Trim is the center of mass for \
+         which the motors compensate. Gusts are those that would rotate a drone as its air did. A \
+         dash stands for a figure that the log does not show.",
     );
-    // A panel for each figure, with a curve for each drone over its sound flights.
+    // There is a panel for each figure, with a curve for each drone over its valid flights.
     let most_logs = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
     let panels: [(&str, f64, Select); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),
@@ -45,7 +45,7 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         let figure = Figure {
             title: "Thrust, trim and lag, flight by flight".to_owned(),
             legend: drones.iter().map(|(name, _)| (*name).to_owned()).zip(pens).collect(),
-            x_name: "sound flight, in the order of the names",
+            x_name: "valid flights sorted by name",
             panels: panels.into(),
         };
         page = page.section("Drones over time").drawings(&[figure.svg()]);
@@ -56,14 +56,14 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
     page.section("Conditions").printed(conditions)
 }
 
-/// Returns the curve of a figure over a drone's sound flights, in their order.
+/// Returns the curve of a figure over a drone's valid flights, in their order.
 fn curve(logs: &[EveningLog], figure: Select, color: Rgb) -> Curve {
     let sound = logs.iter().filter(|log| log.flaws.is_empty()).enumerate();
     let points = sound.filter_map(|(index, log)| {
         Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
     });
     let points: Vec<(f64, f64)> = points.collect();
-    // A short bar at each flight, so that a single flight is visible.
+    // Each flight gets a short bar, so that a single flight is visible.
     let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
     let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
     Curve { pen: Pen::new(color, 2.0), pieces }

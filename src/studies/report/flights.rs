@@ -1,4 +1,4 @@
-//! Plots flights: from above, from the front, and their errors and loads over time.
+//! Plots flights from above and from the front, and their errors and loads over time.
 
 use std::ops::Range;
 
@@ -12,22 +12,22 @@ use noctograph_plan::tracking::CORRIDOR_M;
 /// A flight to draw.
 #[derive(Clone, Debug)]
 pub struct NamedFlight {
-    /// Its name in the legend.
+    /// Name of the flight in the legend.
     pub name: String,
-    /// The samples to draw, in order of time. A design of zeros counts as no design.
+    /// Samples to draw, in order of time. A design that is zero everywhere counts as no design.
     pub samples: Vec<FlightSample>,
 }
 
-/// Longest time between two samples that a line connects.
+/// Maximum time between two samples that a line connects.
 const LONGEST_LINE_S: f64 = 0.2;
-/// Least height of a panel with equal scales on both axes, and the height to which a tall flight is
+/// Minimum height of a panel with equal scales on both axes, and height to which a tall flight is
 /// fitted.
 const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
-/// Returns an SVG of the flights from above, x to the right and y up, over the first trace's
-/// design, with black lines at the edges of the safety corridor. Panics without traces or samples.
+/// Returns an SVG of the flights from above, with x to the right and y up, over the first trace's
+/// design. Black lines mark the edges of the safety corridor. Panics without traces or samples.
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
@@ -37,19 +37,19 @@ pub fn top_view(traces: &[NamedFlight]) -> String {
     view.svg("Flight from above", "y (m)", [x, y])
 }
 
-/// Returns an SVG of the flights from the front, x to the right and z up, over the first trace's
-/// design. Panics without traces or samples.
+/// Returns an SVG of the flights from the front, with x to the right and z up, over the first
+/// trace's design. Panics if there are no traces or samples.
 pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
 
-/// Returns an SVG of flown minus design over time, with a panel for each axis. Each flight is
-/// compared with its own design. Panics without traces or samples.
+/// Returns an SVG of the flown minus the designed position over time, with a panel for each axis.
+/// Each flight is compared with its own design. Panics if there are no traces or samples.
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
     let time_s = start_s..ends_s.fold(start_s + 0.1, f64::max);
-    // A flight without a design has no error.
+    // Flights without a design are omitted, because they have no error.
     let designed: Vec<_> = pens(traces).filter(|(trace, _)| trace.has_design()).collect();
     let panels = error_panels(&time_s, 0.05, |axis| {
         let curves = designed.iter().rev().map(|(trace, pen)| {
@@ -66,8 +66,8 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     .svg()
 }
 
-/// Returns a panel for each axis with curves of errors over time. All have one scale, about zero,
-/// that reaches at least to `least_m`.
+/// Returns a panel for each axis with curves of errors over time. All panels have the same scale,
+/// which is centered at zero and reaches to at least `least_m`.
 pub(super) fn error_panels(
     time_s: &Range<f64>,
     least_m: f64,
@@ -86,7 +86,7 @@ pub(super) fn error_panels(
     panels.collect()
 }
 
-/// Samples for each point of the plot of loads: 50 ms.
+/// Number of samples for each point in the plot of loads, which makes 50 ms.
 const LOAD_SAMPLES: usize = 12;
 /// Motor command at full power.
 const FULL_COMMAND: f64 = 65_535.0;
@@ -121,36 +121,36 @@ pub(super) fn load_over_time(flights: &[Flight]) -> String {
     .svg()
 }
 
-/// Returns the largest motor command in [`LOAD_SAMPLES`] from a sample on, in percent of full
-/// power. Always `Some`, like [`battery_v`].
+/// Returns the maximum motor command over [`LOAD_SAMPLES`] samples from `row` on, in percent of
+/// full power. The result is always `Some`, so that the signature matches that of [`battery_v`].
 fn power_percent(flight: &Flight, row: usize) -> Option<f64> {
     let samples = flight.samples[row..].iter().take(LOAD_SAMPLES);
     let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
     Some(100.0 * most / FULL_COMMAND)
 }
 
-/// Returns the battery's voltage at a sample. `None` without a battery.
+/// Returns the battery's voltage at a sample, or `None` without a battery.
 fn battery_v(flight: &Flight, row: usize) -> Option<f64> {
     flight.extra.get(BATTERY_V)?.get(row).copied()
 }
 
-/// Returns the pen of the flight with an index.
+/// Returns the pen for the flight with the given index.
 fn pen(index: usize) -> Pen {
     Pen::new([BLUE, VERMILION][index % 2], 1.75)
 }
 
-/// Returns the traces with their pens.
+/// Returns the traces, each with its pen.
 fn pens(traces: &[NamedFlight]) -> impl DoubleEndedIterator<Item = (&NamedFlight, Pen)> {
     traces.iter().enumerate().map(|(index, trace)| (trace, pen(index)))
 }
 
 impl NamedFlight {
-    /// Returns true if a design is not zero.
+    /// Returns true if any sample has a design other than zero.
     fn has_design(&self) -> bool {
         self.samples.iter().any(|sample| sample.design_m.norm() > 0.0)
     }
 
-    /// Returns the curve of a value, interrupted at gaps.
+    /// Returns the curve of a value over the samples, interrupted at gaps.
     fn curve(&self, pen: Pen, value: impl Fn(&FlightSample) -> (f64, f64)) -> Curve {
         let pieces = self.samples.chunk_by(|a, b| b.time_s - a.time_s <= LONGEST_LINE_S);
         let pieces = pieces.map(|piece| piece.iter().map(&value).collect());
@@ -158,7 +158,7 @@ impl NamedFlight {
     }
 }
 
-/// A projection of flights, with the same scale on both axes.
+/// A projection of flights onto a plane, with the same scale on both axes.
 #[derive(Default)]
 pub(super) struct View {
     pub(super) curves: Vec<Curve>,
@@ -167,7 +167,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Creates the view of the first design and all flights, with the first flight on top.
+    /// Creates the view of all flights over the first design, with the first flight on top.
     fn new(traces: &[NamedFlight], project: impl Fn(nalgebra::Vector3<f64>) -> (f64, f64)) -> Self {
         let mut view = Self::default();
         if let Some(trace) = traces.iter().find(|trace| trace.has_design()) {
@@ -180,7 +180,7 @@ impl View {
         view
     }
 
-    /// Returns the ranges of both axes with equal scales. They include a margin and `heights_m`.
+    /// Returns the ranges of both axes with equal scales, including a margin and `heights_m`.
     fn ranges(&self, heights_m: impl IntoIterator<Item = f64>) -> [Range<f64>; 2] {
         let points = self.curves.iter().flat_map(Curve::points);
         let [x, y] =
@@ -195,13 +195,13 @@ impl View {
         [widened(x, (y.end - y.start) * PANEL_WIDTH_PX / high_px), y]
     }
 
-    /// Returns an SVG of the view from the front, x to the right and z up.
+    /// Returns an SVG of the view from the front, with x to the right and z up.
     pub(super) fn svg_from_front(self, title: &str) -> String {
         let ranges = self.ranges([]);
         self.svg(title, "z (m)", ranges)
     }
 
-    /// Returns an SVG of the view with given ranges.
+    /// Returns an SVG of the view with the given ranges.
     fn svg(self, title: &str, y_name: &'static str, [x, y]: [Range<f64>; 2]) -> String {
         let height_px = (PANEL_WIDTH_PX * (y.end - y.start) / (x.end - x.start)).round();
         let panel = Panel::new([x, y], height_px, y_name, self.curves);
@@ -210,7 +210,7 @@ impl View {
     }
 }
 
-/// Returns a range about the same middle that is at least `least` long.
+/// Returns a range with the same center that is at least `least` long.
 fn widened(range: Range<f64>, least: f64) -> Range<f64> {
     let (middle, length) = (0.5 * (range.start + range.end), range.end - range.start);
     let half = 0.5 * length.max(least);

@@ -1,11 +1,11 @@
-//! Draws a flight at constant altitude: truth, estimates with their bands, innovations.
+//! Draws a flight at constant altitude: true values, estimates with their bands, and innovations.
 
 use super::canvas::Pen;
 use super::figure::{BLACK, BLUE, Curve, Figure, GRAY, Panel, VERMILION};
 use crate::{Hold, HoldSample};
 use noctograph_sim::AltitudeSensor;
 
-/// Height of a panel.
+/// Height of each panel.
 const PANEL_PX: f64 = 150.0;
 const TRUTH: Pen = Pen::new(BLACK, 1.0);
 const ESTIMATE: Pen = Pen::new(BLUE, 1.5);
@@ -15,12 +15,12 @@ const SET: Pen = Pen::new([230, 159, 0], 1.0);
 const REJECTED: Pen = Pen::new([204, 121, 167], 2.0);
 const BAND: Pen = Pen::new(GRAY, 1.0);
 
-/// Innovations beyond this are drawn at the edge of the panel.
+/// Innovation, in standard deviations, at the panel's edge, where larger ones are drawn.
 const EDGE_SIGMAS: f64 = 5.0;
 
 /// Returns an SVG with five panels over time: altitude, vertical velocity, thrust map, biases, and
-/// innovations in standard deviations. Bands are two standard deviations. Strokes at the edge of
-/// the last panel are readings that the filter rejected.
+/// innovations in standard deviations. The bands are two standard deviations wide on each side.
+/// Short strokes at the edge of the last panel are readings that the filter rejected.
 pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let set = curve(flight, SET, |_| flight.set_m);
     let thrust = vec![
@@ -40,7 +40,7 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     let [altitude, velocity] = [0, 1].map(|index| state(flight, index, ESTIMATE));
     let biases = [state(flight, 4, SECOND), state(flight, 5, ESTIMATE)].concat();
     let end_s = flight.samples.last().map_or(1.0, |last| last.time_s);
-    // Fixed ranges, so that figures of two flights can be compared.
+    // The ranges are fixed, so that figures of two flights can be compared.
     let panels = [
         (flight.set_m - 0.3..flight.set_m + 0.3, "z (m)", [vec![set], altitude].concat()),
         (-0.5..0.5, "v (m/s)", velocity),
@@ -51,8 +51,8 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     .map(|(range, name, curves)| Panel::new([0.0..end_s, range], PANEL_PX, name, curves));
     let legend = [
         ("truth", TRUTH),
-        ("estimate; bias of barometer", ESTIMATE),
-        ("α1/100; bias of ranger", SECOND),
+        ("estimate, bias of barometer", ESTIMATE),
+        ("α1/100, bias of ranger", SECOND),
         ("± 2 σ", BAND),
         ("set", SET),
         ("thrown away", REJECTED),
@@ -71,7 +71,7 @@ fn curve(flight: &Hold, pen: Pen, value: impl Fn(&HoldSample) -> f64) -> Curve {
     Curve::whole(pen, flight.samples.iter().map(|s| (s.time_s, value(s))))
 }
 
-/// Returns the curves of a state: its band, truth and estimate.
+/// Returns the curves of a state: its band, its true value and its estimate.
 fn state(flight: &Hold, index: usize, pen: Pen) -> Vec<Curve> {
     vec![
         curve(flight, BAND, |s| s.estimate[index] + 2.0 * s.sigma[index]),
@@ -81,8 +81,8 @@ fn state(flight: &Hold, index: usize, pen: Pen) -> Vec<Curve> {
     ]
 }
 
-/// Returns the curve of a sensor's accepted innovations, in standard deviations, interrupted at
-/// rejected innovations.
+/// Returns the curve of a sensor's accepted innovations, in standard deviations, which is
+/// interrupted at rejected ones.
 fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     let points = flight.samples.iter().map(|sample| {
         let reading = sample.readings.iter().find(|reading| reading.sensor == sensor)?;
@@ -94,7 +94,7 @@ fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
     Curve { pen, pieces: pieces.map(|piece| piece.iter().copied().flatten().collect()).collect() }
 }
 
-/// Returns a stroke at the edge of the panel for each rejected reading.
+/// Returns short strokes at the edge of the panel, one for each rejected reading.
 fn rejected(flight: &Hold) -> Curve {
     let readings = flight.samples.iter().flat_map(|s| s.readings.iter().map(|r| (s.time_s, r)));
     let strokes = readings.filter(|(_, reading)| !reading.taken).map(|(time_s, reading)| {

@@ -1,4 +1,4 @@
-//! Labels things on a photo: a name beside each, with a line to it.
+//! Labels things on a photo: writes a name next to each, with a line to it.
 
 use kurbo::{Point, Vec2};
 
@@ -8,17 +8,17 @@ use noctograph_picture::photo::Photo;
 const PEN: Pen = Pen::new([255, 232, 150], 1.3);
 /// Height of capitals.
 const CAP_PX: f64 = 11.0;
-/// Radius of the ring around a thing.
+/// Radius of the ring around a labeled thing.
 const RING_PX: f64 = 3.5;
 
-/// The name of a thing on a photo.
+/// A label for a thing on a photo.
 #[derive(Clone, Debug)]
 pub struct Label {
-    /// The name. Characters that the font `simplex` lacks are omitted.
+    /// Text of the label. Characters that the font `simplex` lacks are omitted.
     pub text: String,
     /// Lower left corner of the text, in pixels from the photo's upper left corner.
     pub text_px: [f64; 2],
-    /// Middle of the thing, in pixels.
+    /// Center of the thing, in pixels from the photo's upper left corner.
     pub named_px: [f64; 2],
 }
 
@@ -29,8 +29,8 @@ pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
         let [corner, center] = [text_px, named_px].map(|[x, y]| Point::new(*x, *y));
         pixels.write(text, corner, CAP_PX, PEN.color);
         let (_, right) = pixels.letters(text, corner, CAP_PX);
-        // The line begins at the nearest point beside the text, above or below it. `up` is in
-        // capitals.
+        // The line begins at the nearest point to the left or right of the text, or above or below
+        // it. `up` is a multiple of the capitals' height.
         let (from_x, up) = match center.x {
             x if x < corner.x => (corner.x - 0.5 * CAP_PX, 0.5),
             x if x > right => (right + 0.5 * CAP_PX, 0.5),

@@ -1,16 +1,16 @@
 //! Reports: draws products as pictures and pages.
 //!
 //! Products in: [`Flight`](noctograph_core::flight::Flight)s, [`Plan`](noctograph_plan::Plan)s and
-//! [`Photo`](noctograph_picture::photo::Photo)s. Products out: plots as SVG text, and one photo
-//! laid over another ([`photos`]).
+//! [`Photo`](noctograph_picture::photo::Photo)s. Products out: plots as SVG text, and photos
+//! overlaid on each other ([`photos`]).
 //!
 //! Method: curves are thinned to the resolution of pixels and drawn on one canvas. The bytes depend
-//! only on the numbers. Text has the viewer's sans-serif typeface. Colors are those of Okabe and
-//! Ito (2008), which people with any color vision can distinguish.
+//! only on the numbers. Text uses the viewer's sans-serif typeface. The colors are those of Okabe
+//! and Ito (2008), which people with any kind of color vision can distinguish.
 //!
-//! Sources: the reference team's Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane).
+//! Sources: Figures 6 (x-y plane with lines at y = ±0.2 m) and 7 (x-z plane) of the reference team.
 //!
-//! Studies come as sheets of photos ([`study_sheet`]) and as plots of their figures.
+//! Studies are drawn as sheets of photos ([`study_sheet`]) and as plots of their figures.
 
 mod bound;
 mod canvas;

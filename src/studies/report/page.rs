@@ -1,14 +1,14 @@
-//! Builds a page: one self-contained HTML file, to be opened, printed or handed in.
+//! Builds a page: one self-contained HTML file that can be opened, printed or handed in.
 //!
-//! It is readable without scripts, prints on A4, and follows the viewer's choice of light or dark.
-//! Scripts only add motion: pictures in a row become a film, and a path in space rotates under the
-//! pointer.
+//! It is readable without scripts, prints on A4, and follows the viewer's choice of a light or dark
+//! color scheme. Scripts only add motion: a row of pictures becomes a film, and a path in space
+//! rotates under the pointer.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 
 use super::canvas::escaped;
 
-/// A page, section by section.
+/// A page that is built section by section.
 #[must_use]
 #[derive(Clone, Debug, Default)]
 pub struct Page {
@@ -23,13 +23,13 @@ impl Page {
         Self { title: escaped(title), lead: escaped(lead), body: String::new() }
     }
 
-    /// Appends HTML.
+    /// Appends HTML to the body.
     fn with(mut self, html: &str) -> Self {
         self.body += html;
         self
     }
 
-    /// Begins a section.
+    /// Begins a section with a title.
     pub fn section(self, title: &str) -> Self {
         self.with(&format!("<h2>{}</h2>\n", escaped(title)))
     }
@@ -39,12 +39,12 @@ impl Page {
         self.with(&format!("<p>{}</p>\n", escaped(text)))
     }
 
-    /// Appends text as the terminal shows it.
+    /// Appends text in the form in which the terminal shows it.
     pub fn printed(self, text: &str) -> Self {
         self.with(&format!("<pre>{}</pre>\n", escaped(text)))
     }
 
-    /// Appends a table below a row of names. Nothing if it has no rows.
+    /// Appends a table with a header of column names. Appends nothing if there are no rows.
     pub fn table<const N: usize>(
         self,
         names: [&str; N],
@@ -54,7 +54,7 @@ impl Page {
         self.rows(&names.map(str::to_owned), &rows)
     }
 
-    /// Appends a table of any width below a row of names. Nothing if it has no rows.
+    /// Appends a table of any width with a header of column names. Appends nothing without rows.
     pub fn rows(self, names: &[String], rows: &[Vec<String>]) -> Self {
         fn row(tag: &str, cells: &[String]) -> String {
             let cells = cells.iter().map(|text| format!("<{tag}>{}</{tag}>", escaped(text)));
@@ -63,19 +63,19 @@ impl Page {
         if rows.is_empty() {
             return self;
         }
-        // Users' text is escaped wherever it enters a page.
+        // Text from users is escaped wherever it enters a page.
         let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
         let names = row("th", names);
         self.with(&format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n"))
     }
 
-    /// Appends a drawing from an SVG file, whose scripts do not run, with an alternative text.
+    /// Appends a drawing from an SVG file, with an alternative text. Scripts in it do not run.
     pub fn drawing(self, svg: &[u8], alt: &str) -> Self {
         let image = image("svg+xml", svg, alt);
         self.with(&format!("<figure class=\"drawn\">{image}</figure>\n"))
     }
 
-    /// Appends SVG drawings, side by side if there is space.
+    /// Appends SVG drawings, side by side if there is enough space.
     pub fn drawings<T: AsRef<str>>(self, drawings: &[T]) -> Self {
         let figures = drawings.iter().map(|svg| {
             // An XML declaration is not allowed inside a page.
@@ -86,8 +86,8 @@ impl Page {
         self.with(&format!("<div class=\"drawings\">\n{figures}</div>\n"))
     }
 
-    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size that the viewer
-    /// can lay over it.
+    /// Appends a photo (JPEG) with an alternative text, and an SVG of the same size for the viewer
+    /// to show on top.
     pub fn photo(self, jpeg: &[u8], alt: &str, overlay: Option<&str>) -> Self {
         let image = image("jpeg", jpeg, alt);
         self.with(&match overlay {
@@ -100,7 +100,7 @@ impl Page {
         })
     }
 
-    /// Appends photos (JPEG) with captions in a row, which play as a film if scripts run.
+    /// Appends photos (JPEG) with captions in a row. If scripts run, they play as a film.
     pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
         self.figures("film", pictures.iter().map(|(jpeg, caption)| (&**jpeg, &**caption)))
     }
@@ -120,8 +120,8 @@ impl Page {
         self.with(&format!("<div class=\"{class}\">\n{figures}</div>\n"))
     }
 
-    /// Appends paths in space that rotate under the pointer: points in millimeters, with true if
-    /// lit.
+    /// Appends paths in space that rotate under the pointer. Points are in millimeters, with true
+    /// if lit.
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
         let paths = paths_mm.iter().map(|path| {
             path.iter().map(|([x, y, z], lit)| [*x, *y, *z, i32::from(*lit)]).collect()
@@ -129,12 +129,12 @@ impl Page {
         let paths = serde_json::json!(paths.collect::<Vec<Vec<[i32; 4]>>>());
         self.with(&format!(
             "<canvas class=\"path\" width=\"960\" height=\"480\" tabindex=\"0\" role=\"img\" \
-             aria-label=\"the path in space; drag or use the arrow keys to turn it\" \
+             aria-label=\"the path in space, rotated by dragging or with the arrow keys\" \
              data-paths=\"{paths}\"></canvas>\n"
         ))
     }
 
-    /// Returns the HTML file.
+    /// Returns the complete HTML file.
     pub fn html(&self) -> String {
         let Self { title, lead, body } = self;
         let lead = match lead.as_str() {

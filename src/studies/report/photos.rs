@@ -7,15 +7,15 @@ use kurbo::Vec2;
 use noctograph_core::srgb;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Maps a point `q` in one picture, in pixels from its top left corner, to
-/// `scale R(rotation) q + shift` in another.
+/// Maps a point `q` of one picture, in pixels from its upper left corner, to `scale R(rotation) q +
+/// shift` in another picture.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
     /// Pixels of the second picture per pixel of the first.
     pub scale: f64,
-    /// Rotation from x to y, clockwise in the picture.
+    /// Rotation angle from x to y, which is clockwise in the picture.
     pub rotation_rad: f64,
-    /// Position of the first picture's corner in the second.
+    /// Position of the first picture's upper left corner in the second.
     pub shift_px: [f64; 2],
 }
 
@@ -27,7 +27,8 @@ impl Similarity {
         let n = pairs.len().max(1) as f64;
         let [from, to] =
             [0, 1].map(|side| pairs.clone().fold(Vec2::ZERO, |sum, pair| sum + pair[side]) / n);
-        // About the centroids, dot and cross products give the cosine and the sine of the rotation.
+        // The sums of dot and cross products about the centroids are proportional to the cosine and
+        // the sine of the rotation angle.
         let (mut dot, mut cross, mut square) = (0.0, 0.0, f64::MIN_POSITIVE);
         for [a, b] in pairs.map(|[a, b]| [a - from, b - to]) {
             dot += a.dot(b);
@@ -55,8 +56,8 @@ impl Similarity {
     }
 }
 
-/// Shrinks a photo to a longer side of at most `longest_px`. Each pixel is the mean light of the
-/// pixels that it replaces. Smaller photos are returned unchanged.
+/// Shrinks a photo so that its longer side has at most `longest_px` pixels. Each pixel becomes the
+/// mean light of the pixels that it replaces. A photo that is small enough is returned unchanged.
 pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     let longest = photo.width_px.max(photo.height_px);
     if longest <= longest_px {
@@ -66,7 +67,7 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
         let side = u64::from(side) * u64::from(longest_px) / u64::from(longest);
         u32::try_from(side).unwrap_or(longest_px).max(1)
     });
-    // Box filter in linear light.
+    // A box filter is applied in linear light.
     let linear = srgb::linear_from_level();
     let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
     for y in 0..height_px {
@@ -90,25 +91,25 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     Photo::made(PhotoData { width_px, height_px, rgb8, ..photo.into_data() })
 }
 
-/// Returns the range of pixels, of `n_before` on a side, that pixel `i` of `n` replaces.
+/// Returns the range of original pixels, out of `n_before`, that pixel `i` out of `n` replaces.
 fn replaced(i: u32, n: u32, n_before: u32) -> Range<usize> {
     let [begin, end] = [i, i + 1].map(|i| i as usize * n_before as usize / n as usize);
     begin..end.max(begin + 1)
 }
 
-/// Warps a render into a picture of the given size, with black around it. Returns the picture, and
-/// true for each pixel that the render covers.
+/// Warps a render into a picture of the given size, on black. Returns the picture, and true for
+/// each pixel that the render covers.
 pub fn placed(
     render: &Photo,
     transform: &Similarity,
     [width_px, height_px]: [u32; 2],
 ) -> (Photo, Vec<bool>) {
     let back = transform.inverse();
-    // A larger render is shrunk first, since its trails would have gaps otherwise.
+    // A larger render is shrunk first, because its trails would have gaps otherwise.
     let longest_px = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
     let small = shrink(render.clone(), (longest_px.round() as u32).max(1));
-    // Both sides are rounded, so their ratios differ slightly.
+    // Both sides are rounded, so that the two ratios differ slightly.
     let ratio = [
         f64::from(small.width_px) / f64::from(render.width_px),
         f64::from(small.height_px) / f64::from(render.height_px),
@@ -144,7 +145,8 @@ pub fn placed(
     (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
-/// Returns the two pixels around a coordinate on a side of `n`, and the weight of the second.
+/// Returns the two pixels around a coordinate on a side of `n` pixels, and the weight of the
+/// second.
 fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
     let first = place.floor();
@@ -155,8 +157,8 @@ fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     (pixels, weight)
 }
 
-/// Overlays the luminance of two pictures of one size: the render is orange, the photo blue, and
-/// both together white. Panics if the sizes differ.
+/// Overlays the luminance of two pictures of the same size. The render appears orange, the photo
+/// blue, and both together white. Panics if the sizes differ.
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();
@@ -169,7 +171,7 @@ pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     Photo::made(PhotoData { rgb8: rgb8.collect(), scene_toml: None, ..**photo })
 }
 
-/// Returns the sRGB level that is nearest to a linear light from 0 to 1.
+/// Returns the sRGB level that is closest to a linear light value from 0 to 1.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn encoded(light: f32) -> u8 {
     (255.0 * srgb::encoded_from_linear(f64::from(light.clamp(0.0, 1.0))) + 0.5) as u8

@@ -1,4 +1,4 @@
-//! Draws the shot plan: camera, drones, stations and word from above and from the side, to scale.
+//! Draws the shot plan to scale: camera, drones, stations and word from above and from the side.
 
 use kurbo::{Point, Rect, Vec2};
 
@@ -8,12 +8,11 @@ use noctograph_core::geometry::bounds;
 use noctograph_pipeline::preflight::{ShotPlan, stations};
 use noctograph_pipeline::shoot::Shot;
 
-/// Longer side of the drawn space, and the margin around it, pixels.
+/// Length of the longer side of the drawn space, and width of the margin around it, pixels.
 const SIDE_PX: f64 = 560.0;
 const MARGIN_PX: f64 = 56.0;
 const CAP_PX: f64 = 9.0;
-/// Assumed distance of the audience behind the camera if no room is known: space for the
-/// photographer.
+/// Distance between camera and audience if no room is known: space for the photographer.
 const AUDIENCE_M: f64 = 1.0;
 const GRAY: Rgb = [150; 3];
 const WORD: Rgb = [230, 159, 0];
@@ -23,7 +22,7 @@ const DRONE: Rgb = [0, 158, 115];
 const STATION: Rgb = [204, 121, 167];
 
 /// Returns SVGs of the shot plan from above (x to the right, y away from the camera) and from the
-/// left (y to the right, z up). Lengths are in meters. The word's plane is y = 0.
+/// left (y to the right, z up). Lengths are in meters. The plane of the word is y = 0.
 pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2] {
     let things = things(shot, placement);
     [
@@ -32,10 +31,10 @@ pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2
     ]
 }
 
-/// A thing in the room: its name, its color, and its position or two opposite corners.
+/// A thing in the room: its name, its color, and either its position or two opposite corners.
 type Thing = (String, Rgb, Vec<[f64; 3]>);
 
-/// Returns the things in the room: word, take-off points, camera, audience, tripods and stations.
+/// Returns all things in the room: word, take-off points, camera, audience, tripods and stations.
 fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let mut things = Vec::new();
     if let Some([w, d, h]) = placement.map(|placement| placement.room_m) {
@@ -68,15 +67,14 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
         let corners = vec![[-1.0, behind, 0.0], [1.0, behind, 1.7]];
         things.push(("audience, behind the camera".to_owned(), GRAY, corners));
     }
-    let (what, places_m) = stations(&shot.shoot.scene);
-    for (index, [x, y, z]) in places_m.into_iter().enumerate() {
-        let name = format!("{what} {} ({x:.1}, {y:.1}, {z:.1})", index + 1);
+    for (name, [x, y, z]) in stations(&shot.shoot.scene) {
+        let name = format!("{name} ({x:.1}, {y:.1}, {z:.1})");
         things.push((name, STATION, vec![[x, y, z]]));
     }
     things
 }
 
-/// Returns the tripods of all cameras except the scene's, each with its number of cameras.
+/// Returns the tripods of all cameras except the scene's, each with the number of cameras on it.
 fn tripods(placement: &ShotPlan) -> Vec<Thing> {
     let tripods = placement.cameras[1..].iter().filter_map(|camera| camera.tripod_m.map(rounded));
     let tripods: Vec<[f64; 3]> = tripods.collect();
@@ -90,7 +88,7 @@ fn tripods(placement: &ShotPlan) -> Vec<Thing> {
     things.collect()
 }
 
-/// Rounds a position to centimeters. Adding 0 makes a negative zero positive.
+/// Rounds a position to centimeters. Adding 0 turns a negative zero into a positive one.
 fn rounded(place_m: [f64; 3]) -> [f64; 3] {
     place_m.map(|m| (100.0 * m).round() / 100.0 + 0.0)
 }
@@ -100,7 +98,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     let places = things.iter().flat_map(|(.., places_m)| places_m);
     let places = places.map(|place| axes.map(|axis| place[axis]));
     let [left, bottom, right, top] = bounds(places.chain([[0.0; 2]]));
-    // `inset` of kurbo enlarges: half a meter of space on each side.
+    // `inset` of kurbo enlarges the rectangle, here by half a meter on each side.
     let extent_m = Rect::new(left, bottom, right, top).inset(0.5);
     let px_per_m = SIDE_PX / extent_m.width().max(extent_m.height());
     let corner_m = Point::new(extent_m.x0, extent_m.y1);
@@ -117,7 +115,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.text(format!("{} (m)", names[0]), below, Anchor::End, CAP_PX, BLACK);
     let beside = frame.origin() - Vec2::new(6.0, 8.0);
     canvas.text(format!("{} (m)", names[1]), beside, Anchor::End, CAP_PX, BLACK);
-    // Things over the grid, each with its line in the legend.
+    // Things are drawn over the grid, each with its line in the legend.
     for (index, (name, color, places_m)) in things.iter().enumerate() {
         let [right, up] = axes;
         let places_m = places_m.iter().map(|place| Point::new(place[right], place[up]));
@@ -132,27 +130,29 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws grid lines with numbers, every meter, or every 10 or 100 in a large room. Those at 0 are
+/// Draws numbered grid lines every meter, or every 10 or 100 m in a large room. The lines at 0 are
 /// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {
         grid_m *= 10.0;
     }
-    // Vertical lines with numbers below, then horizontal lines with numbers on the left.
+    // Vertical lines have their numbers below, and horizontal lines have them on the left.
     let Rect { x0, y0, x1, y1 } = extent_m;
     for (is_vertical, [low_m, high_m]) in [(true, [x0, x1]), (false, [y0, y1])] {
         let mut line_m = (low_m / grid_m).ceil() * grid_m + 0.0; // never -0
         while line_m <= high_m {
-            let ends_m = match is_vertical {
-                true => [(line_m, y0), (line_m, y1)],
-                false => [(x0, line_m), (x1, line_m)],
+            let ends_m = if is_vertical {
+                [(line_m, y0), (line_m, y1)]
+            } else {
+                [(x0, line_m), (x1, line_m)]
             };
             let ends = ends_m.map(|end_m| window.px(end_m.into()));
             canvas.line(ends, Pen { dashed: line_m != 0.0, ..Pen::new(GRAY, 0.5) });
-            let (label, anchor) = match is_vertical {
-                true => (Vec2::new(0.0, 16.0), Anchor::Middle),
-                false => (Vec2::new(-6.0, 4.0), Anchor::End),
+            let (label, anchor) = if is_vertical {
+                (Vec2::new(0.0, 16.0), Anchor::Middle)
+            } else {
+                (Vec2::new(-6.0, 4.0), Anchor::End)
             };
             canvas.text(line_m.to_string(), ends[0] + label, anchor, CAP_PX, BLACK);
             line_m += grid_m;

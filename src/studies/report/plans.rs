@@ -5,7 +5,7 @@ use super::figure::{Curve, Mark};
 use super::flights::View;
 use noctograph_plan::Plan;
 
-/// Upper ends of speed ranges, as fractions of the largest lit speed, with their colors.
+/// Upper ends of speed ranges, as fractions of the maximum lit speed, with their colors.
 const SPEEDS: [(f64, Rgb); 4] = [
     (0.25, [204, 51, 17]),
     (0.5, [238, 153, 51]),
@@ -14,21 +14,21 @@ const SPEEDS: [(f64, Rgb); 4] = [
 ];
 const LIT_PX: f64 = 4.5;
 const DARK: Pen = Pen::new([120, 120, 120], 1.5);
-/// Length of a dash and a gap of a dark path together.
+/// Length of a dash of a dark path, including the gap after it.
 const DASH_M: f64 = 0.03;
-/// Most strokes whose times are written beside them. More would be illegible.
+/// Maximum number of strokes whose times are written next to them. More would be illegible.
 const MOST_TIMES: usize = 80;
 
-/// Returns an SVG of a word's plans from the front: lit strokes colored by speed, dark paths
-/// dashed, the time at which each stroke begins, take-offs and landings. `numbers` are a drawing's
-/// strokes with their positions. Panics if there is no setpoint.
+/// Returns an SVG of a word's plans from the front. Lit strokes are colored by speed, dark paths
+/// are dashed, and marks show the time at which each stroke begins, take-offs and landings.
+/// `numbers` are the numbers of a drawing's strokes with their positions. Panics without setpoints.
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();
     let lit_m_s = lines.iter().filter(|line| line.lit).map(|line| line.speed_m_s);
-    // Not 0, so that the slowest range is not empty.
+    // The initial value is not 0, so that the slowest range is never empty.
     let fastest_m_s = lit_m_s.fold(1e-9, f64::max);
-    // The dark paths below, then a curve for each range of lit speeds that occurs.
+    // Dark paths are drawn first. A curve follows for each range of lit speeds that occurs.
     let dashes = lines.iter().filter(|l| !l.lit && l.along_m.rem_euclid(DASH_M) < 0.5 * DASH_M);
     let mut curves = vec![Curve { pen: DARK, pieces: pieces(dashes) }];
     let mut legend = vec![("dark".to_owned(), DARK)];
@@ -45,9 +45,10 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
             continue;
         }
         let pen = Pen::new(color, LIT_PX);
-        let name = match range_m_s.end.is_finite() {
-            true => format!("below {:.2} m/s", range_m_s.end),
-            false => format!("to {fastest_m_s:.2} m/s"),
+        let name = if range_m_s.end.is_finite() {
+            format!("below {:.2} m/s", range_m_s.end)
+        } else {
+            format!("to {fastest_m_s:.2} m/s")
         };
         legend.push((name, pen));
         curves.push(Curve { pen, pieces });
@@ -62,13 +63,13 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
         .svg_from_front(&format!("{word}, planned: {longest_s:.1} s"))
 }
 
-/// Returns the x and z of a plan's setpoint.
+/// Returns x and z of a setpoint of a plan.
 fn place(plan: &Plan, row: usize) -> (f64, f64) {
     let position_m = plan.setpoints[row].position_m;
     (position_m.x, position_m.z)
 }
 
-/// Length of the line that is drawn for a point of light, and largest size of a point.
+/// Length of the line that is drawn for a point of light, and maximum size of such a point.
 const DOT_M: f64 = 0.008;
 
 /// A straight piece of the design, seen from the front.
@@ -78,25 +79,25 @@ struct Line {
     to: (f64, f64),
     lit: bool,
     speed_m_s: f64,
-    /// Length of the path from take-off to the line, for the dashes.
+    /// Length of the path from take-off to this line, which determines the dashes.
     along_m: f64,
 }
 
-/// Returns the lines of a plan's lit strokes and dark transits, and of its points of light.
+/// Returns the lines of a plan: its lit strokes, its dark transits, and its points of light.
 fn lines(plan: &Plan) -> Vec<Line> {
     let lit = plan.lit();
     [segment_lines(plan, &lit), dots(plan, &lit)].concat()
 }
 
-/// Returns a line for each lit segment between setpoints, and several for a dark one, each half as
-/// long as a dash with its gap.
+/// Returns the lines between consecutive setpoints. A lit segment is one line, and a dark one is
+/// divided into lines that are half as long as a dash with its gap.
 fn segment_lines(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     let (mut lines, mut segment_along_m) = (Vec::new(), 0.0);
     for (row, pair) in plan.setpoints.windows(2).enumerate() {
         let (from, to, lit) = (place(plan, row), place(plan, row + 1), lit[row] > 0.0);
         let length_m = libm::hypot(to.0 - from.0, to.1 - from.1);
         let speed_m_s = length_m / (pair[1].time_s - pair[0].time_s);
-        // A drone that rests has no line.
+        // A segment in which the drone rests has no line.
         if length_m > 1e-9 {
             #[expect(clippy::cast_possible_truncation, reason = "kilometers")]
             let n = if lit { 1 } else { (length_m / DASH_M * 2.0).ceil() as u32 };
@@ -113,7 +114,7 @@ fn segment_lines(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     lines
 }
 
-/// Returns a short line for each lit stroke that is too short to be visible: a point of light.
+/// Returns a short line for each point of light, a lit stroke that is too short to be visible.
 fn dots(plan: &Plan, lit: &[f64]) -> Vec<Line> {
     let mut lines = Vec::new();
     let rows: Vec<usize> = (0..lit.len()).filter(|row| lit[*row] > 0.0).collect();
@@ -122,14 +123,14 @@ fn dots(plan: &Plan, lit: &[f64]) -> Vec<Line> {
         let mut others = stroke.iter().map(|row| place(plan, *row));
         if others.all(|(other_x, other_z)| libm::hypot(other_x - x, other_z - z) < DOT_M) {
             let (from, to) = ((x - 0.5 * DOT_M, z), (x + 0.5 * DOT_M, z));
-            // Colored as the slowest.
+            // Points have the color of the lowest speed.
             lines.push(Line { from, to, lit: true, speed_m_s: 1e-6, along_m: 0.0 });
         }
     }
     lines
 }
 
-/// Joins lines that follow each other to pieces of a curve.
+/// Joins consecutive lines into the pieces of a curve.
 fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
     for line in lines {

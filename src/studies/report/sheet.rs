@@ -1,4 +1,4 @@
-//! Lays out sheets of photos: rows with titles, and photos with captions.
+//! Lays out contact sheets: rows with titles, and photos with captions.
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
@@ -7,27 +7,28 @@ use crate::{Acuity, Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Roboto Thin (Apache 2.0, see fonts/README.md). Its capitals keep to a pixel at this size.
+/// Roboto Thin (Apache 2.0, see fonts/README.md). The capitals of this font align with pixels at
+/// this size.
 const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
-/// Size of the text.
+/// Font size of the text.
 const TEXT_PX: f32 = 22.0;
-/// Height of a line of text with its leading.
+/// Height of a line of text including its leading.
 const LINE_PX: usize = 32;
 /// Space between photos.
 const GAP_PX: usize = 12;
-/// Level of the sheet's background, and of its text.
+/// Gray levels of the sheet's background and of its text.
 const GROUND: u8 = 24;
 const INK: u8 = 235;
 
-/// Number of a spread's photos in a row.
+/// Number of photos in a row of a spread's sheet.
 const ROW_PHOTOS: usize = 4;
 /// Height of capitals in the photos of a study.
 const CAP_HEIGHT_PX: f64 = 110.0;
 
-/// Height of capitals in the photos of a ladder, of which there are seven in a row.
+/// Height of capitals in the photos of a ladder, which has seven photos in a row.
 const SMALL_CAP_HEIGHT_PX: f64 = 70.0;
 
-/// A row of a sheet: its title, and photos with their captions.
+/// A row of a sheet: its title, and its photos with captions.
 type Row = (String, Vec<(Photo, String)>);
 
 /// Returns a sheet with the median and the worst photo of each contender. `prepared` is the result
@@ -43,7 +44,7 @@ pub fn study_sheet(
         let p = measures.legibility.value;
         let title = format!("{}: read with probability {p:.3}", measures.contender);
         let mut photos = Vec::new();
-        // Photos are taken again, larger than those that were read.
+        // The photos are taken again, in a larger size than those that were read.
         for (name, index) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
             let (trial, Record { word, outcome, .. }) = (trials[index], &records[index]);
             if outcome.flown.is_some() {
@@ -58,8 +59,8 @@ pub fn study_sheet(
     Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
-/// Returns a sheet with a row for each contender: a photo of the first word on each rung of a
-/// [`Study::ladder`].
+/// Returns a sheet with a row for each contender, which contains a photo of the first word on each
+/// rung of a [`Study::ladder`].
 pub fn acuity_sheet(
     ladder: &[Study],
     prepared: &[Vec<Prepared>],
@@ -72,7 +73,7 @@ pub fn acuity_sheet(
         let title =
             format!("{}: reads down to {value:.1} mm ({low:.1} to {high:.1})", limit.contender);
         let mut photos = Vec::new();
-        // The first flight of the contender on each rung. A lost drone has no photo.
+        // The photo shows the contender's first flight on each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(prepared).zip(limit.rungs.iter().zip(records));
         for ((study, prepared), (rung, records)) in rungs {
             let mut flown = records.iter().zip(study.trials());
@@ -99,9 +100,9 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     )
 }
 
-/// Lays out rows of photos, each row below its title and each photo above its caption.
+/// Lays out rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The widest row, and the height of all rows with two lines of text each.
+    // The width is the widest row's. The height is that of all rows with two lines of text each.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });
@@ -115,7 +116,7 @@ fn contact_sheet(rows: &[Row]) -> Photo {
     let [width_px, height_px] =
         [width, height].map(|side| u32::try_from(side).expect("a sheet of photos"));
     let mut sheet = PhotoData { width_px, height_px, rgb8, scene_toml: None };
-    // Title, photos, captions: row by row.
+    // Each row consists of its title, its photos and their captions.
     let mut top = GAP_PX;
     for ((title, photos), height) in rows.iter().zip(heights) {
         write(&mut sheet, title, [GAP_PX, top]);
@@ -130,7 +131,7 @@ fn contact_sheet(rows: &[Row]) -> Photo {
     Photo::made(sheet)
 }
 
-/// Copies a photo to a position in the sheet, in which it fits.
+/// Copies a photo to a position in the sheet. The photo must fit.
 fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     let [width, row_bytes] = [sheet.width_px as usize, 3 * photo.width_px as usize];
     for (y, row) in photo.rgb8.chunks_exact(row_bytes).enumerate() {
@@ -139,7 +140,7 @@ fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     }
 }
 
-/// Writes one line of text from its upper left corner on, as far as it fits.
+/// Writes one line of text that begins at its upper left corner, as far as it fits.
 fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
     let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
     let scaled = font.as_scaled(TEXT_PX);
@@ -156,7 +157,7 @@ fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
             let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
             let index = 3 * (y * width + x);
             if x < width && index + 3 <= sheet.rgb8.len() {
-                // Thin strokes cover half a pixel, so they are drawn with twice the contrast.
+                // Thin strokes cover only half a pixel and are drawn with twice the contrast.
                 let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
                 #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
                 sheet.rgb8[index..index + 3].fill((f32::from(GROUND) + ink) as u8);

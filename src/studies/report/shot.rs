@@ -1,4 +1,4 @@
-//! Builds the report of a shot: photo, verdict, flight, safety, camera and room on one page.
+//! Builds the report of a shot, with photo, verdict, flight, safety, camera and room on one page.
 
 use std::path::Path;
 
@@ -17,32 +17,32 @@ use noctograph_pipeline::preflight::ShotPlan;
 use noctograph_pipeline::shoot::{Shot, writing};
 use noctograph_score::LetterVerdict;
 
-/// Number of pictures of the growing exposure, and their width.
+/// Number of pictures that show the exposure as it accumulates, and their width.
 const N_MOMENTS: u32 = 12;
 const MOMENT_PX: u32 = 560;
-/// Most points in the paths of all drones together.
+/// Maximum number of points in the paths of all drones together.
 const MAX_PATH_POINTS: usize = 2000;
 /// JPEG quality of the photo, and of the small pictures of the exposure.
 const JPEG_QUALITY: [u8; 2] = [85, 80];
-/// Probabilities below this are not printed.
+/// Minimum probability that is printed.
 pub const LEAST_PROBABILITY: f64 = 0.01;
 
-/// Texts and drawings beside the shot.
+/// Texts and drawings that accompany a shot in its report.
 #[derive(Debug)]
 pub struct ShotNotes<'a> {
-    /// The verdict in a sentence. Empty if there is none.
+    /// The verdict as a sentence, empty if there is no verdict.
     pub lead: &'a str,
-    /// The table that the terminal shows.
+    /// The table as printed in the terminal.
     pub printed: &'a str,
-    /// Findings of the preflight.
+    /// Findings of the checks before a flight.
     pub findings: &'a [Diagnostic],
     /// Positions of cameras and audience, if the room is known.
     pub placement: Option<&'a ShotPlan>,
-    /// Formats a change for the program that creates the page.
+    /// Function that formats a change for the program that creates the page.
     pub typed: fn(&Change) -> String,
-    /// The command that repeats the shot.
+    /// Command that repeats the shot.
     pub command: &'a str,
-    /// Further drawings of the flight, such as its band over many flights (SVG).
+    /// Additional drawings of the flight (SVG), such as its band over many flights.
     pub drawings: &'a [String],
     /// The flight that was flown.
     pub flown: Option<&'a FlownNotes>,
@@ -69,7 +69,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let overlay = judged.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
     let jpeg = photo::jpeg(&shot.photo, JPEG_QUALITY[0]);
     let alt = format!("simulated long-exposure photograph of {subject}");
-    // The photo with its verdict first, since most readers look no further.
+    // The photo and its verdict come first, because most readers look no further.
     let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &alt, overlay.as_deref());
     if let Some(flown) = notes.flown {
         page = flown_section(page, &jpeg, shot, flown);
@@ -98,8 +98,8 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         page = page.table(["what", "where"], placement.rows());
     }
     page = page.drawings(&shot_plan(shot, notes.placement));
-    // Everything that is needed to repeat the shot elsewhere.
-    page = page.section("To make it again").printed(notes.command);
+    // This section contains everything that is needed to repeat the shot elsewhere.
+    page = page.section("To repeat this shot").printed(notes.command);
     let changes = scene.portable().changes();
     let end = if changes.is_empty() { ": none." } else { ":" };
     let text = format!("Settings that differ from the preset {}{end}", scene.preset.name());
@@ -110,7 +110,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     Ok(page.table(["digest", "SHA-256"], digests))
 }
 
-/// Appends both photos side by side, and what differs.
+/// Appends both photos side by side, and a table of the differences.
 fn flown_section(page: Page, promised: &[u8], shot: &Shot, flown: &FlownNotes) -> Page {
     let caption = |name: &str, shot: &Shot| match &shot.verdict {
         Some(verdict) => format!("{name} {:.2}", verdict.readability),
@@ -124,7 +124,7 @@ fn flown_section(page: Page, promised: &[u8], shot: &Shot, flown: &FlownNotes) -
         .table(head, flown.rows.iter().cloned())
 }
 
-/// Returns the likely letters besides the expected one, each with its probability, as a text.
+/// Returns a text with the probable letters other than the expected one, each with its probability.
 pub fn rivals(letter: &LetterVerdict) -> String {
     let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_PROBABILITY);
     rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
@@ -137,7 +137,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
         let numbers = shot.shoot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
         page = page.section("Plan").drawings(&[plan_view(&plans, &shot.shoot.scene.word, numbers)]);
     }
-    // Flights without samples, such as light traces, have no plots.
+    // Flights without samples, such as those of light traces, have no plots.
     let traces = shot.flights.iter().enumerate().map(|(index, flight)| NamedFlight {
         name: format!("drone {}", index + 1),
         samples: flight.samples.clone(),
@@ -180,14 +180,15 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
     next > 0 && lamp.samples[next - 1].level > 0.0
 }
 
-/// Returns rows with the camera's settings, as a photographer makes them by hand.
+/// Returns table rows with the camera's settings, as a photographer sets them by hand.
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
-    // Without a set distance the lens is focused on the word's plane.
+    // If no focus distance is set, the lens is focused on the word's plane.
     let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
-    let focus = match focus_m < INFINITY_M {
-        true => format!("{focus_m:.2} m, by hand"),
-        false => "infinity, by hand".to_owned(),
+    let focus = if focus_m < INFINITY_M {
+        format!("{focus_m:.2} m, by hand")
+    } else {
+        "infinity, by hand".to_owned()
     };
     let [focal_mm, sensor_mm] = [camera.focal_length_m, camera.sensor_width_m].map(|m| 1e3 * m);
     let (opens_s, open_s) = (camera.shutter_open_s, camera.shutter_close_s - camera.shutter_open_s);
@@ -197,7 +198,7 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         ("lens", format!("{focal_mm:.0} mm on a sensor {sensor_mm:.1} mm wide")),
         ("aperture", format!("f/{}", camera.f_number)),
         ("sensitivity", format!("ISO {}", camera.iso)),
-        ("shutter", format!("{mode}, {open_s:.0} s, from {opens_s:.1} s of the flight on")),
+        ("shutter", format!("{mode}, {open_s:.0} s, from {opens_s:.1} s into the flight")),
         ("focus", focus),
         ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];

@@ -17,7 +17,7 @@ pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
     let n_drones = spread.all.len();
-    // All flights have the same designs, so those of the first one's drones are drawn.
+    // All flights have the same designs, so that those of the first flight's drones are drawn.
     let design = flights[..n_drones].iter();
     let design = design.flat_map(|flight| lit(flight, |s| (s.design_m.x, s.design_m.z)));
     let mut curves = vec![Curve { pen: DESIGN, pieces: design.collect() }];
@@ -28,10 +28,10 @@ pub fn spread_front(spread: &Spread) -> String {
     let n = flights.len() / n_drones;
     let legend = vec![("design".to_owned(), DESIGN), (format!("{n} flights"), FLIGHT)];
     View { curves, legend, marks: Vec::new() }
-        .svg_from_front("Front view of the flights, their conditions varied")
+        .svg_from_front("Front view of the flights under varied conditions")
 }
 
-/// Returns the pieces of a flight in which a light is commanded, as points that `place` projects.
+/// Returns the pieces of a flight during which a light is commanded, projected by `place`.
 fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<(f64, f64)>> {
     let rows = flight.samples.iter().enumerate().map(|(index, sample)| {
         (flight.lights.values().any(|levels| levels[index] > 0.0), place(sample))
@@ -41,8 +41,8 @@ fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<
     parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
 }
 
-/// Returns an SVG of both bands of a drone minus the design over time, while it writes, with a
-/// panel for each axis. Panics if a band is empty.
+/// Returns an SVG of both bands of a drone over time, relative to the design, while it writes.
+/// There is a panel for each axis. Panics if a band is empty.
 pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
@@ -59,7 +59,7 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let panels = error_panels(&time_s, 0.02, |axis| {
         let bands = [(all, ALL), (within, WITHIN)].map(|(band, pen)| {
             let last = last.min(band.time_s.len() - 1);
-            // The outline: along the lower end, back along the upper one, and to the beginning.
+            // The outline runs along the lower end, back along the upper end, and closes.
             let (low, high) = ((first..=last).map(|i| (i, 0)), (first..=last).map(|i| (i, 2)));
             let around = low.chain(high.rev()).chain([(first, 0)]);
             let points = around

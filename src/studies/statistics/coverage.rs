@@ -1,7 +1,9 @@
-//! How often the intervals of a study hold the truth. Distributions like those of flights take a
-//! moment. Simulated flights are in ignored tests. `docs/figures coverage` prints their table.
+//! Tests how often the intervals of a study contain the true value. Distributions that resemble
+//! those of flights are fast. Simulated flights are in ignored tests, whose table `docs/figures
+//! coverage` prints.
 
-use nalgebra::Vector3;
+use std::cmp::Ordering;
+
 use noctograph_core::random::split_mix;
 use noctograph_pipeline::scene::{NamedScene, Preset, Scene};
 use noctograph_pipeline::shoot::Stop;
@@ -12,30 +14,37 @@ use super::*;
 use crate::rank::pairs;
 use crate::{Conditions, Record, Study, Trial, evaluate};
 
-/// An interval of a study's values.
+/// Function that returns the interval of a study's values.
 type Interval<'a> = &'a (dyn Fn(&[Vec<f64>]) -> Estimate + Sync);
-/// Fractions of `n_studies` studies, each with `n` values of a distribution, whose interval holds
-/// the truth, is below it, and is above it.
+
+/// Returns the fractions of studies whose interval contains the true value, lies below it, and lies
+/// above it. Each study draws `n` values by `law`, the quantile function of a distribution.
 fn held(
     law: &(dyn Fn(f64) -> f64 + Sync),
     truth: f64,
     n: u32,
-    (n_studies, interval): (u32, Interval<'_>),
+    n_studies: u32,
+    interval: Interval<'_>,
 ) -> [f64; 3] {
     let sides = (0..n_studies).into_par_iter().map(|study| {
         let keys = (0..n).map(|k| u64::from(study) << 32 | u64::from(k));
         let uniform = keys.map(|key| (split_mix(key) >> 11) as f64 / (1_u64 << 53) as f64);
         let estimate = interval(&[uniform.map(law).collect()]);
-        let [low, high] = [estimate.high < truth, estimate.low > truth].map(f64::from);
-        Vector3::new(1.0 - low - high, low, high)
+        match (estimate.high < truth, estimate.low > truth) {
+            (true, _) => Ordering::Less,
+            (_, true) => Ordering::Greater,
+            _ => Ordering::Equal,
+        }
     });
-    (sides.sum::<Vector3<f64>>() / f64::from(n_studies)).into()
+    let sides: Vec<Ordering> = sides.collect();
+    [Ordering::Equal, Ordering::Less, Ordering::Greater]
+        .map(|wanted| mean(sides.iter().map(|side| f64::from(*side == wanted))))
 }
 
 #[test]
 fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
-    // Log-odds with logistic tails, `middle + scale ln(u / (1 - u))`: spreads of good flights
-    // (0.25) and of small letters (0.8).
+    // Log-odds have logistic tails, `middle + scale ln(u / (1 - u))`. The scales are those of good
+    // flights (0.25) to those of small letters (0.8).
     for (middle, scale) in [(3.5, 0.25), (2.5, 0.3), (1.0, 0.8), (-1.0, 0.8), (-3.0, 0.6)] {
         let law = |u: f64| {
             let odds = libm::log(u.max(1e-12) / (1.0 - u));
@@ -45,14 +54,14 @@ fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
         let quantiles = (0..points).map(|k| law((f64::from(k) + 0.5) / f64::from(points)));
         let truth = quantiles.sum::<f64>() / f64::from(points);
         for n in [6, 10, 20, 50, 100] {
-            let [inside, below, above] = held(&law, truth, n, (1000, &mean_of_probabilities));
+            let [inside, below, above] = held(&law, truth, n, 1000, &mean_of_probabilities);
             println!("{middle} {scale} {n}: {inside:.3} {below:.3} {above:.3}");
             assert!((0.94..=0.99).contains(&inside), "{middle} {scale} {n}: {inside}");
         }
     }
 }
 
-/// Flights of a word by a scene whose difficulty is set by two keys.
+/// Returns a scene whose difficulty is set by cap height and stroke speed.
 fn contender(name: &str, kind: ControllerKind, cap_height_m: f64, speed_m_s: f64) -> NamedScene {
     let mut scene = Scene::preset(Preset::CfBrushless);
     scene.controller.kind = kind;
@@ -61,7 +70,7 @@ fn contender(name: &str, kind: ControllerKind, cap_height_m: f64, speed_m_s: f64
     NamedScene::new(name, scene)
 }
 
-/// The flights of contenders with the same seeds.
+/// Returns the flights of contenders with the same seeds.
 fn flights(contenders: Vec<NamedScene>, word: &str, n: u32) -> Vec<Vec<Record>> {
     let words = vec![(word.to_owned(), n)];
     let study = Study { contenders, words, conditions: Conditions::default(), seed: 11 };
@@ -71,36 +80,41 @@ fn flights(contenders: Vec<NamedScene>, word: &str, n: u32) -> Vec<Vec<Record>> 
     records.chunks(n as usize).map(<[Record]>::to_vec).collect()
 }
 
-/// Studies of a cell, and fewer where they take long: of worst tenths, and of pairs, whose subsets
-/// take a second for a hundred.
+/// Number of studies for a cell of the table. There are fewer for worst tenths and for pairs,
+/// because the subsets of a hundred pairs take a second.
 const STUDIES: u32 = 4000;
 const FEWER_STUDIES: u32 = 500;
 
 const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
 
-/// Cells of a row: how often an interval of n of these values holds the truth, in percent.
-fn cells(values: &[f64], truth: f64, interval: (u32, Interval<'_>)) -> String {
+/// Returns the cells of a row: how often, in percent, an interval of n of these values contains the
+/// true value.
+fn cells(values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) -> String {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let law = |u: f64| values[(u * values.len() as f64) as usize];
     let cells = NUMBERS.map(|n| {
-        let [inside, below, above] = held(&law, truth, n, interval).map(|part| 100.0 * part);
+        let [inside, below, above] =
+            held(&law, truth, n, n_studies, interval).map(|part| 100.0 * part);
         format!("{inside:.1} ({below:.1}, {above:.1})")
     });
     cells.join(" | ")
 }
 
-/// Row of a table.
-fn row(name: &str, values: &[f64], truth: f64, interval: (u32, Interval<'_>)) {
+/// Prints a row of a table.
+fn row(name: &str, values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) {
     let sigma = standard_error(values) * (values.len() as f64).sqrt();
-    println!("| {name} | {truth:.3} | {sigma:.3} | {} |", cells(values, truth, interval));
+    println!(
+        "| {name} | {truth:.3} | {sigma:.3} | {} |",
+        cells(values, truth, n_studies, interval)
+    );
 }
 
 fn proportion_of_hits(strata: &[Vec<f64>]) -> Estimate {
     proportion(strata.iter().flatten().map(|value| *value > 0.5))
 }
 
-/// Interval of the rank of a contender: from one below those told apart as better to one above
-/// those told apart as worse (Mohamad, Goeman, van Zwet, arXiv:1708.02729). `pool` has the
+/// Returns the interval of a contender's rank, from one more than the number of contenders that are
+/// told apart as better, to the number of all contenders less those told apart as worse (Mohamad, Goeman, van Zwet, arXiv:1708.02729). `pool` has the
 /// probabilities of each contender, and `flights` are indices into them.
 fn rank_among(pool: &[Vec<f64>], contender: usize, flights: &[Vec<f64>]) -> Estimate {
     let names: Vec<String> = (0..pool.len()).map(|index| index.to_string()).collect();
@@ -124,7 +138,7 @@ fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
     center(&strata.concat(), LEVEL).unwrap()
 }
 
-/// Mean of the lowest tenth of many values whose number is not divisible by 10.
+/// Returns the mean of the lowest tenth of many values whose number is not divisible by 10.
 fn tail(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -145,9 +159,9 @@ fn coverage_of_intervals_on_flights() {
         contender("geometric, TEA", Geometric, height_m, speed_m_s),
         contender("pid, TEA", Pid, height_m, speed_m_s),
         contender("lqr, TEA", Lqr, height_m, speed_m_s),
-        contender("lqr, TEA, capitals of 20 cm", Lqr, 0.2, speed_m_s),
-        contender("lqr, TEA, capitals of 10 cm", Lqr, 0.1, speed_m_s),
-        contender("lqr, TEA, capitals of 7 cm", Lqr, 0.07, speed_m_s),
+        contender("lqr, TEA, 20 cm capitals", Lqr, 0.2, speed_m_s),
+        contender("lqr, TEA, 10 cm capitals", Lqr, 0.1, speed_m_s),
+        contender("lqr, TEA, 7 cm capitals", Lqr, 0.07, speed_m_s),
     ];
     let of_noor = vec![
         contender("lqr, NOOR", Lqr, height_m, speed_m_s),
@@ -161,37 +175,33 @@ fn coverage_of_intervals_on_flights() {
     println!("|---|---|---{}|", "|---".repeat(NUMBERS.len()));
     for records in &pool {
         let (name, values) = (&records[0].contender, probabilities(records));
-        let interval: (u32, Interval<'_>) = (STUDIES, &mean_of_probabilities);
-        row(&format!("P(read): {name}"), &values, mean(&values), interval);
+        let name = format!("P(read): {name}");
+        row(&name, &values, mean(&values), STUDIES, &mean_of_probabilities);
     }
     for records in [&pool[2], &pool[3], &pool[6]] {
         let (name, values) = (&records[0].contender, probabilities(records));
-        row(
-            &format!("worst tenth: {name}"),
-            &values,
-            tail(&values),
-            (FEWER_STUDIES, &worst_decile),
-        );
+        let name = format!("worst tenth: {name}");
+        row(&name, &values, tail(&values), FEWER_STUDIES, &worst_decile);
     }
     for records in [&pool[3], &pool[4], &pool[6]] {
         let values: Vec<f64> =
             records.iter().map(|record| f64::from(record.outcome.legible)).collect();
         let name = format!("legible: {}", records[0].contender);
-        row(&name, &values, mean(&values), (STUDIES, &proportion_of_hits));
+        row(&name, &values, mean(&values), STUDIES, &proportion_of_hits);
     }
     for [better, worse] in [[0, 1], [1, 2], [2, 3]] {
         let [a, b] = [better, worse].map(|index: usize| probabilities(&pool[index]));
         let values: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
         let names = [better, worse].map(|index: usize| pool[index][0].contender.as_str());
         let name = format!("pair: {} and {}", names[0], names[1]);
-        row(&name, &values, mean(&values), (FEWER_STUDIES, &center_of_differences));
+        row(&name, &values, mean(&values), FEWER_STUDIES, &center_of_differences);
     }
     // Ranks of the first four, whose order is that of their means.
     let four: Vec<Vec<f64>> = pool[..4].iter().map(|records| probabilities(records)).collect();
     let flights: Vec<f64> = (0..four[0].len()).map(|k| k as f64).collect();
     for (contender, rank) in [(1, 2.0), (2, 3.0)] {
         let interval = |flights: &[Vec<f64>]| rank_among(&four, contender, flights);
-        let cells = cells(&flights, rank, (FEWER_STUDIES, &interval));
+        let cells = cells(&flights, rank, FEWER_STUDIES, &interval);
         println!("| rank of four: {} | {rank} | | {cells} |", pool[contender][0].contender);
     }
 }
