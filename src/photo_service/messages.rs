@@ -1,6 +1,6 @@
 //! Messages to visitors as data: a key with its values, for which the page has a sentence in the
-//! visitor's language, and an English sentence for a page without the key. They contain no path of
-//! this machine.
+//! visitor's language, and an English sentence for a page without the key. Messages contain no
+//! paths of this machine.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -8,12 +8,12 @@ use serde_json::{Value, json};
 use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::error::{Error, Place, Segment};
 
-/// A message.
+/// A message to a visitor.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Message {
-    /// Name of the sentence: `word-long`.
+    /// Name of the sentence, such as `word-long`.
     pub key: String,
-    /// Values in the sentence. Their names have units.
+    /// Values in the sentence, whose names end in their units.
     pub values: Value,
     /// An English sentence, for a page that lacks the key.
     pub text: String,
@@ -29,10 +29,10 @@ macro_rules! keys {
         pub enum Key { $(#[doc = $text] $key,)+ }
 
         impl Key {
-            /// All keys.
+            /// All keys in the order of declaration.
             pub const ALL: &[Self] = &[$(Self::$key,)+];
 
-            /// Returns the key's name: `word-long`.
+            /// Returns the key's name, such as `word-long`.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$key => $name,)+ }
             }
@@ -71,6 +71,7 @@ keys! {
     Busy "busy" 503 "many visitors wait" "try again";
     Closed "gone" 404 "this is no longer stored" "take the photo again";
     DiskFull "disk-full" 507 "it could not be saved" "ask the host: the disk may be full";
+    NotRemoved "not-removed" 500 "it could not be removed" "ask the host to take it down";
     EntriesMany "entries-many" 429 "too many are sent from here at once" "try again in a moment";
     QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
     Paused "paused" 503 "nothing is taken at the moment" "try again later";
@@ -90,14 +91,15 @@ const STOPS: &str = "stop-acceleration stop-altitude-hold stop-baseline stop-bat
     stop-speed stop-sunlight stop-tail stop-thrust stop-tilt stop-volume stop-wake stop-weight \
     stop-wind stop-other";
 
-/// Keys of advice: the settings that a remedy changes first.
+/// Keys of advice, each named after the first setting that a remedy changes.
 const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering set-camera.shutter_open_s \
     set-camera.width_px set-controller.kind set-letters.cap_height_m set-letters.font \
     set-letters.spacing_m set-light.led_bitmask set-light.ring set-photo.ambient_cd_m2 \
     set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
     set-plan.style set-other";
 
-/// Returns the key if it is in the list, or else the last key of the list, which is for all others.
+/// Returns the key if it is in the list, or else the last key of the list, which stands for all
+/// unlisted keys.
 fn key_or_last(keys: &str, key: &str) -> String {
     let listed = keys.split(' ').find(|listed| *listed == key);
     listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
@@ -138,7 +140,8 @@ impl Message {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
             }
-            // The page names the setting, whose values may differ in another version.
+            // The page mentions the setting, because its allowed values may differ between
+            // versions.
             Error::Input { place, .. } if key == Key::NotPossible => {
                 json!({ "setting": dotted(place) })
             }
@@ -147,7 +150,7 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// Returns a message about a log, always in English, since it names parts of the log.
+    /// Returns a message about a log. It is always in English, because it names parts of the log.
     pub fn of_log(text: &str) -> Self {
         let (text, hint) = (without_paths(text), String::new());
         Self { key: "log".into(), values: json!({}), text, hint }
@@ -160,7 +163,7 @@ impl Message {
         Self { key: code_on_page(diagnostic.code).into(), values, text, hint: String::new() }
     }
 
-    /// Returns the message about a check that stops a flight. `None` if it does not stop it.
+    /// Returns the message about a check that stops a flight. `None` if the check does not stop it.
     pub fn of_stop(stop: &Diagnostic) -> Option<Self> {
         let key =
             key_or_last(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
@@ -173,7 +176,8 @@ impl Message {
         stop.is_stop().then_some(message)
     }
 
-    /// Returns the message that suggests changes, with the key of the first. `None` if none.
+    /// Returns the message that suggests changes, with the key of the first change. `None` if there
+    /// are no changes.
     pub fn of_changes(changes: &[Change]) -> Option<Self> {
         let first = changes.first()?;
         let key = key_or_last(ADVICE, &format!("set-{}", first.key));
@@ -181,7 +185,7 @@ impl Message {
         Some(Self { key, values: json!({ "value": first.value }), text, hint: String::new() })
     }
 
-    /// Returns the message with other values.
+    /// Returns the message with its values replaced.
     #[must_use]
     pub fn with_values(self, values: Value) -> Self {
         Self { values, ..self }
@@ -200,7 +204,7 @@ impl From<Key> for Message {
     }
 }
 
-/// Returns the keys of a place, joined by dots.
+/// Returns the keys of a place in a file, joined by dots.
 fn dotted(place: &Place) -> String {
     let keys = place.0.iter().filter_map(|segment| match segment {
         Segment::Key(key) => Some(&**key),
@@ -209,8 +213,8 @@ fn dotted(place: &Place) -> String {
     keys.collect::<Vec<_>>().join(".")
 }
 
-/// Returns the key for an error: the key with the name of its code, unless there is a more precise
-/// one.
+/// Returns the key for an error, which is the key named like the error's code, unless there is a
+/// more precise one.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {
@@ -219,7 +223,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
             code => key_named(code).unwrap_or(Key::NotPossible),
         };
     };
-    // The place of an error is the drawing's file, the word or a setting.
+    // The place of an error tells whether it concerns the drawing's file, the word or a setting.
     let is_drawing = place.key() == "drawing"
         || place
             .0
@@ -266,7 +270,7 @@ mod tests {
         assert_eq!(without_paths(text), "drawing.svg:3: (`b.png`) and 1/2 m/s");
     }
 
-    /// A check that is new goes into `STOPS`, or here.
+    /// A new check has to be added to `STOPS`, or to the exceptions in this test.
     #[test]
     fn the_page_has_a_key_for_every_check_that_can_stop() {
         let never_stop = ["lamps", "room"];
@@ -294,7 +298,7 @@ mod tests {
             "advice": ADVICE.split(' ').collect::<Vec<_>>(),
             "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
-        // Codes that tests/exhibit.py compares with the tables of words.
+        // keys.json lists the codes that tests/exhibit.py compares with the tables of words.
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../serve/page/keys.json");
         if crate::bless::is_blessed(file) {
             std::fs::write(file, format!("{keys:#}\n")).unwrap();

@@ -59,7 +59,7 @@ fn rank_leaves_tables_flights_and_photos() {
     assert_eq!(csv.lines().count(), 1 + 10);
     let output = noctograph(folder.path()).args(RANK).args(["-o", "a", "--json"]).output().unwrap();
     let ranking = json(&output.stdout);
-    assert!(String::from_utf8(output.stderr).unwrap().contains("10 flights are there already"));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("already contains 10 flights"));
     let best = &ranking["measures"][0];
     assert_eq!((&best["place"], &best["n_flights"]), (&1.into(), &5.into()));
     assert!(
