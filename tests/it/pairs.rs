@@ -308,8 +308,8 @@ fn plan(folder: &Path, word: &[&str]) -> Command {
     command
 }
 
-/// True if the pair `p.csv` is complete, and false if it is mixed. Checks that a mixed pair is
-/// refused.
+/// True if the pair `p.csv` and its scene is one of the complete pairs. Checks that exactly a
+/// complete pair is accepted.
 fn check_pair(folder: &Path, whole: &[[String; 2]]) -> bool {
     let pair = ["p.csv", "p.scene.toml"].map(|name| text(&folder.join(name)));
     let is_whole = whole.contains(&pair);
