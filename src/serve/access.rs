@@ -112,8 +112,7 @@ impl Access {
         let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
         let address = name.parse::<IpAddr>();
         port == self.address.port.to_string()
-            && (name == "localhost"
-                || address.is_ok_and(|address| self.network || address.is_loopback()))
+            && (name == "localhost" || address.is_ok_and(|ip| self.network || ip.is_loopback()))
     }
 }
 

@@ -297,7 +297,7 @@ fn shot() -> Vec<u8> {
     photo::encode_png(&photo, Some(&Metadata::new(&camera, &photo.rgb8)), &notes)
 }
 
-/// A JPEG of 16 × 16 pixels with the EXIF of a camera. A cross on paper.
+/// Returns a picture of a cross on paper.
 fn sketch() -> Vec<u8> {
     let is_ink = |x: u32, y: u32| x.abs_diff(y) < 3 || x.abs_diff(63 - y) < 3;
     let gray = (0..64 * 64).map(|at| if is_ink(at % 64, at / 64) { 30 } else { 230 });
