@@ -86,7 +86,7 @@ fn main() -> Outcome<()> {
             })
         }
         ["photos", seed, folder] => photos(seed.parse()?, Path::new(folder)),
-        _ => Err("type setups N, fleets N, or photos SEED FOLDER".into()),
+        _ => Err("wanted: setups N, fleets N, or photos SEED FOLDER".into()),
     }
 }
 
@@ -129,7 +129,7 @@ fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome
         "| {name} | {error_cm:.1} cm | {bound_cm:.1} | {nees:.2} | {astray}, {legible} |"
     ));
     if flown.len() <= 16 {
-        print_out(&format!("seeds that do not read:{unread}"));
+        print_out(&format!("seeds with illegible photos:{unread}"));
     }
     Ok(())
 }

@@ -36,7 +36,7 @@ fn main() -> Outcome<()> {
     match std::env::args().nth(1).as_deref() {
         Some("characters") => characters(),
         Some("heights") => heights(),
-        _ => Err("name a table: characters or heights".into()),
+        _ => Err("wanted: characters or heights".into()),
     }
 }
 

@@ -24,7 +24,7 @@ fn main() -> Outcome<()> {
     match arguments[..] {
         ["try", fault, ref levels @ ..] => rehearse(fault, levels),
         ["sheet", path] => sheet(Path::new(path)),
-        _ => Err("name a task: sheet PATH, or try FAULT LEVELS".into()),
+        _ => Err("wanted: sheet PATH, or try FAULT LEVELS".into()),
     }
 }
 

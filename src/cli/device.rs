@@ -97,6 +97,7 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
         match child.try_wait() {
             Ok(Some(status)) => return (!ended_by_itself(status.code())).then_some("crashes"),
             Ok(None) => std::thread::sleep(Duration::from_millis(2)),
+            // A failure of the wait itself is not a fault of the driver.
             Err(_) => return None,
         }
     }

@@ -100,6 +100,7 @@ fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
         "your drones' center of mass is at ({x_mm:+.1}, {y_mm:+.1}) mm: \
          `--set vehicle.center_of_mass_m=[{x:.4},{y:.4}]`"
     );
+    // The mean drone has exactly the scene's value of a figure that does not differ significantly.
     let is_off = [k_f_n != vehicle.k_f_n, [x, y] != vehicle.center_of_mass_m];
     is_off.into_iter().zip([thrust, trim]).filter_map(|(is, said)| is.then_some(said)).collect()
 }

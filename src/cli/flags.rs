@@ -193,6 +193,8 @@ impl DesignFlags {
         }
     }
 
+    /// Returns the scene with the settings of these and of other flags, before its letters are
+    /// fitted to the room. `is_planned` is true if the letters are those of finished plans.
     fn unfitted(
         &self,
         carried: Option<&CarriedScene>,

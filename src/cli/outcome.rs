@@ -88,6 +88,7 @@ pub(super) fn shell_word(path: &Path) -> String {
     if !text.is_empty() && text.chars().all(is_plain) {
         text
     } else if cfg!(windows) {
+        // A path on Windows contains no quotation marks.
         format!("\"{text}\"")
     } else {
         format!("'{}'", text.replace('\'', r"'\''"))

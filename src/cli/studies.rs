@@ -194,14 +194,14 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
         let measures = ranking.measures.iter().find(|it| it.contender == limit.contender)?;
         measures.flown.map(|flown| flown.contour_m.value)
     };
-    let limit = |limit: &SpeedLimit| {
+    let limit_row = |limit: &SpeedLimit| {
         json!({
             "name": named(&limit.contender), "contour_m": contour(limit),
             "place": limit.place.map_or("-".into(), |place| place.to_string()),
             "speed": limit.stroke_speed_m_s,
         })
     };
-    let limits = acuity.map(|acuity| acuity.limits.iter().map(limit).collect::<Vec<_>>());
+    let limits = acuity.map(|acuity| acuity.limits.iter().map(limit_row).collect::<Vec<_>>());
     let words = json!({
         "limits": limits,
         "n_ladder": acuity.and_then(|acuity| acuity.limits.first()).map(|limit| limit.n_flights),

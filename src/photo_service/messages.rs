@@ -51,32 +51,32 @@ macro_rules! keys {
 }
 
 keys! {
-    PageOld "page-old" 400 "the page asks for something else" "reload the page";
+    PageOld "page-old" 400 "the page sent an outdated request" "reload the page";
     WordLong "word-long" 422 "the word is too long" "write a shorter word";
     WordEmpty "word-empty" 422 "there is no word" "type or draw something";
     LetterMissing "letter-missing" 422 "a letter cannot be written" "write it with another letter";
     LettersMany "letters-many" 422 "too many of these letters in a row" "write fewer";
     DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
     DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
-    DrawingText "drawing-text" 422 "a text is no path" "convert it to paths";
+    DrawingText "drawing-text" 422 "the drawing contains text" "convert the text to paths";
     DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
-    PictureNone "picture-none" 422 "no lines are found in the picture" "choose a picture of lines on paper";
+    PictureNone "picture-none" 422 "no lines were found in the picture" "choose a picture of lines on paper";
     FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
     FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
-    TooSlow "too-slow" 422 "it took too long" "write or draw less";
-    TooLarge "too-large" 422 "it took too much memory" "write or draw less";
-    NotSafe "not-safe" 409 "not safe to fly" "change something: the report says what";
+    TooSlow "too-slow" 422 "making it took too long" "write or draw less";
+    TooLarge "too-large" 422 "making it took too much memory" "write or draw less";
+    NotSafe "not-safe" 409 "the flight is not safe" "change what the report names";
     NotPossible "not-possible" 422 "this is not possible" "change something and try again";
     Broken "broken" 500 "the program failed on this" "change something and try again";
-    Busy "busy" 503 "many visitors wait" "try again";
+    Busy "busy" 503 "many visitors are waiting" "try again";
     Closed "gone" 404 "this is no longer stored" "take the photo again";
-    DiskFull "disk-full" 507 "it could not be saved" "ask the host: the disk may be full";
-    NotRemoved "not-removed" 500 "it could not be removed" "ask the host to take it down";
-    EntriesMany "entries-many" 429 "too many are sent from here at once" "try again in a moment";
-    QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
-    Paused "paused" 503 "nothing is taken at the moment" "try again later";
-    NotHere "not-here" 403 "this is for the machine of the host only" "ask the host";
-    Conflict "conflict" 409 "somebody else was faster" "look again";
+    DiskFull "disk-full" 507 "a file could not be saved" "ask the host: the disk may be full";
+    NotRemoved "not-removed" 500 "the entry could not be removed" "ask the host to take it down";
+    EntriesMany "entries-many" 429 "too many entries were sent from here at once" "try again in a moment";
+    QueueFull "queue-full" 503 "the queue is full" "come again later";
+    Paused "paused" 503 "no entries are accepted at the moment" "try again later";
+    NotHere "not-here" 403 "this is available only on the host's machine" "ask the host";
+    Conflict "conflict" 409 "somebody else has already answered" "look again";
 }
 
 /// A result, or the key of a refusal.

@@ -93,6 +93,6 @@ fn call_update(
         (Some(not_finite), _) => not_finite,
         (None, Err(state)) => format!("{} numbers", Vec::len(&state)),
     };
-    let hint = "return position, yaw pitch roll, velocity and rate of the body";
+    let hint = "return position, yaw, pitch, roll, velocity and body rate";
     Err(refused(py, "estimator", actual, "twelve states", hint))
 }

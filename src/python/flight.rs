@@ -89,7 +89,7 @@ impl PyFlight {
         let columns = Columns::new(time_s)?;
         let times_s = &columns.times_s;
         if times_s.len() < 2 {
-            let hint = "hand over what was flown, a row for each time";
+            let hint = "pass the samples of the flight, one row per time";
             let actual = format!("{} times", times_s.len());
             return Err(refused(py, "time_s", actual, "two or more", hint));
         }

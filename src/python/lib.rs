@@ -259,7 +259,7 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if !"biufO".contains(&*kind) {
         let actual = if kind == "c" { "complex numbers" } else { "no numbers" };
-        return Err(refused(py, name, actual, "numbers", "look at what is handed over"));
+        return Err(refused(py, name, actual, "numbers", "check the values that are passed"));
     }
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
@@ -270,14 +270,14 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
         // The hint covers common mistakes: quaternions, a column vector, and a transposed array.
         let hint = match name {
             "attitude_rad" if shape.last() == Some(&4) => {
-                "yaw, pitch, roll: nc.attitude_rad makes them of quaternions"
+                "pass yaw, pitch and roll, which nc.attitude_rad computes from quaternions"
             }
             _ if columns == 1 && shape.iter().filter(|n| **n != 1).count() == 1 => {
-                &*format!("hand over {name}.ravel()")
+                &*format!("pass {name}.ravel()")
             }
             _ if shape.len() == 2 && shape[0] == columns => &*format!("hand over {name}.T"),
             _ => {
-                "one row for each time: the axes of a batch or of several drones are taken one by one"
+                "pass one row per time, and the flights of a batch or of several drones one by one"
             }
         };
         return Err(refused(py, name, format!("shape {shape:?}"), wanted, hint));

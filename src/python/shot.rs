@@ -248,7 +248,7 @@ fn recordings_of(
         // Any other value has to be the path of a file.
         let path = flight.extract::<PathBuf>().map_err(|_no_path| {
             let actual = flight.get_type().to_string();
-            let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
+            let hint = "make a Flight from its columns: nc.Flight(time_s, position_m, light=on)";
             raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
         })?;
         let read = Recording::read(&path, &options);
