@@ -9,8 +9,9 @@
 //! Two changes put all lamps of one color into one plane and kept curves in registers. Measured
 //! side by side on a busy machine, they reduced the processor time of the splat from 1.9 to 1.5 ms
 //! with merging and from 12.8 to 5.7 ms without, and that of NOOR with its 42 lamps from 13 to 10
-//! ms. With merging, one millisecond is spent to clear the picture. In a process that has not used
-//! that memory before, page faults increase this to 8 ms, both before and after the changes.
+//! ms. With merging, one millisecond of the splat is spent to clear the picture. In a process that
+//! has not used that memory before, page faults increase this to 8 ms, both before and after the
+//! changes.
 #![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 #![allow(missing_docs, reason = "criterion's macro makes an undocumented function")]
 

@@ -4,7 +4,7 @@
 //! goal is 6 million steps/s for "rotors and drag", which is the scope of other simulators' physics
 //! (a simulator written for this comparison reaches 6.9 million). In November 2026, the best and
 //! the median of 60 runs on a busy core with AVX-512 were 13.0 and 8.4 million steps/s. For "cf21"
-//! they were 9.7 and 6.7 million, and with gusts 6.1 and 5.0 million.
+//! the best and the median were 9.7 and 6.7 million steps/s, and with gusts 6.1 and 5.0 million.
 
 #![expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 

@@ -2,9 +2,9 @@
 //! time, so that figures of two machines or of two days can be compared.
 //!
 //! `cargo bench -p noctograph-benches --bench rows`. Run it with `cargo bench -p noctograph-benches
-//! --bench rows`. It uses one thread and no graphics card. Each figure is the minimum of [`ROUNDS`]
-//! rounds, because other work on the machine only increases a time. In each round the fixed work
-//! runs before every row. `tests/speed` limits the number of instructions of each row.
+//! --bench rows`. The benchmark uses one thread and no graphics card. Each figure is the minimum of
+//! [`ROUNDS`] rounds, because other work on the machine only increases a time. In each round the
+//! fixed work runs before every row. `tests/speed` limits the number of instructions of each row.
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]
 
@@ -75,7 +75,7 @@ fn run(words: &str) {
     black_box(report_of(&words).expect("the verb runs"));
 }
 
-/// Returns the peak memory of a separate process that runs `preview`, in MB. `None` if the system
+/// Returns the peak memory of a separate process that runs `preview`in MB, or `None` if the system
 /// does not report it.
 fn memory_mb(folder: &Path) -> Option<f64> {
     let program = std::env::current_exe().ok()?;

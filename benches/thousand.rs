@@ -8,8 +8,8 @@
 //!
 //! In November 2026 a flight took 19 ms (sweeps, EKF) or 14 ms (beams, observer) on two busy cores
 //! with AVX-512 (load 12). In an experiment, drones that were simulated together in the widest
-//! registers took 0.67 to 0.85 of that time. This saved only 3 % of the time of a study, which did
-//! not justify its code.
+//! registers took 0.67 to 0.85 of that time, which saved only 3 % of the time of a study and did
+//! not justify the code.
 
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]

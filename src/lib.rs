@@ -49,16 +49,15 @@
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! `features` contains no code. Without this crate, the tests of a single crate would rebuild about
-//! thirty packages.
+//! The crate `features` contains no code. Without it, the tests of a single crate would rebuild
+//! about thirty packages.
 //!
 //! The crates cannot be published on crates.io, because fonts, shaders and golden files are at the
 //! top level, outside of the crates. A program that uses the library depends on the repository, as
 //! `examples/library` does.
 //!
-//! These rules apply in addition to the dependencies:
-//! - `score` uses no plan, no flight and no light trace. Its inputs are a photo, a word and a
-//!   camera.
+//! In addition to the dependencies between crates, these rules apply:
+//! - `score` uses no plan, no flight and no light trace, but only a photo, a word and a camera.
 //! - `expose` has no notion of drones, `light` none of pixels, and `letters` none of speed.
 //! - Quantities of the world are in meters, in f64 and nalgebra types. Quantities of the picture
 //!   are in pixels, in glam types up to the segments of `expose`, in f32 in its records, and in

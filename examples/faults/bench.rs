@@ -54,7 +54,7 @@ pub(crate) struct Setting {
     pub(crate) missing_frac: f64,
 }
 
-/// The ten faults. Their levels are meant for letters half a meter high that are written at 0.2
+/// The ten faults, whose levels are meant for letters half a meter high that are written at 0.2
 /// m/s.
 pub(crate) const FAULTS: [Fault; 10] = [
     Fault {

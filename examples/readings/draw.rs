@@ -202,7 +202,7 @@ pub(crate) fn fly(
         s.set("plan.style.step_m", 0.2 * cap_m);
     } else {
         s.set("plan.style", "even");
-        // This was the default when the readers read the photographs.
+        // A hover of 0.5 s was the default when the readers read the photographs.
         s.set("plan.style.hover_s", 0.5);
     }
     // The planner knows the drone's lag in some flights, and not in others.

@@ -11,8 +11,8 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
-/// Time after which the driver counts as hung. It is generous, because a software driver on a busy
-/// machine needs several seconds to compile the shader.
+/// Time after which the driver counts as hung. The time is generous, because a software driver on a
+/// busy machine needs several seconds to compile the shader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Fault that is reported if no process can be started. Unlike a fault of the driver it is not
@@ -108,7 +108,7 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
 }
 
 /// True if the test process ended with a report or an error message. A crash yields no exit code on
-/// Unix and a code such as -1073741819 on Windows. A panic yields 101.
+/// Unix and a code such as -1073741819 on Windows, and a panic yields the code 101.
 fn ended_by_itself(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 2))
 }

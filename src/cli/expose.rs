@@ -31,7 +31,7 @@ pub(super) struct ExposeArgs {
     /// rewritten up to twice a second, until the flights end or Ctrl-C is pressed
     #[arg(long, conflicts_with = "backend")]
     follow: bool,
-    /// Plan of the flights. With --follow, print after each letter how the photo reads so far
+    /// Plan of the flights, with which --follow prints after each letter how the photo reads so far
     #[arg(long, value_name = "FILE", requires = "follow")]
     plan: Option<PathBuf>,
     #[command(flatten)]

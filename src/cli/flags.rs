@@ -53,8 +53,8 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// Returns the scene with the settings of these and of other flags. Without `--scene` it is the
-    /// scene that belongs to the files, which are plans, flights or logs.
+    /// Returns the scene with the settings of these and of other flags. Without `--scene` this
+    /// scene is the one that belongs to the files, which are plans, flights or logs.
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }

@@ -114,7 +114,8 @@ bryson    {rule}
 /// the proportional gain.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
-/// Returns the gains of the scene's cascade or geometric controller. Other controllers have none.
+/// Returns the gains of the scene's cascade or geometric controller, or an empty list for any other
+/// controller.
 fn gains(sim: &SimOptions) -> LoopGains {
     match sim.controller.kind.law() {
         Law::Cascade => {

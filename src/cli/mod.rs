@@ -1,8 +1,8 @@
 //! The command line with its arguments, progress, tables and exit codes. Each verb has one file.
 //!
-//! Results go to stdout. Progress, warnings and errors go to stderr. The exit code is 0 for success
-//! (and a legible word), 1 for a word that is not legible, an unsafe flight or a refusal, and 2 for
-//! an error. Only this module mentions flags.
+//! The program writes results to stdout, and progress, warnings and errors to stderr. The exit code
+//! is 0 for success (and a legible word), 1 for a word that is not legible, an unsafe flight or a
+//! refusal, and 2 for an error. Only this module mentions flags.
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -192,8 +192,8 @@ verbs! {
     }
 }
 
-/// Builds the clap command. Its help lists the verbs by groups, which clap does not support. Only
-/// the verbs of the first group are explained, so that the help fits on one screen.
+/// Builds the clap command, with a help text that lists the verbs by groups, which clap does not
+/// support. Only the verbs of the first group are explained, so that the help fits on one screen.
 fn command() -> Command {
     let mut command = CommandLine::command();
     let mut verbs = String::new();
@@ -235,8 +235,7 @@ pub fn main() -> u8 {
     }
 }
 
-/// Parses and runs the command. This runs on the main thread only if no other thread can be
-/// started.
+/// Parses and runs the command, on the main thread only if no other thread can be started.
 fn run_typed() -> u8 {
     if std::thread::current().name() == Some("main")
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
@@ -348,8 +347,8 @@ fn usage(error: &clap::Error) -> u8 {
 /// Maximum number of worker threads, enough for the largest machines.
 const MAX_THREADS: usize = 1024;
 
-/// Stack size of a thread in bytes. It is set because the main thread's stack may have only a few
-/// pages (`ulimit -s`).
+/// Stack size of a thread in bytes, which is set because the main thread's stack may have only a
+/// few pages (`ulimit -s`).
 pub const STACK: usize = 8 << 20;
 
 /// Returns the limit of the main thread's stack in bytes, on Linux.

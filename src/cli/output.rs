@@ -30,7 +30,7 @@ pub(super) enum Outputs {
 }
 
 impl Outputs {
-    /// Opens `path` for the files of `n_drones`. For one drone it is a table (`kind.csv` by
+    /// Opens `path` for the files of `n_drones`. For one drone, `path` is a table (`kind.csv` by
     /// default) with its scene beside it, and for several drones a folder (`kinds` by default).
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n_drones: usize) -> Result<Self> {
         if let Some(path) = path.filter(|path| n_drones > 1 && is_csv(path) && !path.is_dir()) {

@@ -31,7 +31,7 @@ use serde_json::json;
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
     /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned). With --task,
-    /// submissions: files or folders of them
+    /// these are submissions, as files or folders
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     /// Task for grading. Each submission, which is a scene or a few of its keys, flies this scene
@@ -53,8 +53,8 @@ pub(super) struct RankArgs {
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
     /// Also find the fastest legible strokes, with N more seeds of each word at each of eight
-    /// speeds, 4 to 13 times the scene's. This distinguishes controllers with a P(read) above 0.96,
-    /// whereas P(read) does not
+    /// speeds, 4 to 13 times the scene's. The speeds distinguish controllers with a P(read) above
+    /// 0.96, which P(read) does not distinguish
     #[arg(long, value_name = "N", conflicts_with = "shard")]
     acuity: Option<u32>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png (with --task

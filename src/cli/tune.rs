@@ -56,7 +56,8 @@ pub(super) struct TuneArgs {
     )]
     test_words: Vec<String>,
     /// Number of seeds of each test word. Training words get four times as many new seeds, and at
-    /// least six. This test decides whether the tuned or the original scene is written
+    /// least six. The test on training words decides whether the tuned or the original scene is
+    /// written
     #[arg(long, value_name = "N", default_value_t = 10)]
     test_seeds: u32,
     /// Folder for scene.toml, candidates.csv, pareto.svg and flights.jsonl

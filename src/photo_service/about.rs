@@ -45,7 +45,7 @@ pub struct Host<'a> {
 #[derive(Debug, Serialize)]
 #[expect(clippy::struct_excessive_bools, reason = "facts that do not exclude each other")]
 pub struct About<'a> {
-    /// Facts for all pages.
+    /// Facts for the pages of all roles.
     #[serde(flatten)]
     pub host: Host<'a>,
     /// True if the page works without a server.

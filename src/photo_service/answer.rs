@@ -66,7 +66,7 @@ pub enum Facts {
 /// Facts about a photo of either size.
 #[derive(Debug, Serialize)]
 pub struct PhotoFacts {
-    /// Box of each letter. Empty for a drawing.
+    /// Box of each letter, or an empty list for a drawing.
     pub boxes: Vec<Option<LetterBox>>,
     /// Duration of the longest flight, in s.
     pub flight_s: f64,
@@ -88,9 +88,9 @@ pub struct LiveFacts {
     /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The drawing. Null for a word.
+    /// The drawing, or null for a word.
     pub source: Option<DrawnSource>,
-    /// The verdict. Null for a drawing.
+    /// The verdict, or null for a drawing.
     pub verdict: Option<Verdict>,
 }
 
@@ -101,7 +101,7 @@ pub struct LargeFacts {
     /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The verdict with its causes. For a drawing all of its members are omitted.
+    /// The verdict with its causes, whose members are all omitted for a drawing.
     #[serde(flatten)]
     pub verdict: Option<Verdict>,
     /// The controller that flew.
@@ -178,7 +178,7 @@ pub struct PageAnswer {
 }
 
 impl PageAnswer {
-    /// Makes the answer for a page. Scripts become one archive.
+    /// Makes the answer for a page, with all scripts in one archive.
     pub fn new(asked: Asked, made: Made) -> Self {
         let Answer { facts, mut files } = match made {
             Ok(answer) => answer,
@@ -428,13 +428,13 @@ impl PhotoFacts {
 }
 
 impl Suggestion {
-    /// Makes a suggestion of changes and their gain. `None` without a change.
+    /// Makes a suggestion of changes and their gain, or returns `None` if there is no change.
     pub fn new(set: Vec<Change>, gain: f64) -> Option<Self> {
         Some(Self { gain, message: Message::of_changes(&set)?, set })
     }
 }
 
-/// Returns the strokes of the drawing as its file contains them. `None` for a word.
+/// Returns the strokes of the drawing as its file contains them, or `None` for a word.
 fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
     let Source { corners_px, is_bitmap, strokes } = &strokes.source;
     let points = strokes.iter().flat_map(|stroke| stroke.points.iter().copied());

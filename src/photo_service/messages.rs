@@ -150,7 +150,8 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// Returns a message about a log. It is always in English, because it names parts of the log.
+    /// Returns a message about a log, which is always in English, because it names parts of the
+    /// log.
     pub fn of_log(text: &str) -> Self {
         let (text, hint) = (without_paths(text), String::new());
         Self { key: "log".into(), values: json!({}), text, hint }
@@ -163,7 +164,8 @@ impl Message {
         Self { key: code_on_page(diagnostic.code).into(), values, text, hint: String::new() }
     }
 
-    /// Returns the message about a check that stops a flight. `None` if the check does not stop it.
+    /// Returns the message about a check that stops a flight, or `None` if the check does not stop
+    /// it.
     pub fn of_stop(stop: &Diagnostic) -> Option<Self> {
         let key =
             key_or_last(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
@@ -176,8 +178,8 @@ impl Message {
         stop.is_stop().then_some(message)
     }
 
-    /// Returns the message that suggests changes, with the key of the first change. `None` if there
-    /// are no changes.
+    /// Returns the message that suggests changes, with the key of the first change, or `None` if
+    /// there are no changes.
     pub fn of_changes(changes: &[Change]) -> Option<Self> {
         let first = changes.first()?;
         let key = key_or_last(ADVICE, &format!("set-{}", first.key));
@@ -238,7 +240,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
     }
 }
 
-/// Returns the key with a name. `None` if there is no such key.
+/// Returns the key with a name, or `None` if there is no such key.
 fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }

@@ -1,8 +1,8 @@
 //! The path of the light over time as a small map, from which a page exposes its photo again.
 //!
 //! Times are in hundredths of a second from the start of the flight, and coordinates in
-//! ten-thousandths of the photo's width and height, with y down. As integers, the map of a word
-//! takes a few kilobytes.
+//! ten-thousandths of the photo's width and height, with y down. Because all values are integers,
+//! the map of a word takes only a few kilobytes.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -15,8 +15,8 @@ use noctograph_pipeline::shoot::{Shot, writing};
 
 /// Time between two points of a stroke, in s.
 const STEP_S: f64 = 0.08;
-/// Level above which a lamp counts as lit. It is 0, because even a red die that is set to 2 of 255
-/// leaves a visible line.
+/// Level above which a lamp counts as lit, which is 0 because even a red die that is set to 2 of
+/// 255 leaves a visible line.
 const LIT: f64 = 0.0;
 /// Longest dark interval within a stroke, in s, which occurs when a lamp changes its color.
 const BLINK_S: f64 = 0.05;
@@ -46,7 +46,7 @@ pub struct MappedStroke {
     /// photo. …
     #[serde(rename = "at")]
     pub points: Vec<i64>,
-    /// Index of the letter that the stroke is part of. Null in a drawing.
+    /// Index of the letter that the stroke is part of, or null in a drawing.
     pub letter: Option<usize>,
     /// Color of the light on a screen (sRGB).
     pub rgb: [u8; 3],
@@ -149,7 +149,8 @@ fn letter_at(flight: &Flight, time_s: f64) -> Option<usize> {
     flight.samples.get(next)?.letter
 }
 
-/// Returns the coordinates of a point in ten-thousandths of the photo. `None` behind the camera.
+/// Returns the coordinates of a point in ten-thousandths of the photo, or `None` if it is behind
+/// the camera.
 fn photo_coordinates(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
     let point = camera.image_from_world(position_m)?;
     let fractions = [(point.x_px, camera.width_px), (point.y_px, camera.height_px)];
@@ -157,8 +158,8 @@ fn photo_coordinates(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 
     Some(fractions.map(|(px, side_px)| (UNITS * px / f64::from(side_px)).round() as i64))
 }
 
-/// Returns the boxes of letters in the photo. `None` for a letter behind the camera. Empty for a
-/// drawing.
+/// Returns the boxes of letters in the photo, with `None` for a letter behind the camera. The list
+/// is empty for a drawing.
 pub(crate) fn boxes(shot: &Shot) -> Vec<Option<LetterBox>> {
     let Some(strokes) = shot.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return Vec::new();

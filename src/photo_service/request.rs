@@ -95,7 +95,7 @@ pub struct PhotoRequest {
 /// A word or drawing with its settings. Equal subjects make equal photos.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Subject {
-    /// The word to write. Empty for a drawing.
+    /// The word to write, or an empty text for a drawing.
     pub word: String,
     drawing: Option<Drawing>,
     /// The log of a flight, in base64. The word is then the word that was flown, or empty.
@@ -226,7 +226,7 @@ fn check_values(settings: &BTreeMap<String, String>) -> std::result::Result<(), 
     }
 }
 
-/// Returns a key of the settings that is neither in the list `keys` nor in a table of the list.
+/// Returns a key of the settings that is neither in the list `keys` nor in a table of the list, or
 /// `None` if there is no such key.
 fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'a String> {
     settings.keys().find(|key| {
@@ -243,7 +243,7 @@ pub fn is_name(visitor: &str) -> bool {
 }
 
 impl Subject {
-    /// Returns the word. `None` for a drawing.
+    /// Returns the word, or `None` for a drawing.
     pub fn title(&self) -> Option<&str> {
         self.drawing.is_none().then_some(&*self.word)
     }
@@ -261,7 +261,7 @@ impl Subject {
         [width, width / aspect].map(|side| 2 * (side / 2.0).round() as u32)
     }
 
-    /// Returns name and content of the drawing's file. `None` for a word.
+    /// Returns the name and the content of the drawing's file, or `None` for a word.
     ///
     /// # Errors
     ///

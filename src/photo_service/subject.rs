@@ -24,7 +24,7 @@ impl Subject {
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
-    /// Returns width, depth and height of the room. `None` if the subject names no room.
+    /// Returns width, depth and height of the room in m, or `None` if the subject names no room.
     fn room_m(&self) -> Result<Option<[f64; 3]>> {
         let Some(text) = &self.room else { return Ok(None) };
         let room_m = parse_room(text).map_err(|wanted| {

@@ -65,7 +65,7 @@ impl PyScene {
         Ok(Self(loaded))
     }
 
-    /// str: The word. Empty for a drawing.
+    /// str: The word, or an empty text for a drawing.
     #[getter]
     fn word(&self) -> &str {
         &self.0.word
@@ -90,10 +90,10 @@ impl PyScene {
         array(py, Mixer::new(&self.0.vehicle).motors_from_wrench().transpose().as_slice(), 4)
     }
 
-    /// Returns the gain matrix K of the scene's linear-quadratic regulator,
-    /// ``u = u_hover - K (x - x_ref)``, from the weights ``controller.lqr.q`` and ``.r``. Its rows are
-    /// torques about x, y and z (N m) and thrust (N). Its columns are the twelve states of a
-    /// controller, then integrals and rotors. None if the scene's controller has another law.
+    /// Returns the gain matrix K of the scene's linear-quadratic regulator, ``u = u_hover - K (x -
+    /// x_ref)``, from the weights ``controller.lqr.q`` and ``.r``. The rows of K are torques about
+    /// x, y and z (N m) and thrust (N). The columns are the twelve states of a controller, then
+    /// integrals and rotors. None if the scene's controller has another law.
     fn gain<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let sim = self.0.sim();
         let design = run(py, &Stop::default(), move || design(&sim, MOTOR_LAG_S))?;

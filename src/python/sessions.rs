@@ -22,7 +22,7 @@ use noctograph::studies::{Conditions, Outcome, Prepared};
 /// a thread takes longer.
 const LEAST_PARALLEL_COMMANDS: u32 = 16;
 
-/// One of the flights.
+/// One of the flights that are stepped together.
 #[derive(Debug, Default)]
 struct SeededFlight {
     seed: u64,
@@ -76,9 +76,9 @@ impl PySessions {
         self.flights.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the minimum number of flights that one thread starts. With a Python estimator this
-    /// is all of them, so that an estimator which draws random numbers always draws them in the
-    /// same order.
+    /// Returns the minimum number of flights that one thread starts. With a Python estimator one
+    /// thread starts all flights, so that an estimator which draws random numbers always draws them
+    /// in the same order.
     fn least_flights_per_thread(&self) -> usize {
         if self.estimator.is_some() { usize::MAX } else { 1 }
     }

@@ -31,7 +31,8 @@ pub(super) struct PyShot {
     warnings: Vec<Diagnostic>,
 }
 
-/// Maximum size of a picture in a notebook, in bytes. In base64 it grows by a third to 200 kB.
+/// Maximum size of a picture in a notebook, in bytes. The base64 encoding is a third larger, 200
+/// kB.
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
@@ -105,8 +106,8 @@ impl PyShot {
         self.film().sha256()
     }
 
-    /// numpy.ndarray: Luminous exposure from the lamps in lx s, linear sRGB, shape (height, width, 3),
-    /// float32. Without the room's light and the sensor's noise and limits.
+    /// numpy.ndarray: Luminous exposure from the lamps in lx s, linear sRGB, shape (height, width,
+    /// 3), float32. The values exclude the room's light and the sensor's noise and limits.
     #[getter]
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let film = self.film();

@@ -128,7 +128,7 @@ fn element(bytes: &[u8], random: &mut Random) -> Option<Span> {
     Some((begin, end + last + closing.len()))
 }
 
-/// Inserts copies of a piece behind it. In half of the cases, each copy has its number in one of
+/// Inserts copies of a piece behind it. In half of the cases, each copy contains a number in one of
 /// its names.
 fn repeat(bytes: &mut Vec<u8>, span: Span, sign: &[u8], room: usize, random: &mut Random) {
     let piece = bytes[span.0..span.1].to_vec();

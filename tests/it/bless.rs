@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::io::Write as _;
 
-/// True if a golden file is to be rewritten instead of compared. In this case a message is written
+/// True if a golden file is to be rewritten instead of compared. If it is, a message is written
 /// directly to stderr, which the test harness does not capture, so that a golden file never changes
 /// silently.
 pub(crate) fn is_blessed(golden: impl Display) -> bool {

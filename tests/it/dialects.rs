@@ -464,7 +464,7 @@ fn broken_usd_logs_are_refused_or_recovered() {
             found.warnings
         );
 
-        // This is the offset of the first record of sample 200. Each sample takes four record heads
+        // The offset is that of the first record of sample 200. Each sample takes four record heads
         // and 44 bytes of values.
         let record = n_head + 200 * (4 * if version == 1 { 6 } else { 10 } + 44);
         let unknown = changed(record, &999_u16.to_le_bytes());

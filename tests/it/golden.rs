@@ -1,9 +1,9 @@
 //! Tests of golden files under `golden/`, which are results that a person has inspected.
 //!
 //! Each stage has a golden file that is made from a fixed input instead of another stage's output,
-//! so that a change of one stage changes only its own golden file. These are flights (`digests`),
-//! films (`twins`), plots (`compare_flights`) and the verdict (`faults`). The picture
-//! `golden/photo/noor.png` covers the whole pipeline. The pictures in the documentation are
+//! so that a change of one stage changes only its own golden file. The stages with golden files are
+//! flights (`digests`), films (`twins`), plots (`compare_flights`) and the verdict (`faults`). The
+//! picture `golden/photo/noor.png` covers the whole pipeline. The pictures in the documentation are
 //! illustrations, which only have to look like the results.
 //!
 //! `NOCTOGRAPH_BLESS=1 cargo test --release --test it` rewrites the golden files.

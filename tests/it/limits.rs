@@ -3,9 +3,10 @@
 //! process, which may use 300 MB of memory to refuse an input and 1 GB to accept one.
 //! `tests/fuzz/grow.rs` tests the readers separately.
 //!
-//! The test prints the table of `docs/reference/limits.md`. It stops the first run of an input
-//! after 1 s of processor time, and the others after a minute, because such a run has evidently
-//! accepted its input. With `NOCTOGRAPH_LIMITS=all` the first runs are completed.
+//! The test prints the table of `docs/reference/limits.md`. The test stops the first run of an
+//! input after 1 s of processor time, and later runs after a minute, because a run that takes as
+//! long has evidently accepted its input. With `NOCTOGRAPH_LIMITS=all` the first runs are
+//! completed.
 #![cfg(target_os = "linux")]
 
 use std::fmt::Write as _;

@@ -119,7 +119,8 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
     let files = ["flight.csv", "out/photo.png", "out/scene.toml"];
     files.iter().for_each(|name| std::fs::write(folder.path().join(name), "old").unwrap());
     noctograph(folder.path()).args(["plan", "I"]).assert().success();
-    // The limit is 8 blocks of 512 bytes. Its signal is ignored, so that the write fails.
+    // The file size is limited to 8 blocks of 512 bytes, and the signal of the limit is ignored, so
+    // that the write fails.
     let limited = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
     let small = ["preview", "I", "--backend", "cpu", "--size", "320x180", "-o", "out"];
     for arguments in [&["fly", "plan.csv"][..], &small] {

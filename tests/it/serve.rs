@@ -482,7 +482,7 @@ fn the_pad_is_the_photograph() {
             .map(|it| serde_json::from_value::<Vec<f64>>(it["at"].clone()).unwrap())
             .collect::<Vec<_>>()
     };
-    // This converts a point of the pad to coordinates of the photo, in ten-thousandths.
+    // A point of the pad is converted to coordinates of the photo, in ten-thousandths.
     let place = |x: f64, side: f64| 1e4 * (0.5 + 0.8 * (x / side - 0.5));
     let near = |at: &[f64], [x, y]: [f64; 2], most: f64| {
         (at[1] - place(x, 1600.0)).abs() < most && (at[2] - place(y, 900.0)).abs() < most

@@ -176,7 +176,7 @@ fn the_teams_flight_is_flown_again_as_it_was() {
     for (found_m, most_m) in plain_m.iter().zip([0.025, 0.033, 0.0135]) {
         assert!(*found_m <= most_m, "{plain_m}");
     }
-    // This adds the largest effect that the basic model lacks: the drone pitches up against its
+    // The basic model lacks one large effect, which is added here: the drone pitches up against its
     // motion.
     options.vehicle.airspeed_moment_n_s = 4.7e-4;
     let better_m = apart_m(&flown_again(&options, 0));
