@@ -1,1 +1,1 @@
-//! Benches of Noctograph: `cargo bench -p noctograph-benches`.
+//! Benchmarks of Noctograph, which `cargo bench -p noctograph-benches` runs.

@@ -1,9 +1,10 @@
-//! Steps of the flight physics a second, one drone on one core, in processor time.
+//! Measures steps of the flight physics per second of processor time, for one drone on one core.
 //!
-//! `cargo bench --bench physics`; an element is a step of 1 ms. The goal is 6 M steps/s for "rotors
-//! and drag", the scope of other simulators' physics (6.9 M in one written for the purpose).
-//! Measured in November 2026, the best and the median of 60 runs on a busy core with AVX-512: 13.0 and
-//! 8.4 M; "cf21" 9.7 and 6.7 M, with gusts 6.1 and 5.0 M.
+//! Run it with `cargo bench --bench physics`, in whose output an element is a step of 1 ms. The
+//! goal is 6 million steps/s for "rotors and drag", which is the scope of other simulators' physics
+//! (a simulator written for this comparison reaches 6.9 million). In November 2026, the best and
+//! the median of 60 runs on a busy core with AVX-512 were 13.0 and 8.4 million steps/s. For "cf21"
+//! the best and the median were 9.7 and 6.7 million steps/s, and with gusts 6.1 and 5.0 million.
 
 #![expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 
@@ -18,7 +19,7 @@ use noctograph::vehicle::{GroundEffect, Gusts, Plant};
 
 const STEPS: u64 = 100_000;
 
-/// Body and lagging, spinning, dragging rotors.
+/// Returns options that simulate the body, and rotors with lag, spin and drag.
 fn motion() -> SimOptions {
     let mut options = Scene::preset(Preset::Cf21).sim();
     options.battery.capacity_ah = 0.0;
@@ -26,14 +27,14 @@ fn motion() -> SimOptions {
     options
 }
 
-/// All of it: battery, ground effect and gusts as well.
+/// Returns options that also simulate battery, ground effect and gusts.
 fn everything() -> SimOptions {
     let mut options = Scene::preset(Preset::Cf21).sim();
     options.air.gusts = Gusts::room();
     options
 }
 
-/// Processor time of this thread, if the system reports it.
+/// Returns the processor time of this thread, if the system reports it.
 fn processor_time() -> Option<Duration> {
     let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     line.split(' ').next()?.parse().ok().map(Duration::from_nanos)

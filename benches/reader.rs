@@ -1,7 +1,8 @@
-//! What it costs to read a photo: preparing for a word once, then every photo of it.
+//! Measures the time to read a photo: the preparation for a word, which is needed once, and the
+//! reading of each photo of this word.
 //!
-//! CPU time here, one core, at 1920×1080: NOOR 0.3 ms to prepare and 11 ms a photo, PAINTING 0.5 and
-//! 20 ms.
+//! Measured in processor time on one core at 1920×1080, NOOR takes 0.3 ms to prepare and 11 ms per
+//! photo, and PAINTING 0.5 ms and 20 ms.
 #![expect(clippy::unwrap_used, reason = "a bench fails by panicking")]
 #![allow(missing_docs, reason = "criterion's macro makes an undocumented function")]
 
@@ -15,7 +16,7 @@ use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Shoot};
 
-/// The default preview of a word, and how to read it.
+/// Returns the strokes, the photo and the view of a word in the default scene.
 fn preview(word: &str, size_px: [u32; 2]) -> (Strokes, Photo, View) {
     let mut scene = Scene { word: word.to_owned(), ..Scene::preset(Preset::Ae4832022) };
     [scene.camera.width_px, scene.camera.height_px] = size_px;

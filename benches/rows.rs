@@ -1,10 +1,10 @@
-//! What a user waits for, each as a ratio to a fixed piece of work measured beside it, so that
-//! figures of two machines, or of two evenings, can be compared.
+//! Measures what a user waits for, as a ratio to a fixed piece of work that is measured at the same
+//! time, so that figures of two machines or of two days can be compared.
 //!
-//! `cargo bench -p noctograph-benches --bench rows`. One thread, the processor alone; the least of
-//! [`ROUNDS`] rounds, in each of which the fixed work runs before every row: other work on the
-//! machine only adds to a time. What a row costs in
-//! instructions is guarded by `tests/speed`.
+//! `cargo bench -p noctograph-benches --bench rows`. Run it with `cargo bench -p noctograph-benches
+//! --bench rows`. The benchmark uses one thread and no graphics card. Each figure is the minimum of
+//! [`ROUNDS`] rounds, because other work on the machine only increases a time. In each round the
+//! fixed work runs before every row. `tests/speed` limits the number of instructions of each row.
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]
 
@@ -17,10 +17,10 @@ use noctograph::cli::report_of;
 
 const ROUNDS: usize = 7;
 
-/// Flights of the row of a study.
+/// Number of flights in the row of a study.
 const FLIGHTS: usize = 8;
 
-/// Name and words of a row, and how often it does what it is named for.
+/// Name of a row, its command, and the number of times that the command does the named work.
 type Row = (&'static str, String, usize);
 
 fn rows(folder: &Path) -> Vec<Row> {
@@ -37,7 +37,7 @@ fn rows(folder: &Path) -> Vec<Row> {
     ]
 }
 
-/// 40 s at 1 kHz in three colors.
+/// Returns a light trace of 40 s at 1 kHz in three colors.
 fn trace() -> String {
     let mut csv = "t,x,y,z,r,g,b\n".to_owned();
     for i in 0..40_000 {
@@ -49,7 +49,8 @@ fn trace() -> String {
     csv
 }
 
-/// Some tens of milliseconds in sums, products and memory that no change of ours touches.
+/// Runs a fixed computation of several tens of milliseconds with sums, products and memory
+/// accesses, which does not depend on the program, and returns its time in s.
 fn fixed_work() -> f64 {
     let mut values = vec![1.0_f64; 1 << 19];
     let mut state = 1_u64;
@@ -74,8 +75,8 @@ fn run(words: &str) {
     black_box(report_of(&words).expect("the verb runs"));
 }
 
-/// Peak memory of a separate process that runs `preview`, in MB. `None` if the system does not
-/// report it.
+/// Returns the peak memory of a separate process that runs `preview`in MB, or `None` if the system
+/// does not report it.
 fn memory_mb(folder: &Path) -> Option<f64> {
     let program = std::env::current_exe().ok()?;
     let output = Command::new(program).arg("--memory-of-preview").arg(folder).output().ok()?;

@@ -1,5 +1,6 @@
-//! Throughput of the scoring path: NOOR planned, flown, exposed on a small film and read, on one core.
-//! Goal: 25 flights a second and core, so 40 ms each; and the part of it that is the flight.
+//! Measures the throughput of studies, in which NOOR is planned, flown, exposed on a small film and
+//! read on one core, and that of the flight separately. The goal is 25 flights per second and core,
+//! which is 40 ms per flight.
 
 use std::hint::black_box;
 

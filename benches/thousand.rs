@@ -1,13 +1,15 @@
-//! A Monte Carlo: 1,000 flights of 40 s with the full stack, on two cores. Goal: 6 s, which is
-//! 12 ms of processor time a flight.
+//! Measures a Monte Carlo study of 1,000 flights of 40 s with the full model on two cores. The goal
+//! is 6 s, which is 12 ms of processor time per flight.
 //!
-//! `cargo bench --bench thousand`. A number after `--` sets the number of flights. The full stack
-//! is the preset `cf21`: 1 kHz Runge–Kutta with rotor lag, drag, battery and ground effect,
-//! Lighthouse sweeps, inertial sensors at 1 kHz, regulator at 500 Hz, log at 250 Hz.
+//! `cargo bench --bench thousand`. Run it with `cargo bench --bench thousand`. A number after `--`
+//! sets the number of flights. The full model is that of the preset `cf21`, with Runge–Kutta
+//! integration at 1 kHz, rotor lag, drag, battery and ground effect, Lighthouse sweeps, inertial
+//! sensors at 1 kHz, a regulator at 500 Hz, and a log at 250 Hz.
 //!
-//! Measured in November 2026 on two busy cores with AVX-512 (load 12): 19 ms a flight (sweeps,
-//! EKF), 14 ms (beams, observer). Drones that shared the widest registers took 0.67 to 0.85 of that
-//! time. This saved 3 % of a study and was not worth its code.
+//! In November 2026 a flight took 19 ms (sweeps, EKF) or 14 ms (beams, observer) on two busy cores
+//! with AVX-512 (load 12). In an experiment, drones that were simulated together in the widest
+//! registers took 0.67 to 0.85 of that time, which saved only 3 % of the time of a study and did
+//! not justify the code.
 
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, reason = "a table for people")]
@@ -25,7 +27,7 @@ use noctograph::vehicle::Gusts;
 const CORES: usize = 2;
 const SECONDS: f64 = 40.0;
 
-/// The first 40 s of NOOR.
+/// Returns a plan for the first 40 s of NOOR.
 fn word() -> Plan {
     let strokes = write("NOOR", &LetterOptions::default()).expect("it is written");
     let letters = PlanOptions { extent: Extent::Letters, ..Default::default() };
@@ -45,14 +47,14 @@ fn full(positioning: Positioning, estimator: EstimatorKind) -> SimOptions {
     options
 }
 
-/// Processor time of this thread, or wall time if the system does not report it.
+/// Returns the processor time of this thread, or the wall time if the system does not report it.
 fn processor_time(since: Instant) -> Duration {
     let line = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let ns = line.and_then(|line| line.split(' ').next()?.parse().ok());
     ns.map_or(since.elapsed(), Duration::from_nanos)
 }
 
-/// Flies seeds 0 to `n` on all cores: processor time of all, and wall time.
+/// Flies seeds 0 to `n` on all cores. Returns the total processor time and the wall time.
 fn thousand(plan: &Plan, options: &SimOptions, n: u64) -> (Duration, Duration) {
     let (start, next) = (Instant::now(), AtomicU64::new(0));
     let core = || {

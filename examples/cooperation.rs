@@ -1,5 +1,5 @@
-//! Makes the tables and pictures of docs/cooperative.md: the errors of drones that share three
-//! anchors.
+//! Makes the tables and pictures of docs/cooperative.md, which show the errors of drones with three
+//! common anchors.
 //!
 //! ```sh
 //! cargo run --release --example cooperation -- setups 64     # who measures what, 64 flights each
@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
-/// Name, scene, and what is set in it.
+/// Name of a setup, its scene, and the settings of the scene.
 type Setup = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
 
 const LINKS: &str = "two-drones-three-anchors";
@@ -49,17 +49,17 @@ const SETUPS: [Setup; 8] = [
     ("rangers, estimates shared", FLOOR, &[("observer.cooperative.share", "estimates")]),
 ];
 
-/// An estimate that is farther from the truth at some time belongs to a filter that went astray.
+/// Error of the estimate, in m, above which a filter counts as astray if the error ever exceeds it.
 const ASTRAY_M: f64 = 0.5;
 
-/// Result of a flight of a fleet.
+/// Result of one flight of a fleet.
 #[derive(Default)]
 struct Flown {
-    /// Whether a drone was lost, or a filter went astray.
+    /// True if a drone was lost, or a filter went astray.
     astray: bool,
-    /// Mean square of the position's error over lit samples after 2 s.
+    /// Mean square of the position error over lit samples after 2 s, in m².
     square_m2: f64,
-    /// Mean normalized squared error of the estimate, by three.
+    /// Mean normalized estimation error squared, divided by three.
     nees: f64,
     legible: bool,
 }
@@ -76,7 +76,7 @@ fn main() -> Outcome<()> {
             print_out(&heading("drones", n));
             (2..=6).try_for_each(|drones| {
                 let drones = drones.to_string();
-                // A drone writes a letter at least.
+                // The word has a letter for each drone, because every drone writes at least one.
                 let set = [
                     ("word", "NOORNOOR"),
                     ("plan.drones", drones.as_str()),
@@ -86,7 +86,7 @@ fn main() -> Outcome<()> {
             })
         }
         ["photos", seed, folder] => photos(seed.parse()?, Path::new(folder)),
-        _ => Err("type setups N, fleets N, or photos SEED FOLDER".into()),
+        _ => Err("wanted: setups N, fleets N, or photos SEED FOLDER".into()),
     }
 }
 
@@ -99,15 +99,15 @@ fn seeded(shoot: &Shoot, seed: u64) -> Shoot {
     Shoot { scene: Scene { seed, ..shoot.scene.clone() }, ..shoot.clone() }
 }
 
-/// The head of a table, as docs/cooperative.md has it.
+/// Returns the head of a table in the form of docs/cooperative.md.
 fn heading(what: &str, n_flights: &str) -> String {
     format!(
         "| {what} | error | bound | NEES/3 | astray, legible of {n_flights} |\n|---|---|---|---|---|"
     )
 }
 
-/// Prints the row of a table: error, bound and consistency of the flights whose filters did not go
-/// astray, how many did, and how many photos are legible.
+/// Prints the row of a table: the error, bound and consistency over the flights whose filters did
+/// not go astray, the number of flights that did, and the number of legible photos.
 fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome<()> {
     let shoot = shoot(scene, set)?;
     let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();
@@ -129,7 +129,7 @@ fn row(name: &str, scene: &str, set: &[(&str, &str)], n_flights: u64) -> Outcome
         "| {name} | {error_cm:.1} cm | {bound_cm:.1} | {nees:.2} | {astray}, {legible} |"
     ));
     if flown.len() <= 16 {
-        print_out(&format!("seeds that do not read:{unread}"));
+        print_out(&format!("seeds with illegible photos:{unread}"));
     }
     Ok(())
 }
@@ -160,7 +160,7 @@ fn fly(shoot: &Shoot) -> Outcome<Flown> {
     Ok(Flown { astray, square_m2: square_m2 / n, nees: nees / n, legible })
 }
 
-/// Writes a photo of each setup, named as it.
+/// Writes a photo of each setup, named after the setup.
 fn photos(seed: u64, folder: &Path) -> Outcome<()> {
     std::fs::create_dir_all(folder)?;
     for (number, (name, scene, set)) in SETUPS.iter().enumerate() {

@@ -1,13 +1,13 @@
-//! Which letters read, and how small NOOR may be: every character of three fonts, planned, flown,
-//! photographed and read, in the styles `team` and `even`; then NOOR at falling sizes for each
-//! controller.
+//! Measures which letters are legible, and how small NOOR may be. Every character of three fonts is
+//! planned, flown, photographed and read in the styles `team` and `even`, and NOOR at decreasing
+//! sizes for each controller.
 //!
 //! ```sh
 //! cargo run --release --example legible -- characters   # a table of all characters
 //! cargo run --release --example legible -- heights      # a table and legible.png, a contact sheet
 //! ```
 //!
-//! NOOR is written in the font ae483, its letters in their own proportions.
+//! NOOR is written in the font ae483 with its letters in their own proportions.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -27,20 +27,20 @@ type Outcome<T> = Result<T, Box<dyn Error>>;
 
 const FONTS: [&str; 3] = ["ae483-fixed", "simplex", "fonts/Roboto-Thin.ttf"];
 const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
-/// Cap heights of NOOR, all of its box with them.
+/// Cap heights of NOOR in m. The whole box of each letter is scaled with them.
 const HEIGHTS_M: [f64; 10] = [0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.08, 0.06];
-/// A word reads at a height if it reads in more than half of these.
+/// Seeds with which the word is flown at each height.
 const SEEDS: [u64; 3] = [1, 2, 3];
 
 fn main() -> Outcome<()> {
     match std::env::args().nth(1).as_deref() {
         Some("characters") => characters(),
         Some("heights") => heights(),
-        _ => Err("name a table: characters or heights".into()),
+        _ => Err("wanted: characters or heights".into()),
     }
 }
 
-/// A way of flying, with its name.
+/// Returns the combinations of style and controller with their names.
 fn ways() -> [(&'static str, PlanOptions, ControllerKind); 6] {
     let team = PlanOptions::default;
     let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
@@ -59,7 +59,7 @@ fn scene(plan: &PlanOptions, kind: ControllerKind, size_px: [u32; 2]) -> Scene {
     let mut scene = Scene { plan: plan.clone(), ..Scene::preset(Preset::Ae4832022) };
     scene.controller.kind = kind;
     [scene.camera.width_px, scene.camera.height_px] = size_px;
-    // The board's own lights are no part of the letters.
+    // The board's own LEDs are off, because they are not part of the letters.
     scene.light.led_bitmask = 128;
     scene.light.ring = RingEffect::Off;
     scene
@@ -92,7 +92,7 @@ fn characters() -> Outcome<()> {
                         continue;
                     }
                 };
-                // A font without lowercase letters draws a capital, which was tried already.
+                // A font without lowercase letters draws a capital, which has already been tested.
                 if verdict.word != character.to_string() {
                     continue;
                 }
@@ -130,7 +130,8 @@ fn heights() -> Outcome<()> {
             let mut scene = scene(&plan, kind, size_px);
             scene.letters.cap_height_m = height_m;
             scene.letters.baseline_m = 0.75 - 0.5 * height_m;
-            // Corners in proportion to the letters, steps as wide as the gaps.
+            // The rounding of corners is proportional to the letters, and the steps are as wide as
+            // the gaps.
             match &mut scene.plan.style {
                 Style::Team(style) => style.step_m = 0.2 * height_m,
                 Style::Even(style) => {

@@ -1,13 +1,15 @@
-//! One picture, one reading: photographs scaled, brightened, compressed, cropped and turned, and
-//! what the reader makes of each, told the word and blind.
+//! Tests whether a picture is read in the same way when it is scaled, brightened, compressed,
+//! cropped or rotated, given the word and without it.
 //!
 //! ```sh
 //! cargo run --release --example variants -- NOOR-0.png HELLO-1.png
 //! ```
 //!
-//! A picture's name is its word and a number, 0 for the reference team's letters. Its line: what is
-//! read of it told and blind; of its variants, how many are read told as it is, told right, legible, blind as
-//! it is, and blind right; and those that are read otherwise.
+//! The name of a picture consists of its word and a number, which is 0 for the reference team's
+//! letters. The printed line contains the readings of the picture given the word and without it.
+//! For the variants of the picture, the line contains the numbers that are read like the picture
+//! given the word, read correctly given the word, legible, read like the picture without the word,
+//! and read correctly without it, and lists the variants that are read differently.
 
 use std::error::Error;
 use std::path::Path;
@@ -21,8 +23,8 @@ use noctograph::score::{Reader, ScoreOptions, find_word, read};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// What is done to a picture: scale, factor of its codes, exponent of them, quality of JPEG, share
-/// cropped from the sides, turn in degrees.
+/// Changes of a picture: the scale, the factor and the exponent of its pixel values, the JPEG
+/// quality, the fraction cropped from the sides, and the rotation in degrees.
 #[derive(Clone, Copy)]
 struct Variant {
     scale: f64,
@@ -81,7 +83,7 @@ fn varied(picture: &RgbImage, variant: &Variant) -> Outcome<RgbImage> {
     Ok(picture)
 }
 
-/// The picture turned about its middle, between the pixels' middles.
+/// Returns the picture rotated about its middle, with interpolation between pixel centers.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels and codes")]
 fn turned(picture: &RgbImage, turn_deg: f64) -> RgbImage {
     if turn_deg == 0.0 {
@@ -118,7 +120,8 @@ fn word_of(name: &str) -> &str {
     name.split('-').next().unwrap_or(name)
 }
 
-/// What is read told the word, whether it is legible, and what is read blind.
+/// Returns the reading given the word, whether the word is legible, and the reading without the
+/// word.
 fn readings(picture: RgbImage, name: &str) -> Outcome<(String, bool, String)> {
     let photo = Photo::made(PhotoData {
         width_px: picture.width(),
@@ -143,7 +146,8 @@ fn readings(picture: RgbImage, name: &str) -> Outcome<(String, bool, String)> {
 
 #[expect(clippy::print_stdout, reason = "an example's result")]
 fn main() -> Outcome<()> {
-    // Of all: told the same, told right, legible, blind the same, blind right, variants.
+    // These are the sums over all pictures: same reading given the word, correct given the word,
+    // legible, same reading without the word, correct without it, and the number of variants.
     let mut sums = [0_usize; 6];
     for path in std::env::args().skip(1) {
         let name = Path::new(&path).file_stem().and_then(|name| name.to_str()).ok_or("a name")?;

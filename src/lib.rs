@@ -1,10 +1,10 @@
 //! Noctograph shows the long-exposure photograph of a drone's light painting before the flight, and
-//! says whether the word is legible.
+//! judges whether the word is legible.
 //!
 //! # The road
 //!
-//! Data flows one way. Products are nouns and plain data; stages are verbs, each in a crate of its
-//! own or a module of one.
+//! Data flows in one direction through stages. The products of stages are plain data and named by
+//! nouns. The stages are named by verbs, and each is a crate or a module of a crate.
 //!
 //! ```text
 //! word ─letters→ Strokes ─plan→ Plan ─sim→ Flight ─light→ LightTrace ─expose→ Film ─photo→ Photo ─score→ Verdict
@@ -26,8 +26,9 @@
 //!
 //! # The crates
 //!
-//! Each is a folder of `src` with its Cargo.toml, its `lib.rs` and its tests. Cargo keeps the road
-//! one-way; this package is the program, and the front that names their modules.
+//! Each crate is a folder of `src` with its Cargo.toml, its `lib.rs` and its tests. Because Cargo
+//! allows no circular dependencies, data can flow in only one direction. This package contains the
+//! program, and re-exports the modules of the crates.
 //!
 //! | crate | what is in it | of ours, it depends on |
 //! |---|---|---|
@@ -48,28 +49,30 @@
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! `features` has no code. Without it, the tests of a single crate would rebuild about thirty
-//! packages.
+//! The crate `features` contains no code. Without it, the tests of a single crate would rebuild
+//! about thirty packages.
 //!
-//! The crates are folders, not packages: fonts, shaders and goldens are at the top level, outside
-//! of them, which crates.io cannot have. A program that uses the library depends on the repository,
-//! as `examples/library` does.
+//! The crates cannot be published on crates.io, because fonts, shaders and golden files are at the
+//! top level, outside of the crates. A program that uses the library depends on the repository, as
+//! `examples/library` does.
 //!
-//! Rules beside these dependencies:
-//! - `score` knows no plan, no flight and no light. Its inputs are a photo, a word and a camera.
-//! - `expose` knows no drone, `light` no pixels, `letters` no speed.
-//! - The world is in meters, f64 and nalgebra; the picture is in pixels: glam up to the segments of
-//!   `expose`, f32 in its records, integers after them. Each width changes in one function.
-//! - No clock, no environment, no printing and no progress bar below `cli`: stages report progress
-//!   through a callback. Same scene and seed, same bytes.
-//! - Degrees, milliseconds and other axes stay in `cli`, `logs` and `export`.
+//! In addition to the dependencies between crates, these rules apply:
+//! - `score` uses no plan, no flight and no light trace, but only a photo, a word and a camera.
+//! - `expose` has no notion of drones, `light` none of pixels, and `letters` none of speed.
+//! - Quantities of the world are in meters, in f64 and nalgebra types. Quantities of the picture
+//!   are in pixels, in glam types up to the segments of `expose`, in f32 in its records, and in
+//!   integers after that. Each change of the number format happens in a single function.
+//! - Code below `cli` reads no clock and no environment, prints nothing, and shows no progress bar.
+//!   Stages report progress through a callback. The same scene and seed give the same bytes.
+//! - Degrees, milliseconds and other axes occur only in `cli`, `logs` and `export`.
 //!
 //! # Conventions
 //!
-//! World: z up, x to the viewer's right in the written word, y into the scene; the word stands in
-//! the x-z plane. Body: x forward, y left, z up. Camera: x right, y down, z forward; image origin
-//! top left, pixel centers at +0.5. Transforms read `to_from`. Every public scalar has its unit in
-//! its name.
+//! In the world frame, z points up, x to the viewer's right, and y into the scene, and the word
+//! lies in the x-z plane. In the body frame, x points forward, y left, and z up. In the camera
+//! frame, x points right, y down, and z forward. The image origin is at the top left, and pixel
+//! centers are at +0.5. A transform is named `to_from`. The name of every public scalar contains
+//! its unit.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -1,6 +1,6 @@
-"""What the browser tests share: a server, a page that complains of everything, and waiting.
+"""Common parts of the browser tests: a server, a page that reports all errors, and waiting.
 
-The page forbids `eval`, which playwright's wait_for_function needs: `until` asks again and again."""
+`until` polls, because the page forbids `eval`, which playwright's wait_for_function needs."""
 
 import itertools
 import os
@@ -12,7 +12,7 @@ from playwright.sync_api import Error, sync_playwright
 
 PAGES = Path(__file__).resolve().parent.parent / "src/serve/page"
 CHROMIUM = os.environ.get("NOCTOGRAPH_CHROMIUM", "/usr/bin/chromium")  # tests/chromium
-# Time after which what is waited for counts as endless, on a busy machine too.
+# Time after which a wait counts as endless, even on a busy machine.
 PATIENCE_S = 300
 PHONE, TABLET, DESK, WALL = [{"width": w, "height": h} for w, h in [(390, 844), (768, 1024), (1440, 900), (3840, 2160)]]
 
@@ -36,14 +36,14 @@ class Server:
 
 
 def processes(server):
-    """The server and its workers: the fields of each in /proc, after its name."""
+    """Returns the fields after the name in /proc, for the server and each of its workers."""
     known = {process.name: fields for process in Path("/proc").glob("[0-9]*") if (fields := stat(process))}
     own = str(server.process.pid)
     return {name: fields for name, fields in known.items() if name == own or fields[1] == own}
 
 
 def cpu_s(server):
-    """Processor time of the server and its workers."""
+    """Returns the processor time of the server and its workers."""
     return sum(int(it[11]) + int(it[12]) for it in processes(server).values()) / os.sysconf("SC_CLK_TCK")
 
 
@@ -58,8 +58,8 @@ EXPECTED = ("Failed to load resource", "Service Worker registration blocked by P
 
 
 def opened(browser, url, **options):
-    """A page, and what it complained of or asked others for. A service worker takes requests that tests hold
-    or answer, so these tests block it."""
+    """Opens a page, and returns it with its errors and foreign requests. Tests that hold or answer requests block the
+    service worker, which would otherwise take these requests."""
     context = browser.new_context(**{"locale": "en-US", "viewport": DESK, "color_scheme": "dark", **options})
     page = context.new_page()
     page.set_default_timeout(1000 * PATIENCE_S)
@@ -78,7 +78,7 @@ def ready(page):
 
 
 def more(page):
-    """Opens the drawer, with all that it has."""
+    """Opens the drawer with all of its parts."""
     page.click("#more")
     page.wait_for_selector("#drawer[open]")
     page.locator("#drawer .how").evaluate("how => { how.open = true; }")
@@ -101,14 +101,14 @@ def until(page, expression, what=None):
 
 
 def shown(page):
-    """Waits for the photograph of what is wished now, and for its verdict, which is returned."""
+    """Waits for the photograph of the current word or drawing and for its verdict, and returns the verdict."""
     until(page, "!document.querySelector('#frame').hidden && !document.querySelector('#frame').classList.contains('waits')", "a photograph")
     until(page, "document.querySelector('main').dataset.judged === 'true'", "the verdict of the photograph that is kept")
     return page.inner_text("#verdict")
 
 
 def write(page, word):
-    """Writes a word at once, and waits for its photograph."""
+    """Enters a whole word, and waits for its photograph."""
     before = page.get_attribute("main", "data-shown")
     page.fill("#word", word)
     until(page, f"document.querySelector('main').dataset.shown !== {before!r}" if before else "document.querySelector('main').dataset.shown")
@@ -116,13 +116,13 @@ def write(page, word):
 
 
 def on_pad(page):
-    """Where a share of the pad's width and height is on the screen."""
+    """Returns the position on the screen of a point given as fractions of the pad's width and height."""
     box = page.locator("#pad").bounding_box()
     return lambda x, y: (box["x"] + x * box["width"], box["y"] + y * box["height"])
 
 
 def judged_as(page, **verdict):
-    """Gives another verdict to all photographs, small and large."""
+    """Replaces the verdict of all small and large photographs."""
     def answer(route):
         response = route.fetch()
         shot = response.json()
@@ -142,7 +142,7 @@ def come(page, requests):
 
 
 def stroke(page, *points, steps=(12,)):
-    """Draws a line through points of the pad; the pen is slower on a leg of more steps."""
+    """Draws a line through points of the pad. The pen is slower on a segment with more steps."""
     place = on_pad(page)
     page.mouse.move(*place(*points[0]))
     page.mouse.down()
@@ -159,7 +159,7 @@ SHEET = [[150, 90], [640, 110], [690, 520], [90, 500]]
 
 
 def drop_sheet(page):
-    """Brings the photograph of a sheet on a dark desk, with a black stroke and a red one."""
+    """Drops a photograph of a sheet on a dark desk, with a black and a red stroke, on the page."""
     drop(page, f"""async () => {{
         const canvas = Object.assign(document.createElement('canvas'), {{width: 800, height: 600}});
         const pen = canvas.getContext('2d');
@@ -178,7 +178,7 @@ def drop_sheet(page):
 
 
 def kept(page):
-    """What the page keeps over a reload."""
+    """Returns the data that the page keeps over a reload."""
     return page.evaluate("JSON.parse(sessionStorage.getItem('noctograph'))")
 
 

@@ -1,8 +1,8 @@
-"""Flies exported scripts for Crazyswarm2 with a double of its Python interface: see tests/crazyswarm.
+"""Flies exported scripts for Crazyswarm2 with a double of its Python interface, see tests/crazyswarm.
 
-The double has the methods and signatures of crazyflie_py (IMRCLab/crazyswarm2, September 2026), and
-what follows from them there: setParam only warns of a name that the firmware does not have; Ctrl-C shuts ROS
-down unless its signal handlers are uninstalled; a CSV of one row is no trajectory.
+The double has the methods and signatures of crazyflie_py (IMRCLab/crazyswarm2, September 2026), and their
+behavior there: setParam only warns of a name that the firmware does not have, Ctrl-C shuts ROS down unless
+its signal handlers are uninstalled, and a CSV of one row is refused as a trajectory.
 """
 
 import ast
@@ -28,13 +28,13 @@ FLYING, CAN_FLY, CAN_BE_ARMED, TUMBLED, LOCKED = 16, 8, 1, 32, 64
 
 
 class TimeHelper:
-    """Time that passes only while somebody sleeps; runs what is due then."""
+    """Virtual time that passes only while the script sleeps, and then runs the events that are due."""
 
     def __init__(self, node):
         self.node, self.now_s, self.due, self.skew_s = node, 100.0, [], 0.0
 
     def time(self):
-        """The clock of ROS, hence of the computer, which somebody may set."""
+        """Returns the time of ROS, which is that of the computer's clock and may be set."""
         return self.now_s + self.skew_s
 
     def monotonic(self):
@@ -51,7 +51,7 @@ class TimeHelper:
 
 
 class Ros:
-    """What all drones share: whether ROS still runs, and everything that was sent."""
+    """State that is common to all drones: whether ROS still runs, and everything that was sent."""
 
     def __init__(self, fault):
         self.clock, self.sent, self.up, self.handles_signals = TimeHelper(self), [], True, True
@@ -104,7 +104,7 @@ class Crazyflie:
             self.landing = (self.node.clock.now_s, duration / self.clock_rate, self.place[2], targetHeight)
 
     def _cut(self, by):
-        """Stops the motors, as an emergency, disarming and the firmware's own supervisor do."""
+        """Stops the motors, like an emergency stop, disarming and the firmware's supervisor."""
         if self.cut_by is None and self.started and not self._is_over():
             self.cut_by, self.fell_m, self.place = by, self._at()[2], [*self._at()[:2], 0.0]
             self.started = None
@@ -112,13 +112,13 @@ class Crazyflie:
             self.cut_by, self.fell_m, self.landing = by, self._at()[2], None
 
     def _is_over(self):
-        """Whether it has landed, by the script's command or at the end of its trajectory."""
+        """True if the drone has landed, by the script's command or at the end of its trajectory."""
         if self.landing:
             return self.node.clock.now_s >= self.landing[0] + self.landing[1]
         return not self.started or self._on_board_s() > sum(p.duration for p in self.trajectory.polynomials)
 
     def _on_board_s(self):
-        """Seconds on board since the start, as the trajectory counts them."""
+        """Returns the seconds since the start on the drone's clock, on which the trajectory runs."""
         start_s, timescale = self.started
         return (self.node.clock.now_s - start_s) * self.clock_rate / timescale
 
@@ -222,9 +222,9 @@ def names(script):
 
 
 def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None, **drones):
-    """Runs a script with the double; returns what it sent, what ended it and what it printed.
+    """Runs a script with the double. Returns what it sent, the reason of its end, and its output.
 
-    `drones` are attributes of all of them; `events` are (seconds after take-off, what happens)."""
+    `drones` are attributes of all drones, and `events` are pairs (seconds after take-off, event)."""
     script = load(name)
     ros = Ros(fault)
     types_of = dict.fromkeys(names(script) - set(lacks), 2)
@@ -257,7 +257,7 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
         if keys:
             keys(ros)
         for after_s, event in events:
-            # The trajectory starts two seconds after the key.
+            # The trajectory starts two seconds after the key press.
             ros.clock.due.append((ros.clock.now_s + 2.0 + after_s, lambda event=event: event(ros)))
 
     script.input, script.time = enter, ros.clock
@@ -292,7 +292,7 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")]
 
 
 def press(number=signal.SIGINT, *later_s):
-    """Ctrl-C or another signal, and more of them later."""
+    """Sends Ctrl-C or another signal, and further ones later."""
     def event(ros):
         for s in later_s:
             ros.clock.due.append((ros.clock.now_s + s, lambda: press(number)(ros)))
@@ -303,7 +303,7 @@ def press(number=signal.SIGINT, *later_s):
 
 
 def set_clock(by_s, then):
-    """The computer's clock is set, and a second later something goes wrong."""
+    """Sets the computer's clock, and causes a fault one second later."""
     def event(ros):
         ros.clock.skew_s = by_s
         ros.clock.due.append((ros.clock.now_s + 1.0, lambda: then(ros)))
@@ -314,7 +314,7 @@ def dead(ros):
     change(silent=(True,), deaf=True)(ros)
 
 
-# What happens at a moment, how drones that fly may end, and what is to be said.
+# Events, the allowed outcomes of drones in flight, and the required messages.
 MOMENTS = {
     "Ctrl-C": (press(), "landed", ""), "kill": (press(signal.SIGTERM), "landed", ""),
     "a closed window": (press(signal.SIGHUP), "landed", ""),
@@ -338,7 +338,7 @@ def lamp_fails(ros, name, method, values):
 
 class Flights(unittest.TestCase):
     def landed(self, ros):
-        """Whether every drone that took off was told to land, and no motor was cut."""
+        """True if every drone that took off was told to land, and no motor was stopped in the air."""
         flew = [name for name in ros.drones if ros.of("startTrajectory", name)]
         return all(ros.of("land", name) for name in flew) and not ros.of("emergency")
 
@@ -494,7 +494,7 @@ class Flights(unittest.TestCase):
 
 
 class Moments(unittest.TestCase):
-    """Whatever happens at any moment: no drone falls by the script's doing, and what it says is true."""
+    """Tests that no event at any moment makes the script drop a drone or print a false sentence."""
 
     def judged(self, ros, kind, outcome="landed"):
         for name, found in ros.outcomes.items():
@@ -538,7 +538,7 @@ class Moments(unittest.TestCase):
                         press()(ros)
 
                 def raised(ros, name, method, values, nth=nth):
-                    # Where ROS or another library has its own handler.
+                    # The signal is sent while ROS or another library may have its own handler.
                     if len(ros.sent) == nth and not ros.pressed and ros.of("arm"):
                         ros.pressed = True
                         raise KeyboardInterrupt
@@ -551,7 +551,7 @@ class Moments(unittest.TestCase):
 
 
 class Source(unittest.TestCase):
-    """The double against the source of crazyflie_py, where that is at hand."""
+    """Compares the double with the source of crazyflie_py, if that is available."""
 
     @unittest.skipUnless(os.environ.get("CRAZYSWARM2"), "CRAZYSWARM2 names no checkout")
     def test_methods_have_their_signatures(self):

@@ -1,8 +1,8 @@
 """A hall full of visitors: tests/crowd.py NOCTOGRAPH [VISITORS] [SECONDS]
 
-One visitor types alone, in Chromium and over HTTP, then many at once. Prints the time from a letter to
-its photograph, refusals, and processor time a photograph. No part of the gate: it says something on
-an idle machine only, and prints the load."""
+First a single visitor types, in Chromium and over HTTP, and then many at once. The script prints the time from a
+letter to its photograph, the refusals, and the processor time per photograph. It is not part of tests/run, because
+its result is meaningful only on an idle machine. It therefore prints the load."""
 
 import http.client
 import json
@@ -21,7 +21,7 @@ n_visitors, seconds = [int(text) for text in [*sys.argv[2:], "20", "40"][:2]]
 
 
 def ask(server, visitor, number, word):
-    """Seconds, status and answer of a letter's wish."""
+    """Returns the seconds, the status and the answer of the request for a letter."""
     host, path = server.page.removeprefix("http://").split("/", 1)
     wish = {"visitor": visitor, "number": number, "word": word, "settings": {}, "aspect": 1.6}
     begun = time.perf_counter()
@@ -33,7 +33,7 @@ def ask(server, visitor, number, word):
 
 
 def types(server, k, end, answers):
-    """Types words until the end, waiting for no answer, as a browser does."""
+    """Types words until the end without waiting for answers, like a browser."""
     rng, number, asking = random.Random(k), 0, []
     word = WORDS[k % len(WORDS)]
     time.sleep(rng.uniform(0, 1.5))
@@ -50,10 +50,11 @@ def types(server, k, end, answers):
 
 
 def answers_keystrokes(browser, url):
-    """Milliseconds from a keystroke to photograph and verdict: median and 95th percentile."""
+    """Measures the milliseconds from a keystroke to photograph and verdict, as median and 95th percentile."""
     page, _ = opened(browser, url, viewport={"width": 1280, "height": 900})
     ready(page)
-    # From the key's own event to the moment at which the photograph is decoded and the verdict stands beside it.
+    # The time runs from the key event until the photograph is decoded and the verdict is shown
+    # beside it.
     page.evaluate("""() => {
         window.times = [];
         document.querySelector('#word').addEventListener('input', () => { window.begun = performance.now(); }, true);

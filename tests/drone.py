@@ -1,5 +1,5 @@
-"""A Crazyflie in virtual time for exported scripts: a clock, a body that obeys as the firmware does,
-and a link to it with cflib's own commanders, which can fail in every way."""
+"""A double of a Crazyflie in virtual time for exported scripts: a clock, a body that obeys commands like the
+firmware, and a link to it with cflib's own commanders, which can fail in every way."""
 
 import importlib.metadata
 import importlib.util
@@ -29,7 +29,7 @@ LOGS = {name for kind, name in NAMES if kind == "log"}
 
 
 class Clock:
-    """Time that passes only while somebody sleeps; runs what is due then."""
+    """Virtual time that passes only while the script sleeps, and then runs the events that are due."""
 
     def __init__(self):
         self.now_s, self.due, self.lock = 100.0, [], threading.RLock()
@@ -52,8 +52,8 @@ class Clock:
 
 
 class SharedClock(Clock):
-    """The same for several threads: time passes when all that ever slept sleep, or when for a quarter of
-    a second one of them does not, which waits for something else then."""
+    """Virtual time for several threads. It passes when all threads that have ever slept are asleep, or if one of them
+    has not slept for a quarter of a second, because it then waits for something else."""
 
     def __init__(self, n_threads):
         super().__init__()
@@ -73,31 +73,33 @@ class SharedClock(Clock):
             self.turn.notify_all()
 
     def patience_s(self):
-        """How long those that are awake are waited for; threads that are to come, for a moment."""
+        """Returns the time for which threads that are awake are waited for, which is short for threads that may still
+        start."""
         self.known = {thread for thread in self.known if thread.is_alive()}
         awake = len(self.known) > len(self.asleep)
         return 0.25 if awake else 0.02 * (len(self.asleep) < min(self.n_threads, threading.active_count() - 1))
 
 
 class Body:
-    """A drone that is where it is told to be: the firmware's order of commanders, its planner, its
-    watchdog, its supervisor and its clock. `fell_m` says from which height its motors stopped."""
+    """A drone that is exactly where it is commanded to be, with the firmware's order of commanders, planner, watchdog,
+    supervisor and clock. `fell_m` is the height at which its motors stopped."""
 
     def __init__(self, clock, place=(0.0, 0.0), clock_rate=84 / 85):
         self.clock, self.clock_rate = clock, clock_rate
         self.at, self.target, self.top_m, self.fell_m = [*place, 0.0], [0.0] * 3, 0.0, 0.0
         self.low_s, self.leg, self.on, self.locked, self.cut_by = None, None, False, False, None
-        # What the firmware did by itself and what it heard, for what the script says of it.
+        # Actions of the firmware and received commands, with which the script's messages are
+        # compared.
         self.moved_s, self.leveled, self.turned_s = clock.now_s, False, -math.inf
         self.landings, self.took_over = [], False
 
     def setpoint(self, place):
-        """A setpoint by radio, which stops the planner on board."""
+        """Executes a setpoint from the radio, which stops the planner on board."""
         if not self.locked:
             self.low_s, self.target, self.on, self.leg = self.clock.now_s, list(place), True, None
 
     def land(self, duration_s):
-        """A landing on board, on its clock; then the motors are off."""
+        """Executes a landing on board, on the drone's clock, after which the motors are off."""
         start = list(self.at)
 
         def way(time_s):
@@ -110,8 +112,9 @@ class Body:
             self.landings.append(self.clock.now_s)
 
     def fly_pieces(self, data):
-        """A compressed trajectory, as `pptraj_compressed.c` reads it; at its end it is held, or has no
-        goal, where the last piece divides by its duration of 0."""
+        """Flies a compressed trajectory, parsed like `pptraj_compressed.c`. At its end the drone hovers, or has no
+        goal if the
+        last piece divides by its duration of 0."""
         end, at, pieces = list(struct.unpack_from("<hhhh", data)), 8, []
         while True:
             header, duration_ms = struct.unpack_from("<BH", data, at)
@@ -138,7 +141,7 @@ class Body:
             self.leg = (self.clock.now_s, way, lasts_s, "no goal" if header else "hold")
 
     def relax(self):
-        """Setpoints are over: a planner that is stopped wants the motors off."""
+        """Ends the setpoints. A planner that is stopped then commands the motors off."""
         self.low_s, self.took_over = None, self.leg is not None
         if self.leg is None:
             self.cut("a null setpoint")
@@ -150,7 +153,7 @@ class Body:
         self.at[2] = self.target[2] = 0.0
 
     def move(self):
-        """Brings it to the present: setpoints come before the commander on board."""
+        """Moves the drone to the present time. Setpoints take precedence over the commander on board."""
         now_s, moved_s = self.clock.now_s, self.moved_s
         self.moved_s = now_s
         if self.low_s is not None:
@@ -160,7 +163,7 @@ class Body:
         elif self.leg:
             begin_s, way, lasts_s, then = self.leg
             time_s = (now_s - begin_s) * self.clock_rate
-            # Where nobody looked for longer, the way between counts as well.
+            # If the position was not queried for some time, the path in between counts as well.
             steps = min(int(4 * (now_s - moved_s)), 400)
             heights = [way(min(time_s - k / 4, lasts_s))[2] for k in range(1, steps + 1) if time_s > k / 4]
             self.top_m = max([self.top_m, *heights])
@@ -178,7 +181,7 @@ class Body:
         self.top_m = max(self.top_m, self.at[2])
 
     def is_flying(self):
-        """Bit 4 of `supervisor.info`: thrust, or thrust within two seconds."""
+        """Returns bit 4 of `supervisor.info`, which is set while there is thrust and for two seconds after it."""
         return not self.locked and (self.on or self.clock.now_s - self.turned_s < HYSTERESIS_S)
 
     def outcome(self):
@@ -190,7 +193,7 @@ class Body:
 
 
 def casteljau(points, u):
-    """A Bézier curve at a share of its duration."""
+    """Evaluates a Bézier curve at a fraction of its duration."""
     while len(points) > 1:
         points = [(1 - u) * a + u * b for a, b in zip(points, points[1:])]
     return points[0]
@@ -202,7 +205,7 @@ class Callbacks(list):
 
 
 class Counted:
-    """A part of a link, each call of which is counted and may be told to fail."""
+    """A part of a link whose calls are counted, and may be configured to fail."""
 
     def __init__(self, radio, name, part):
         self._radio, self._name, self._part = radio, name, part
@@ -220,7 +223,7 @@ class Counted:
 
 
 class Radio:
-    """A link to a body: records packets and parameters with their times."""
+    """A link to a body, which records packets and parameters with their times."""
 
     def __init__(self, clock, body=None, battery_v=4.1, place=(0.0, 0.0), variance=1e-5, nose=0.0,
                  lean=0.0, platform="Crazyflie 2.1", firmware="2026.08", clock_rate=84 / 85, gains=(),
@@ -256,14 +259,14 @@ class Radio:
         self.led = types.SimpleNamespace(timings=[], add=self.add_timing, write_data=self.write_led)
 
     def fault(self, bit):
-        """Sets a bit of the supervisor in flight, whose motors the firmware has stopped by then
+        """Sets a bit of the supervisor in flight, after the firmware has stopped the motors
         (`supervisor_state_machine.c`, `transitionsFlying`)."""
         self.body.move()
         self.body.cut("the firmware's own cut", locks=True)
         self.bits |= 1 << bit
 
     def touch(self, call):
-        """Counts a call, and fails as it was told: at its nth time."""
+        """Counts a call, and fails at the nth call if it was configured to."""
         self.calls[call] = self.calls.get(call, 0) + 1
         if self.failing.get(call) == self.calls[call]:
             raise OSError(f"{call} failed")
@@ -275,7 +278,7 @@ class Radio:
     # Link
 
     def lose(self):
-        """What cflib does where it notices: no more packets, and whoever wants is told."""
+        """Loses the link in the way that cflib detects: no more packets arrive, and its callbacks are called."""
         if not self.is_closed:
             self.is_lost = self.is_closed = True
             for callback in list(self.connection_lost):
@@ -285,21 +288,21 @@ class Radio:
         self.lose()
 
     def hush(self, notice_s, passes=0):
-        """Nothing is heard on either side, and cflib notices later: after 100 packets, 0.3 s with one
-        drone. Where only its acknowledgments are lost the drone hears one more packet, that which the
-        driver repeats."""
+        """Silences both directions of the link, which cflib detects only after 100 packets (0.3 s with one drone). If
+        only
+        the acknowledgments are lost, the drone receives one more packet, which the driver repeats."""
         self.is_lost, self.passes = True, passes
         self.clock.after(notice_s, lambda: self.lose() if self.is_lost else None)
 
     def close_link(self):
-        """cflib's end of a link: a setpoint without thrust goes before it."""
+        """Closes the link like cflib, which first sends a setpoint without thrust."""
         if not self.is_lost:
             self.body.move()
             self.body.cut("cflib's end of the link")
         self.is_lost = self.is_closed = True
 
     def again(self):
-        """A new link to the same drone, whose parameters cflib reads for a second."""
+        """Opens a new link to the same drone, for which cflib reads the parameters for one second."""
         radio = Radio(self.clock, body=self.body)
         for name in ("memory_of_params", "was", "values", "fixed", "drift", "bits", "armed", "missing",
                      "platform_name", "firmware", "params", "sent"):
@@ -366,7 +369,7 @@ class Radio:
             self.clock.after(0.02, lambda: self.memory_of_params.update({name: stored}))
 
     def wait_for_params(self):
-        """cflib waits for all parameters of a new link, up to a minute."""
+        """Waits like cflib for all parameters of a new link, for up to a minute."""
         for _ in range(600):
             if not self.param._part.is_updated:
                 self.clock.sleep(0.1)
@@ -378,12 +381,12 @@ class Radio:
         return str(self.memory_of_params[name])
 
     def changed(self):
-        """Parameters that are not as they were before the script."""
+        """Returns the parameters whose values differ from those before the script."""
         return {name for name, value in self.memory_of_params.items()
                 if not math.isclose(value, self.was[name], rel_tol=1e-6)}
 
     def arm(self, armed):
-        """An arming request; disarmed in the air its motors stop."""
+        """Executes an arming request. If the drone is disarmed in the air, its motors stop."""
         if not self.is_lost:
             self.body.move()
             self.armed = armed
@@ -411,7 +414,7 @@ class Radio:
         self.blocks.append(block)
 
     def read(self, name):
-        """A logged variable now."""
+        """Returns the current value of a logged variable."""
         self.body.move()
         group, _, variable = name.partition(".")
         default = self.fixed.get(name, 0.0)
@@ -428,7 +431,7 @@ class Radio:
 
 
 class Block:
-    """Stands in for cflib's LogConfig; a started block sends a row when the clock moves."""
+    """Stands in for cflib's LogConfig. A started block sends a row when the clock advances."""
 
     def __init__(self, name, period_in_ms):
         self.name, self.variables, self.data_received_cb, self.on = name, [], Callbacks(), False
@@ -461,7 +464,7 @@ class Block:
 
 
 def load_script(path):
-    """A script as a module."""
+    """Loads a script as a module."""
     name = os.path.basename(path)[:-3].replace("-", "_")
     spec = importlib.util.spec_from_file_location(name, path)
     script = importlib.util.module_from_spec(spec)
@@ -470,7 +473,7 @@ def load_script(path):
 
 
 class Linked:
-    """What scripts ask of cflib's SyncCrazyflie beside its drone."""
+    """The members of cflib's SyncCrazyflie that scripts use, in addition to its drone."""
 
     def __exit__(self, *_):
         self.cf.close_link()
@@ -483,7 +486,7 @@ class Linked:
 
 
 def links(parts, clock, radios):
-    """A stand-in for cflib's SyncCrazyflie: each link opened is the drone of the next script."""
+    """Replaces cflib's SyncCrazyflie, so that each opened link is the drone of the next script."""
     class Link(Linked):
         def __init__(self, uri, cf):
             data = parts[len(radios)].DATA

@@ -1,6 +1,6 @@
 """The exhibit in Chromium: tests/exhibit.py NOCTOGRAPH [AXE_JS] [PART/PARTS] [NAME …]
 
-Every fault that was found in a hall has its test here; each name is a claim."""
+Each fault that was found in a hall has a test here, which is named after a claim."""
 
 import csv
 import json
@@ -25,7 +25,7 @@ AXE = Path(sys.argv[2]).read_text() if len(sys.argv) > 2 and Path(sys.argv[2]).i
 PART, PARTS = next(([int(n) for n in text.split("/")] for text in sys.argv[2:] if re.fullmatch(r"\d+/\d+", text)), [1, 1])
 CHOSEN = [name for name in sys.argv[2:] if name.isidentifier()]
 LANGUAGES = ["en", "de", "fr", "es"]
-# Three F: one, one before it is answered, and one as soon as the page shows the answer.
+# Three presses of F: one, one before its answer, and one as soon as the page shows the answer.
 DOUBLE_TAPS = """() => new Promise((done) => {
     const entry = document.querySelector("#entry");
     const tap = () => document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "f", bubbles: true }));
@@ -46,7 +46,7 @@ def flat(table, place=""):
 
 
 def words_are_complete_in_four_languages(hall):
-    # Those that a visitor reads at first, and those that come later.
+    # The tables contain the phrases that a visitor reads first, and those that come later.
     tables = {code: {key: phrase for part in ("", "-more") for key, phrase in flat(json.loads((PAGES / f"words/{code}{part}.json").read_text()))} for code in LANGUAGES}
     known = set(tables["en"])
     for code, table in tables.items():
@@ -55,12 +55,12 @@ def words_are_complete_in_four_languages(hall):
             assert phrase.strip(), f"{code}: {key} is empty"
             values = lambda text: set(re.findall(r"\{(\w+)\}", text))
             assert values(phrase) == values(tables["en"][key]), f"{code}: {key} has other values"
-    # French has a space before a sign of two parts, at which no line ends.
+    # French has a non-breaking space before a punctuation mark with two parts.
     breaks = [key for key, phrase in tables["fr"].items() if re.search(r"[ \w)}][;:!?]", phrase)]
     assert not breaks, f"a line may end before a sign: {breaks}"
     same = [key for key, phrase in tables["en"].items() if len(phrase) > 24 and tables["de"][key] == phrase]
     assert not same, f"not translated: {same}"
-    # What the pages name is in the table, and what the program can say, too.
+    # The table contains all phrases that the pages use and all that the program can send.
     sources = "".join(path.read_text() for path in [*PAGES.glob("*.js"), *PAGES.glob("*.html")])
     named = set(re.findall(r"\bt\(\"([\w-]+)\"", sources)) | set(re.findall(r"data-[tlp]=\"([\w-]+)\"", sources))
     top = {key.split("/")[0] for key in known}
@@ -72,7 +72,7 @@ def words_are_complete_in_four_languages(hall):
 
 
 def errors_are_said_in_the_visitors_language(hall):
-    """No percentages, keys, paths or English sentences for a visitor from elsewhere."""
+    """Checks that a foreign visitor sees no percentages, keys, paths or English sentences."""
     for code, want in {"en": "has not learned", "de": "noch nicht gelernt", "fr": "pas encore appris", "es": "aún no ha aprendido"}.items():
         page, trouble = opened(hall.browser, hall.page, locale=f"{code}-{code.upper()}", viewport=PHONE)
         ready(page)
@@ -92,7 +92,7 @@ def errors_are_said_in_the_visitors_language(hall):
 
 
 def no_keystroke_hangs(hall, sessions=12):
-    """Each request is delayed at random, so that they arrive in another order; the last word is shown."""
+    """Delays each request at random, so that the answers arrive in another order. The last word must be shown."""
     page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
     ready(page)
     rng = random.Random(7)
@@ -104,9 +104,9 @@ def no_keystroke_hangs(hall, sessions=12):
         try:
             route.continue_()
         except Exception:
-            pass  # the page gave it up for a newer one
+            pass  # the page abandoned it for a newer request
 
-    # Delayed in the browser, each on its own.
+    # Each request is delayed separately in the browser.
     page.route("**/live", late)
     for session in range(sessions):
         word = rng.choice(["NOOR", "ANNA", "ZOE", "OTTO", "LEA"])
@@ -118,7 +118,9 @@ def no_keystroke_hangs(hall, sessions=12):
 
 
 def a_photograph_that_takes_long_comes(hall):
-    """On a busy machine: one that takes 20 s, asked for again after 15 s, would be begun for ever."""
+    """Simulates a busy machine, on which a photograph that takes 20 s would never be finished if it were requested
+    again
+    after 15 s."""
     page, trouble = opened(hall.browser, "about:blank", viewport=PHONE)
     page.clock.install()
     page.goto(hall.page)
@@ -160,7 +162,7 @@ def a_lost_connection_is_noticed_and_mended(hall):
 
 
 def the_pad_stands_still_while_one_draws(hall):
-    """A straight line of a slow finger stays straight while photographs arrive."""
+    """Checks that a straight line by a slow finger stays straight while photographs arrive."""
     for size in [PHONE, TABLET, {"width": 844, "height": 390}]:
         page, trouble = opened(hall.browser, hall.page, viewport=size, has_touch=True)
         ready(page)
@@ -232,7 +234,7 @@ def strokes_are_undone_rubbed_out_painted_and_moved(hall):
     after = strokes(page)[0]["points"][0]
     height = kept(page)["sketch"]["page"][1]
     assert abs(after[1] - before[1] - 0.2 * height) < 0.02 * height and abs(after[0] - before[0]) < 5, f"{before} → {after}"
-    # Everything is there after a reload, its history too; and Back leads to the word.
+    # After a reload everything is kept, including the history, and Back leads to the word.
     page.reload()
     ready(page)
     assert page.locator("#pad").is_visible() and len(strokes(page)) == 1
@@ -240,7 +242,7 @@ def strokes_are_undone_rubbed_out_painted_and_moved(hall):
     assert strokes(page)[0]["points"][0] == before
     page.go_back()
     assert page.locator("#word").is_visible()
-    # By keyboard alone.
+    # This part uses only the keyboard.
     page.click("#draw")
     page.focus("#pad")
     n = len(strokes(page))
@@ -253,7 +255,7 @@ def strokes_are_undone_rubbed_out_painted_and_moved(hall):
 
 
 def a_stroke_lands_where_it_was_drawn(hall):
-    """The lamp's way in the photograph, in pixels of the screen, against the finger's."""
+    """Compares the lamp's path in the photograph with the finger's, in pixels of the screen."""
     for size in [PHONE, DESK]:
         page, _ = opened(hall.browser, hall.page, viewport=size)
         ready(page)
@@ -309,7 +311,7 @@ def nothing_is_lost_on_reload_or_back(hall):
 
 
 def a_colored_word_shines_on_every_lamp(hall):
-    """What is bright in the photograph has the lamp's color, and it is not black."""
+    """Checks that the bright pixels of the photograph have the lamp's color, and that the photograph is not black."""
     page, _ = opened(hall.browser, hall.page)
     ready(page)
     light = """() => {
@@ -337,7 +339,7 @@ def a_colored_word_shines_on_every_lamp(hall):
 
 
 def the_reason_of_not_legible_is_said(hall):
-    """All letters read, the word does not: the reason stands there, in words and without a share."""
+    """Checks that the reason is shown in words and without a number if all letters are legible but the word is not."""
     page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
     ready(page)
 
@@ -346,7 +348,8 @@ def the_reason_of_not_legible_is_said(hall):
     assert "Not everybody could read it." in said and "too small in the photograph" in said, said
     assert not re.search(r"%|0\.5|_", said), said
     assert page.inner_text("#send") == "Send it as it is"
-    # What the eye sees: the letter that is mistaken, and for which; it is marked in the photograph.
+    # The page names the letter that may be misread and its rival, and marks the letter in the
+    # photograph.
     for word, reason, rival, want in [("LEO", "unsure", "LEC", "The O could be C."), ("I", "unsure", "l", "A line alone could be I, l or 1."),
                                       ("RNA", "other_length", "MA", "It could be read as MA."), ("HAUS", "misread", "MAUS", "The H could be M.")]:
         page.unroute("**/live"), page.unroute("**/photos")
@@ -360,7 +363,7 @@ def the_reason_of_not_legible_is_said(hall):
 
 
 def the_verdict_is_that_of_the_photograph_that_is_kept(hall):
-    """The small photograph says no, the large one yes: the visitor reads no "no" in between."""
+    """The small photograph is illegible and the large one legible. The visitor must not see "no" in between."""
     page, trouble = opened(hall.browser, hall.page, viewport={"width": 1024, "height": 768})
     ready(page)
     page.evaluate("window.said = []; new MutationObserver(() => window.said.push(document.querySelector('#verdict').textContent)).observe(document.querySelector('#verdict'), {childList: true, subtree: true})")
@@ -379,7 +382,7 @@ def the_verdict_is_that_of_the_photograph_that_is_kept(hall):
 
 
 def what_only_directs_a_text_is_in_no_title(hall):
-    """Marks and overrides of direction, and spaces of any kind, in a pasted name."""
+    """Pastes a name with direction marks and overrides, and with spaces of any kind."""
     with tempfile.TemporaryDirectory() as gallery:
         server = Server(PROGRAM, "--gallery", gallery)
         try:
@@ -398,7 +401,7 @@ def what_only_directs_a_text_is_in_no_title(hall):
 
 
 def what_another_version_kept_is_left_out_and_it_is_said(hall):
-    """A lamp, a color and settings that this version does not know; what it knows stays."""
+    """Stores a lamp, a color and settings that this version does not know. What it knows must be kept."""
     page, trouble = opened(hall.browser, "about:blank", viewport=PHONE)
     page.goto(hall.page)
     ready(page)
@@ -423,7 +426,7 @@ def what_is_gone_or_unreadable_is_said_in_a_sentence(hall):
     judged_as(page, legible=False, read="????", letters=lambda told: [{**letter, "best": None} for letter in told["letters"]])
     said = write(page, "OTTO")
     assert said and "?" not in said, said
-    # The code of an entry that was taken back.
+    # This is the code of an entry that was withdrawn.
     response = page.goto(f"{hall.page.split('/k/')[0]}/e/{'0' * 32}/")
     until(page, "document.querySelector('#title').textContent.includes('gone')", "that the photograph is gone")
     assert response.status == 404
@@ -447,7 +450,7 @@ def letters_have_colors_by_touch(hall):
 
 
 def a_large_photograph_stops_no_replay(hall):
-    """The replay is begun while the large photograph has come and is being decoded."""
+    """Starts the replay while the large photograph has arrived and is being decoded."""
     page, trouble = opened(hall.browser, hall.page)
     ready(page)
     write(page, "OTTO")
@@ -472,7 +475,8 @@ def the_scrubber_exposes_the_photograph_along_the_stroke(hall):
     ready(page)
     write(page, "OTTO")
     slide = "share => { const range = document.querySelector('#replay input'); range.value = 1000 * share; range.dispatchEvent(new Event('input')); }"
-    # What is bright of the exposure and of the photograph: all, and how much of the one the other lacks.
+    # These are the bright pixels of the exposure and of the photograph, and those that only one of
+    # them has.
     bright = """() => {
         const light = document.querySelector('#light'), photo = document.querySelector('#photo');
         const canvas = Object.assign(document.createElement('canvas'), { width: light.width, height: light.height });
@@ -546,7 +550,7 @@ def a_picture_is_flown_in_its_colors_on_the_ground_of_its_ink_above_the_desk(hal
 
 
 def buttons_and_strip_stand_still(hall):
-    """Word, unread, pad, sent: what is touched has one place."""
+    """Checks that controls keep their place in the states word, unread, pad and sent."""
     for size in [DESK, {"width": 1024, "height": 768}]:
         page, _ = opened(hall.browser, hall.page, viewport=size)
         ready(page)
@@ -662,7 +666,7 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
 
 
 def nothing_hangs_that_nobody_approved(hall):
-    """One machine and a projector, without a network: the usual wall waits for the operator, too."""
+    """On one machine with a projector and without a network, the usual wall also waits for the operator."""
     for flags, hung, rule in [((), 0, "The wall shows what you approve."), (("--kiosk",), 0, "The wall shows what you approve."),
                               (("--open-wall",), 1, "The wall shows at once what is sent.")]:
         server = Server(PROGRAM, *flags)
@@ -686,7 +690,7 @@ def nothing_hangs_that_nobody_approved(hall):
 
 
 def no_code_leads_to_this_machine_itself(hall):
-    """Without a network no phone reaches it: no code, and the sentence why."""
+    """Without a network no phone can reach the machine, so that a sentence with the reason replaces the code."""
     server = Server(PROGRAM, "--kiosk")
     try:
         page, trouble = opened(hall.browser, server.page, viewport=TABLET)
@@ -713,7 +717,7 @@ def no_code_leads_to_this_machine_itself(hall):
 
 
 def the_codes_are_a_sheet_to_print(hall):
-    """Visitors, kiosk, wall: a page each, with its name, its code, its address and the WLAN."""
+    """Checks that visitors, kiosk and wall each have a page with its name, its code, its address and the WLAN."""
     server = Server(PROGRAM, "--network")
     try:
         addresses = json.loads(urllib.request.urlopen(f"{server.operator}address.json").read())
@@ -741,7 +745,7 @@ def the_codes_are_a_sheet_to_print(hall):
 
 
 def the_operators_header_has_room_in_every_language(hall):
-    """No button lies on another one or is cut off, from 1024 px."""
+    """Checks that from 1024 px on no button overlaps another one or is cut off."""
     overlaps = """() => {
         const all = [...document.querySelectorAll('header button')].filter(it => it.offsetParent).map(it => {
             const range = document.createRange();
@@ -778,7 +782,7 @@ def an_old_address_opens_a_page_in_the_visitors_language(hall):
 
 
 def nothing_is_done_to_an_entry_that_nobody_looked_at(hall):
-    """Two operators: one answers, and the other's key, meant for the same entry, comes after it."""
+    """One operator answers an entry, and then another operator's key for the same entry arrives."""
     server = Server(PROGRAM)
     try:
         page, _ = opened(hall.browser, server.page, viewport=PHONE)
@@ -791,7 +795,7 @@ def nothing_is_done_to_an_entry_that_nobody_looked_at(hall):
         hosts = [opened(hall.browser, server.operator)[0] for _ in range(2)]
         for host in hosts:
             host.wait_for_selector("#list li:nth-child(2) button")
-        # The key comes at once, however slow the machine is.
+        # The key arrives immediately, independently of the speed of the machine.
         hosts[1].evaluate("""() => {
             const list = document.querySelector("#list");
             new MutationObserver((_, watch) => {
@@ -816,7 +820,7 @@ def nothing_is_done_to_an_entry_that_nobody_looked_at(hall):
 
 
 def a_refusal_is_said_and_the_word_stays(hall):
-    """Sending is paused for a while."""
+    """Sends an entry while sending is paused."""
     server = Server(PROGRAM)
     try:
         page, _ = opened(hall.browser, server.page, viewport=PHONE)
@@ -837,7 +841,7 @@ def a_refusal_is_said_and_the_word_stays(hall):
 
 
 def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
-    """Write another is a new visitor; a fast queue waits for a moment, and nothing grows."""
+    """*Write another* begins a new visitor. A fast queue waits for a moment, and nothing grows."""
     soak(hall.browser, PROGRAM, 8)
 
 
@@ -869,7 +873,7 @@ def the_kiosk_begins_anew_after_a_minute(hall):
         page.mouse.click(300, 300)
         assert start.is_hidden()
         assert page.locator("#more").is_hidden(), "no settings"
-        # Nothing leads out, and nobody enlarges it for the next.
+        # No link leads out of the page, and it cannot be zoomed.
         page.evaluate("addEventListener('keydown', event => event.defaultPrevented && event.key !== 'Control' && (window.kept = [...(window.kept ?? []), event.key]))")
         for key in ["Control+p", "Control+s", "Control+o", "Control+u", "F5", "F12", "Alt+ArrowLeft", "Control+a", "b", "Backspace"]:
             page.keyboard.press(key)
@@ -882,7 +886,7 @@ def the_kiosk_begins_anew_after_a_minute(hall):
             fingers("touchMove", 380 - 20 * step, 420 + 20 * step)
         fingers("touchEnd")
         assert page.evaluate("visualViewport.scale") == 1, "two fingers enlarge nothing"
-        # Whoever draws one slow line is there.
+        # A visitor who draws one slow line counts as present.
         page.click("#draw")
         page.wait_for_selector("#pad .cursor", state="attached")
         page.mouse.move(*on_pad(page)(0.1, 0.5))
@@ -905,7 +909,7 @@ def the_kiosk_begins_anew_after_a_minute(hall):
         page.wait_for_selector("#start:not([hidden])")
         state = kept(page)
         assert state["word"] == "" and state["visitor"] != visitor, "the next visitor is another one"
-        # What one left behind is not said to the next.
+        # The next visitor does not see what the previous one left behind.
         start.click()
         page.fill("#word", "A" * 60)
         page.select_option("#language", "de")
@@ -934,7 +938,7 @@ def what_an_export_refuses_is_named(hall):
         host.keyboard.press("a")
         until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
         server.kill()
-        # Somebody stands where the word is flown.
+        # In this scene, somebody stands where the word is flown.
         scene = Path(gallery, "people.toml")
         scene.write_text("sensors.lighthouse.people_m = [[0.0, 0.0, 0.5]]\n")
         server = Server(PROGRAM, "--gallery", gallery, "--scene", str(scene))
@@ -980,7 +984,7 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
             until(wall, "!document.querySelector('#lost').textContent && document.querySelectorAll('figure img').length === 2", "the wall after the restart")
             host, _ = opened(hall.browser, again.operator)
             host.wait_for_selector("#tabs button")
-            # An entry that is taken down is gone from the wall.
+            # An entry that is taken down disappears from the wall.
             host.click("#tabs button:nth-child(1)")
             host.wait_for_selector("#list button")
             host.keyboard.press("r")
@@ -990,7 +994,8 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
 
 
 def an_empty_evening_shows_what_comes(hall):
-    """Start and wall write three photographs, one after another, until the first of the evening hangs."""
+    """The start screen and the wall show three photographs one after another, until the first of the evening is
+    approved."""
     server = Server(PROGRAM, "--kiosk", "--open-wall")
     try:
         pages = [opened(hall.browser, "about:blank", viewport=size) for size in (TABLET, DESK)]
@@ -1019,7 +1024,7 @@ def an_empty_evening_shows_what_comes(hall):
 
 
 def a_phone_counts_down_to_its_flight_and_runs_it_live(hall):
-    """On the page that sent it, and on that of the entry."""
+    """Checks the countdown on the page that sent the entry, and on the entry's page."""
     server = Server(PROGRAM)
     try:
         ids = []
@@ -1051,7 +1056,7 @@ def a_phone_counts_down_to_its_flight_and_runs_it_live(hall):
             while time.monotonic() - begun < 4:
                 phone.wait_for_timeout(50)
             assert abs(share() - (time.monotonic() - begun) / flight_s) < 1.5 / flight_s, (share(), time.monotonic() - begun, flight_s)
-        # Who looks later sees where it is.
+        # A visitor who looks later sees the current state.
         late, _ = opened(hall.browser, f"{server.host}/e/{ids[1]}/", viewport=PHONE)
         until(late, "document.querySelector('#replay button')?.getAttribute('aria-label') === 'Pause'")
         assert int(late.input_value("#replay input")) / 1000 > 3.5 / flight_s, late.input_value("#replay input")
@@ -1205,7 +1210,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
 
 
 def more_has_two_levels(hall):
-    """Saving and opening first; how it flies is folded, and stays open where it was opened."""
+    """Saving and opening come first. *How it flies* is folded, and stays open once it was opened."""
     page, trouble = opened(hall.browser, hall.page)
     ready(page)
     write(page, "HI")
@@ -1224,7 +1229,7 @@ def more_has_two_levels(hall):
 
 
 def the_strip_is_seen_at_200_percent(hall):
-    """Of the usual screens, and on a phone on its side; the colors stand in one row."""
+    """Checks the usual screens and a phone in landscape format. The colors are in one row."""
     for width, height in [(1440, 900), (1366, 768), (1280, 800), (1280, 720), (1024, 768), (1688, 780)]:
         for code in LANGUAGES:
             page, _ = opened(hall.browser, hall.page, locale=f"{code}-{code.upper()}", viewport={"width": width // 2, "height": height // 2})
@@ -1261,7 +1266,7 @@ def the_brand_is_the_makers(hall):
 
 
 def states(browser, server):
-    """Every state of every role: name, page."""
+    """Yields the name and the page of every state of every role."""
     def visitor(**options):
         page, _ = opened(browser, server.page, **options)
         return ready(page)
@@ -1328,7 +1333,7 @@ def kiosk_states(browser, server):
 
 
 def every_state_is_accessible_and_its_targets_are_large(hall):
-    """axe-core finds nothing, nothing that is touched is smaller than 44 px, and nothing runs over."""
+    """Checks that axe-core finds nothing, no touch target is smaller than 44 px, and nothing overflows."""
     small = """() => [...document.querySelectorAll('button, a[href], select, input:not([type=hidden]), .lights label')].filter(e => {
         // What is touched in a photograph is as large as its letter; a hidden input is touched by its label.
         if (e.closest('#marks') || e.matches('.sr, .lights input')) return false;
@@ -1387,7 +1392,7 @@ def arabic_runs_from_right_to_left(hall):
 
 
 def field_and_photograph_are_seen_together_on_small_screens(hall):
-    """A phone on its side, its keyboard on the screen, and 200 % zoom."""
+    """Checks a phone in landscape format with its keyboard on the screen, and 200 % zoom."""
     for size in [{"width": 844, "height": 390}, {"width": 390, "height": 420}, {"width": 720, "height": 450}]:
         page, _ = opened(hall.browser, hall.page, viewport=size)
         ready(page)

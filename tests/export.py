@@ -34,7 +34,8 @@ def content(name):
 
 
 def flight(script, mode, controller=5, begun=None, **radio):
-    """Prepares and flies a script under the recording drone; returns it, its drone and what ended it."""
+    """Prepares and flies a script with the recording drone. Returns the script, its drone and the reason of its
+    end."""
     import cflib.crazyflie.log
 
     cflib.crazyflie.log.LogConfig = Block
@@ -92,7 +93,8 @@ class Bytes(unittest.TestCase):
 
     def test_polynomials_are_cflibs(self):
         data = content("NOOR.poly4d")
-        # The letters alone, without the header, take-off and way, hover, landing and end.
+        # Only the letters, without the header, take-off, path to the first letter, hover, landing
+        # and end.
         rows = content("swarm/NOOR.csv").decode().splitlines()[3:-3]
         self.assertEqual(len(data), 132 * len(rows))
         self.assertLessEqual(len(rows), 31)
@@ -107,7 +109,8 @@ class Bytes(unittest.TestCase):
             self.assertIsNone(archive.testzip())
             show = json.loads(archive.read("show.json"))
         points = show["swarm"]["drones"][0]["settings"]["trajectory"]["points"]
-        # What TrajectorySpecification.iter_segments of skybrush-server (065df0b) demands.
+        # These are the requirements of TrajectorySpecification.iter_segments of skybrush-server
+        # (065df0b).
         self.assertEqual(points[0][2], [])
         steps = [round(b[0] - a[0], 3) for a, b in zip(points, points[1:])]
         self.assertGreater(min(steps), 0.0)
@@ -115,7 +118,7 @@ class Bytes(unittest.TestCase):
         self.assertEqual(points[-1][1][2], 0.0)
 
         def place(time_s):
-            """Position by de Casteljau's scheme, as skybrush.js evaluates a segment."""
+            """Evaluates a segment by de Casteljau's algorithm, like skybrush.js."""
             at = next(k for k, point in enumerate(points) if point[0] >= time_s)
             if at == 0:
                 return points[0][1]
@@ -133,7 +136,8 @@ class Bytes(unittest.TestCase):
         lit = 0
         for row, (step, color) in enumerate(zip(home["agentTraversal"], colors[::2])):
             at = [a + b for a, b in zip(at, (step["dx"], step["dz"], step["dy"]))]
-            # Legs from rest to rest are cubic in a show, of degree 7 in the firmware: letters count.
+            # Only letters are compared, because transits are cubic in a show but of degree 7 in the
+            # firmware.
             if color["r"] > 0:
                 lit += 1
                 self.assertLess(math.dist(place(row / 10), at), 0.001, row)
@@ -225,7 +229,8 @@ class Flights(unittest.TestCase):
             firmware = "2026.08" if rate < 1.0 else "2026.08 +40"
             cf, _, ended = flight(script, "trajectory", clock_rate=rate, firmware=firmware)
             self.assertIsNone(ended)
-            # From the floor, and with a landing of its own for a drone that hears nothing anymore.
+            # The trajectory starts on the floor, and includes a landing for a drone that has lost
+            # its link.
             before, after = cf.upload.split(content("NOOR.traj")[8:-3])
             self.assertEqual((len(before), after[0], after[3], after[-5:]), (56, 0, 0x30, b"\x10\0\0\0\0"))
             kinds = [d[0] for t, p, c, d in cf.sent if p == HIGH_LEVEL]
@@ -278,7 +283,7 @@ class Flights(unittest.TestCase):
         for (t, _, level), (found_s, found) in zip(timing["changes"], played):
             self.assertEqual(found, level)
             self.assertLessEqual(abs(found_s - t), 0.05)
-        # Over the radio the same script sends every change.
+        # In a mode with lights over the radio, the same script sends every change.
         cf, _, _ = flight(script, "position")
         sent = [v for t, n, v in cf.params if n == "ring.fadeColor" and t > cf.begun_s]
         self.assertEqual(sent[:-1], [light[2] for light in script.DATA["lights"]])
@@ -357,10 +362,10 @@ class Flights(unittest.TestCase):
 
 
 class Main(unittest.TestCase):
-    """The scripts as they are started, up to the key press."""
+    """Tests the start of scripts up to the key press."""
 
     def start(self, name, key):
-        """Runs a script's main; returns the radios and what was printed. `key` is the key press."""
+        """Runs a script's main. Returns the radios and the printed text. `key` is the key press."""
         import cflib.crazyflie.log
         import cflib.crazyflie.syncCrazyflie
         import cflib.crtp
@@ -413,7 +418,7 @@ class Main(unittest.TestCase):
 
 
 def noctograph(*arguments):
-    """Runs the program in the work folder; returns its JSON."""
+    """Runs the program in the work folder, and returns its JSON."""
     program = [os.environ["NOCTOGRAPH"], *arguments, "--json"]
     run = subprocess.run(program, cwd=WORK, capture_output=True, text=True, check=False)
     if run.returncode > 1:
@@ -427,7 +432,7 @@ def table(name):
 
 
 class Flown(dict):
-    """Variables of the firmware in a simulated flight, on the clock of a script under the stub."""
+    """Provides the firmware's variables of a simulated flight, on the clock of a script with the stub."""
 
     SCALE = {"yaw": 57.29577951308232, "pitch": -57.29577951308232, "roll": 57.29577951308232}
 
@@ -451,7 +456,7 @@ class Flown(dict):
 
 
 def dry_run(script):
-    """What a script prints in a dry run, as rows of a plan: (time in s, (x, y, z), light)."""
+    """Returns the output of a dry run of a script as rows of a plan: (time in s, (x, y, z), light)."""
     program = [sys.executable, os.path.join(WORK, script), "--dry-run"]
     lines = subprocess.run(program, capture_output=True, text=True, check=True).stdout.splitlines()
     (x, y), lit, rows = load(script).DATA["start_m"], 0.0, []
@@ -469,13 +474,13 @@ def dry_run(script):
         else:
             continue
         rows.append((time_s, place, lit))
-    # Of several commands at a time the last one holds.
+    # Of several commands at the same time, the last one takes effect.
     return sorted(dict((row[0], row) for row in rows).values())
 
 
 class RoundTrip(unittest.TestCase):
-    """Design, script, flight, log and photo: what the script sends is flown by the simulator, the
-    script records that flight, and its log makes the same photo."""
+    """Tests the round trip from the design to the photo: the simulator flies what the script sends, the script
+    records this flight, and its log gives the same photo."""
 
     SCENE = ["--scene", "pid", "--style", "even", "--set", "plan.style.exposure=switched"]
 
@@ -526,7 +531,7 @@ class RoundTrip(unittest.TestCase):
         self.assertTrue(0.0001 < max(moved) < 0.2, f"corrected by up to {max(moved)} m")
 
     def apart_in_letters(self, designed, logged, offset_s):
-        """Distances of a log from a flight at the flight's samples of letters, in m."""
+        """Returns the distances of a log from a flight at the flight's samples of letters, in m."""
         axes, rows = ("x_m", "y_m", "z_m"), table(logged)
         times = [float(row["time_s"]) + offset_s for row in rows]
         off_m = []
@@ -542,11 +547,11 @@ class RoundTrip(unittest.TestCase):
 
 
 class SecondFlight(unittest.TestCase):
-    """The pages' way from a room to the second flight (docs/tutorials/first-flight.md and
-    docs/how-to/log-to-photo.md), each flight on the double."""
+    """Tests the documented steps from a room to the second flight (docs/tutorials/first-flight.md and
+    docs/how-to/log-to-photo.md), with each flight on the double."""
 
     def flown(self, script, simulated):
-        """The log of a script's flight under the double, which flies as a simulated one."""
+        """Returns the log of a script's flight with the double, which follows a simulated flight."""
         script = load(script)
 
         def fed(cf):

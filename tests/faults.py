@@ -1,9 +1,9 @@
-"""Exported scripts with everything that can go wrong, in a folder of them: see tests/export.
+"""Flies exported scripts in a folder with everything that can go wrong, see tests/export.
 
-Each fault ends in a drone that has landed, its motors off, or never took off, and in a reason that is
-printed. Three are out of a script's hands: a link that is lost while setpoints are sent ends in the
-firmware's watchdog, a drone that has tumbled, crashed, is locked or has a deck's fault is cut by the
-firmware, and a second Ctrl-C stops the motors.
+After each fault the drone has landed with its motors off, or never took off, and the script has printed
+a reason. In three cases the script cannot do this: a link that is lost while setpoints are sent ends in
+the firmware's watchdog, the firmware stops the motors of a drone that has tumbled, crashed, is locked or
+has a faulty deck, and a second Ctrl-C stops the motors.
 """
 
 import contextlib
@@ -77,7 +77,7 @@ class Flight:
         self.outcome, self.reason = self.body.outcome(), str(self.error or "")
 
     def connect(self, wait):
-        """A new link to the same drone, if there is one, which takes its time."""
+        """Opens a new link to the same drone, if there is one, which takes some time."""
         self.clock.sleep(self.again_s)
         if self.again_s > 5.0:
             raise OSError("no drone answers")
@@ -86,7 +86,7 @@ class Flight:
 
 
 class Part:
-    """What the double did in one drone's part of a show."""
+    """Record of what the double did in one drone's part of a show."""
 
     def __init__(self, show, script):
         self.show, self.script, self.radios, self.mode = show, script, [], None
@@ -109,7 +109,8 @@ class Part:
         return self.radios[0].body
 
     def judge(self, said):
-        """What was said of it and is not true; and what was not said, and had to be."""
+        """Returns the printed sentences that are not true of the drone, and the required sentences that were not
+        printed."""
         self.body.move()
         self.outcome = self.body.outcome()
         self.lights_sent = len(self.radios[0].blocks) and self.noted()
@@ -122,7 +123,7 @@ class Part:
         return wrong
 
     def noted(self):
-        """Changes of the lights that the script has sent or noted."""
+        """Returns the light changes that the script has sent or logged."""
         return sum(len(column["data"]) - 1 for name, column in self.drone.columns.items()
                    if name.startswith("light."))
 
@@ -152,8 +153,8 @@ class Link(Linked):
 
 
 class Show:
-    """An exported script from `main` on, of one drone or several: what happens at a moment after Enter,
-    how it ends, and what it says that is not true."""
+    """Runs an exported script of one drone or several from `main` on, with an event at a moment after Enter. Records
+    how the flight ends, and which printed sentences are not true."""
 
     def __init__(self, name, mode="position", at_s=None, do=None, again_s=None, before_the_key=False,
                  **radio):
@@ -167,7 +168,7 @@ class Show:
         script.load = lambda file: scripts[files.index(file)]
         by_uri = {part.script.DATA["uri"]: part for part in self.parts}
         self.do, self.at_s, self.before_the_key = do, at_s, before_the_key
-        # Each Crazyflie of cflib is some threads that do not end.
+        # Each Crazyflie of cflib consists of several threads that do not end.
         stand_ins = contextlib.ExitStack()
         for what, with_what in (("crtp.init_drivers", lambda: None), ("crazyflie.Crazyflie", lambda rw_cache: None),
                                 ("crazyflie.syncCrazyflie.SyncCrazyflie", lambda uri, cf: Link(by_uri[uri]))):
@@ -196,7 +197,7 @@ class Show:
         self.outcomes = [part.outcome for part in self.parts]
 
     def of(self, part, said):
-        """What was said of one drone: lines of several begin with its address."""
+        """Returns the lines about one drone. With several drones, each line begins with the drone's address."""
         lines, mine = [], len(self.parts) == 1
         for line in said.splitlines():
             for other in self.parts:
@@ -221,7 +222,7 @@ class Show:
 
 
 def press(number=signal.SIGINT, *later_s):
-    """A press of Ctrl-C or another signal, and more of them later."""
+    """Sends Ctrl-C or another signal, and further ones later."""
     def do(parts):
         for part in parts:
             part.pressed = True
@@ -239,7 +240,7 @@ def press(number=signal.SIGINT, *later_s):
 
 
 def broken(do):
-    """Something that silences the link of the last drone."""
+    """Returns an event that silences the link of the last drone."""
     def broken_link(parts):
         parts[-1].is_dead_s = parts[-1].show.clock.now_s
         do(parts[-1].radio)
@@ -248,7 +249,7 @@ def broken(do):
 
 
 def last(do):
-    """Something that happens to the last drone."""
+    """Returns an event that happens to the last drone."""
     return lambda parts: do(parts[-1])
 
 
@@ -262,7 +263,7 @@ def failing(*calls):
 
 
 def returns(notice_s, after_s):
-    """A link that is dead on both sides for a while and comes back by itself."""
+    """Returns an event that interrupts a link in both directions for some time, after which it works again."""
     def hushed(radio):
         radio.hush(notice_s)
         radio.clock.after(after_s, lambda: setattr(radio, "is_lost", radio.is_closed))
@@ -270,7 +271,8 @@ def returns(notice_s, after_s):
     return hushed
 
 
-# What happens, to whom, and whether a new link is there and how soon. All drones are told of a signal.
+# Events, whom they affect, and whether and when a new link is available. A signal reaches all
+# drones.
 MOMENTS = {
     "Ctrl-C": (press(), None), "SIGTERM": (press(signal.SIGTERM), None), "SIGHUP": (press(signal.SIGHUP), None),
     "Ctrl-C twice": (press(signal.SIGINT, 1.0), None),
@@ -342,7 +344,7 @@ def silent(flight):
 
 
 def block_silent(name):
-    """One block of the log falls silent while others go on; what it last said stays."""
+    """Silences one block of the log while others continue. Its last values remain."""
     def silence(flight):
         for block in flight.radio.blocks:
             block.on = block.on and block.name != name
@@ -363,7 +365,7 @@ LANDED, STAYED, FALLS = "landed", "never took off", "falls by the firmware's own
 
 class Faults(unittest.TestCase):
     def judged(self, fault, flight, outcomes=(LANDED, STAYED), reason=""):
-        """Notes a flight; it has an allowed outcome and says why."""
+        """Records a flight, which must have an allowed outcome and print a reason."""
         SEEN.append((fault, flight.outcome, flight.reason.split("\n")[0]))
         self.assertIn(flight.outcome, outcomes, f"{fault}: {flight.printed}")
         self.assertIsNotNone(flight.error, f"{fault}: not noticed")
@@ -595,7 +597,7 @@ class Faults(unittest.TestCase):
         go_on.set()
 
     def test_a_link_that_is_lost_while_tables_are_read_is_an_error(self):
-        # cflib's own SyncCrazyflie waits for its tables without end.
+        # cflib's own SyncCrazyflie waits for its tables indefinitely.
         script = load("I.py")
         import cflib.crtp
 
@@ -748,12 +750,12 @@ class Faults(unittest.TestCase):
 
 
 class Moments(unittest.TestCase):
-    """Whatever happens at any moment: no drone falls by the script's doing, and what it says is true.
+    """Tests that no event at any moment makes the script drop a drone or print a false sentence.
 
-    NOCTOGRAPH_MOMENTS=all tries all moments, else some of each kind."""
+    NOCTOGRAPH_MOMENTS=all tries all moments, otherwise some of each kind."""
 
     OF_ONE = {"position": "I.py", "full-state": "I.py", "trajectory": "I_trajectory.py"}
-    # What ends on the floor or not, whatever the script does.
+    # Outcomes of events that do not depend on the script.
     FATES = {"crash": FALLS, "tumbled": FALLS, "deck fault": FALLS, "Ctrl-C twice": "falls by the script",
              "dead, and Ctrl-C twice": "falls by the script"}
 
@@ -771,7 +773,7 @@ class Moments(unittest.TestCase):
         for outcome in show.outcomes[:-1]:
             others = {LANDED, STAYED, "falls by the script" if "twice" in what else LANDED}
             self.assertIn(outcome, others, f"{kind}: {show.said}")
-        # A new link in time lands it.
+        # A new link that is available in time lands the drone.
         if what in ("link lost, new in 0.5 s", "link lost, new in 1.5 s", "dead for 1.2 s, new in 0.3 s"):
             self.assertIn(part.outcome, (LANDED, STAYED), f"{kind}: {show.said}")
         return show
@@ -786,7 +788,7 @@ class Moments(unittest.TestCase):
         self.assertEqual((texts - set(TRUE), set(TRUE) - texts), (set(), set()))
 
     def test_what_happens_to_one_drone(self):
-        # The moments of a kind differ from mode to mode and from kind to kind.
+        # The moments are different for each mode and each kind of event.
         step_s = 0.9 if ALL_MOMENTS else 30.0
         for k, (mode, name) in enumerate(self.OF_ONE.items()):
             lasts_s = 21.0 if mode == "trajectory" else 13.0
@@ -828,7 +830,7 @@ class Moments(unittest.TestCase):
 
 
 def summary():
-    """How many of the faults ended how, with the reasons of one of each."""
+    """Returns the number of faults for each outcome, with the reasons of one example each."""
     counts = {}
     for _, outcome, _ in SEEN:
         counts[outcome] = counts.get(outcome, 0) + 1

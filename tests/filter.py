@@ -1,4 +1,4 @@
-"""Filters the readings of scalar flights in a folder with FilterPy: see tests/filter."""
+"""Filters the readings of scalar flights in a folder with FilterPy, see tests/filter."""
 
 import csv
 import json
@@ -10,7 +10,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 GRAVITY, PERIOD, START = 9.81, 0.1, (0.05, 0.05, 0.02)
-#: What no scene sets: altitude_filter.rs and AltitudeOptions.
+#: Constants that no scene sets, from altitude_filter.rs and AltitudeOptions.
 FIXED = {
     "gnss_sigma_m": 0.05, "time_of_flight_sigma_m": 0.06, "gust_sigma_m_s2": 0.15, "gust_time_s": 2.0,
     "offset_walk_m_s2_sqrt_s": 0.005, "gain_walk_m_s2_sqrt_s": 0.3, "ranger_walk_m_sqrt_s": 0.003,
@@ -27,7 +27,7 @@ RANGER, GUST = 4, 6
 
 
 def started(options, hover, altitude_m):
-    """The filter before the flight."""
+    """Returns the filter before the flight."""
     kf = KalmanFilter(dim_x=7, dim_z=1)
     kf.x = np.array([altitude_m, 0, -GRAVITY, GRAVITY / hover, 0, 0, 0], float)
     sigmas = [START[0], START[1], options["offset_sigma_m_s2"], options["gain_sigma_m_s2"], START[2],

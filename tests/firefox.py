@@ -1,6 +1,6 @@
-"""Firefox for the tests of the pages, by its Marionette protocol: JSON over a socket, after its length.
+"""Drives Firefox for the tests of the pages by its Marionette protocol, which sends JSON with a length prefix.
 
-Firefox of the system's package manager speaks it without a driver; playwright drives only one of its own."""
+The system's Firefox supports this protocol without a driver, whereas playwright drives only its own Firefox."""
 
 import json
 import shutil
@@ -11,14 +11,14 @@ import time
 from pathlib import Path
 
 MAC = "/Applications/Firefox.app/Contents/MacOS/firefox"
-# The program's path. None where there is none.
+# Path of the program, or None if it is not installed.
 FIREFOX = next(filter(None, map(shutil.which, ("firefox-esr", "firefox", MAC))), None)
-# Faults of scripts, policies and requests of the page in the browser's console.
+# Errors of the page's scripts, policies and requests in the browser's console.
 FAULTS = "return Services.console.getMessageArray().filter(it => it instanceof Ci.nsIScriptError && !(it.flags & it.warningFlag)).map(it => `${it.sourceName}: ${it.errorMessage}`)"
 
 
 class Firefox:
-    """A Firefox with one page, in English, with a profile of its own."""
+    """A Firefox with one page, in English, with a separate profile."""
 
     def __init__(self, patience_s):
         self.patience_s = patience_s
@@ -64,7 +64,7 @@ class Firefox:
         return value
 
     def faults(self, url):
-        """What the console says of the pages of an address."""
+        """Returns the console messages about the pages of an address."""
         self._say("Marionette:SetContext", value="chrome")
         told = self._say("WebDriver:ExecuteScript", script=FAULTS, args=[])["value"]
         self._say("Marionette:SetContext", value="content")

@@ -1,7 +1,7 @@
-"""The body of drone.py behind a link of cflib, packet by packet and in real time: see tests/export.
+"""Connects the double of drone.py to cflib's own link, packet by packet and in real time, see tests/export.
 
-Nothing of cflib is replaced here: it fetches the tables of contents, parameters and logs by its own
-protocol, and the exported script's `main` runs as it is.
+No part of cflib is replaced: it fetches the tables of contents, parameters and logs by its own protocol, and
+the exported script's `main` runs unchanged.
 """
 
 import contextlib
@@ -36,7 +36,7 @@ WIDE = [f"cpu.id{k}" for k in range(3)]
 
 
 class RealClock:
-    """Time as it is, or twice as fast: for the script and the drone, not for cflib."""
+    """Real time, or time at double speed, for the script and the drone but not for cflib."""
 
     def __init__(self, rate=1.0):
         self.rate = rate
@@ -56,7 +56,7 @@ class RealClock:
 
 
 class FakeLink(CRTPDriver):
-    """Answers cflib as the firmware does, of protocol 12."""
+    """Answers cflib like firmware with protocol 12."""
 
     radio, opened = None, []
 
@@ -79,7 +79,7 @@ class FakeLink(CRTPDriver):
         self.open = False
 
     def die(self, notice_s):
-        """Nothing comes or goes anymore, and the driver notices later."""
+        """Interrupts both directions, which the driver detects later."""
         self.dead = True
         self.radio.clock.after(notice_s, lambda: self.open and self.link_error("Too many packets lost"))
 
@@ -119,7 +119,7 @@ class FakeLink(CRTPDriver):
         return True
 
     def memory(self, channel, data):
-        """One memory, that of trajectories (crtp_mem.c)."""
+        """The memory of trajectories (crtp_mem.c)."""
         if channel == 2:
             place = struct.unpack_from("<I", data, 1)[0]
             upload = bytearray(self.radio.upload or bytes(4096))
@@ -186,7 +186,7 @@ class FakeLink(CRTPDriver):
 
 class WholeScript(unittest.TestCase):
     def flown(self, name, rate=1.0, watch=lambda: None, prepare=lambda script: None):
-        """Runs a script's main; returns the radio, what it said, and what it asked."""
+        """Runs a script's main. Returns the radio, the output, and the questions that it asked."""
         spec = importlib.util.spec_from_file_location("I", os.path.join(WORK, name))
         script = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(script)
@@ -205,7 +205,8 @@ class WholeScript(unittest.TestCase):
 
         script.input = pressed
         if watch.__name__ == "<lambda>":
-            # In real time here: a machine that stalls for a second is no drone that falls silent.
+            # This test runs in real time, so that a machine that stalls for a second must not look
+            # like a silent drone.
             script.SILENT_S = 10.0
         folder = tempfile.mkdtemp(dir=WORK)
         os.chdir(folder)
@@ -249,7 +250,7 @@ class WholeScript(unittest.TestCase):
 
 
 def fly_and_tell():
-    """Flies a script, and prints the folder of its log and the time of each sample as it comes."""
+    """Flies a script, and prints the folder of its log and the time of each sample when it arrives."""
     def prepare(script):
         row = script.Drone._row
 
@@ -265,10 +266,11 @@ def fly_and_tell():
 
 
 class Killed(unittest.TestCase):
-    """`kill -9` at moments of the flight, NOCTOGRAPH_KILLS of them."""
+    """Kills scripts with `kill -9` at NOCTOGRAPH_KILLS moments of the flight."""
 
     def killed(self, after_s):
-        """The folder of the log, and the times of the samples that the script got until it was killed."""
+        """Returns the folder of the log, and the times of the samples that the script received before it was
+        killed."""
         folder = tempfile.mkdtemp(dir=WORK)
         program = [sys.executable, "-W", "ignore", os.path.abspath(__file__), folder, "--fly"]
         with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as run:

@@ -11,7 +11,7 @@ assert report.stat().st_size <= 2_000_000, f"{report.stat().st_size} bytes"
 
 
 def opened(browser, **options):
-    """A page with the report, and what it complained of or asked for."""
+    """Opens the report, and returns the page with its errors and requests."""
     page = browser.new_context(**options).new_page()
     page.set_default_timeout(300_000)
     trouble = []

@@ -1,7 +1,7 @@
 """Makes the sheet of screenshots of docs/page.md: tests/page_sheet.py NOCTOGRAPH FOLDER SHEET.jpg
 
-Each state of each role at the sizes that it is made for, one picture each into the folder, and all
-of them on one sheet."""
+The script writes a picture of each state of each role, at the sizes for which it is designed, into the folder, and
+all pictures on one sheet."""
 
 import base64
 import sys
@@ -80,7 +80,7 @@ with sync_playwright() as playwright, tempfile.TemporaryDirectory() as gallery:
     server, kiosk = Server(program, "--gallery", gallery, "--network"), None
     url = server.page
     try:
-        # What hangs on the wall tonight, sent and approved.
+        # These entries are sent and approved, so that the wall shows them.
         host, _ = opened(browser, server.operator)
         ids = []
         for word, colors in [("OWL", []), ("2027", [0, 0, 2, 2, 2]), ("Hej!", []), ("NOOR", [0, 1, 2, 3, 0, 1, 2, 3]), ("Amara", []), ("Zoë", [0, 1, 1, 2, 2, 2])]:
@@ -162,7 +162,7 @@ with sync_playwright() as playwright, tempfile.TemporaryDirectory() as gallery:
         page.wait_for_timeout(2500)
         take(page, "keyboard", TABLET)
 
-        # All on one sheet, each 420 px high.
+        # All pictures are put on one sheet, each 420 px high.
         cells = "".join(f'<figure><img src="data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"><figcaption>{path.stem.rsplit("-", 1)[0]}, {size["width"]} × {size["height"]}</figcaption></figure>' for path, size in taken)
         page = browser.new_page(viewport={"width": 2400, "height": 1200})
         page.set_content(f"<style>body{{margin:16px;background:#444;color:#eee;font:15px sans-serif;display:flex;flex-wrap:wrap;gap:16px}}figure{{margin:0}}img{{height:420px;display:block}}</style>{cells}")

@@ -1,8 +1,8 @@
-"""What exported scripts say, against what the double did.
+"""Compares the output of exported scripts with what the double did.
 
-`sentences` lists every text of a script's source that a person may read; `TRUE` holds one claim about
-the record of a flight for each. A text without a claim fails, so does a claim without its text, and
-after each flight every text that was printed has to be true of it.
+`sentences` lists every text in a script's source that a person may read, and `TRUE` contains a claim about the
+record of a flight for each text. The test fails for a text without a claim, and for a claim without its text. After
+each flight, every text that was printed has to be true of the flight.
 """
 
 import ast
@@ -13,7 +13,7 @@ CUT, WATCHDOG, LANDING = "the firmware's own cut", "the firmware's watchdog", "t
 
 
 def sentences(source):
-    """Texts of two words and more, with `…` for what is filled in; no documentation, no help."""
+    """Returns texts of two or more words, with `…` for inserted values, except documentation and help."""
     tree, passed = ast.parse(re.sub(r"@[A-Z]+@", "None", source)), set()
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
@@ -46,7 +46,7 @@ def always(d, before):
 
 
 def was_lost(d, before):
-    """A link that fell silent or was given up, a failing call or a full disk: something failed."""
+    """True if a link fell silent or was abandoned, a call failed, or the disk was full."""
     return d.is_dead_s is not None
 
 
@@ -55,7 +55,7 @@ def something_failed(d, before):
 
 
 def has_fault(d, before):
-    """The firmware has stopped the motors."""
+    """True if the firmware has stopped the motors."""
     return d.body.locked and d.body.cut_by in (CUT, WATCHDOG) or any(radio.bits for radio in d.radios)
 
 
@@ -64,7 +64,7 @@ def reads(test, *names):
 
 
 def falls(d, before):
-    """What the firmware cuts: higher than the floor if it was in the air."""
+    """True if the firmware stopped the motors, or the drone never left the floor."""
     return d.body.cut_by == CUT or d.body.top_m < 0.05
 
 
@@ -73,7 +73,7 @@ def heard_landing(d):
 
 
 def conditions(d, before):
-    """Whether the conditions before a sentence are not met, so that it says nothing."""
+    """True if the conditions before a sentence are not met, so that the sentence claims nothing."""
     end = before[before.rfind("if "):] if before.endswith(", ") else ""
     return "taken off" in end and stayed(d, "") or "not heard the landing" in end and heard_landing(d)
 
@@ -96,18 +96,18 @@ def is_off(d, before):
 
 
 def is_whole(d, before):
-    """The log that is named is whole."""
+    """True if the named log is complete."""
     with open(d.log_named, encoding="utf-8") as file:
         return json.load(file)["noctograph"]["word"] == d.script.DATA["word"]
 
 
 def written(d, before):
-    """All of the word was sent, or flown on board."""
+    """True if the whole word was sent, or flown on board."""
     data = d.script.DATA["trajectory"] if d.mode == "trajectory" else d.script.DATA
     return d.lights_sent >= len(data["lights"]) - 1
 
 
-# Texts of tables, questions and advice on the floor, where nothing has been started.
+# Texts of tables, questions and advice before the start, when the drone is on the floor.
 FLOOR = """the trajectory could not be uploaded|this drone has no LED-ring deck|the lights could not be uploaded|
 parameters could not be set|no answer|… or newer|clock on board|measured at take-off|known or measured|
 deck for …|names in the firmware|without …|… … for …| and … more|as checked|as checked, or --set-gains|nothing of …|
@@ -132,7 +132,7 @@ the walls at left and right and … m from those in front and behind; x to the r
 Is that so, the shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. |
 Is that so, and are … drones ready? Enter takes off, Ctrl-C ends. """
 
-# Words before others, names of what is attempted, and headings: true by what follows them.
+# Prefixes, names of attempted actions, and headings, which are true if the text after them is.
 PARTS = """putting … back|waiting for what was put back|ending a log block|writing the log|writing it elsewhere|the disk hangs|
 stopping the motors|handing over|seeking a new link|asking the drone|a closed window|if …, |it has taken off|it has not heard the landing|
 error: …|another drone"""
@@ -193,13 +193,13 @@ def pattern(text):
     return re.compile(".+?".join(map(re.escape, text.split("…"))), re.S)
 
 
-# Longer sentences first: they hold shorter ones.
+# Longer sentences come first, because they contain shorter ones.
 PATTERNS = [(text, pattern(text), TRUE[text]) for text in sorted(TRUE, key=len, reverse=True)
             if TRUE[text] is not always and text not in FLOOR.replace("|\n", "|").split("|")]
 
 
 def untrue(said, d):
-    """The sentences in what was said of a drone that are not true of it."""
+    """Returns the sentences in the output about a drone that are not true."""
     wrong = []
     for text, regex, claim in PATTERNS:
         for match in list(regex.finditer(said)):
@@ -220,11 +220,12 @@ def swarm_reads(attribute, *values):
 
 
 def swarm_lands_alone(ros, names):
-    """It flies to the end of its trajectory and lands by itself, or has heard the landing."""
+    """True if the drone flies to the end of its trajectory and lands by itself, or has received the landing."""
     return all(ros.drones[name].outcome() in ("landed", "never took off") for name in names)
 
 
-# The same for the script of Crazyswarm2: claims about the double of its server and the drones named in a line.
+# Claims for the script of Crazyswarm2, about the double of its server and the drones that are named
+# in a line.
 SWARM = {
     "; if it took off and hears nothing, it flies to the end and lands by itself: stay behind the net until its "
     "propellers stand still": swarm_lands_alone,
@@ -254,7 +255,7 @@ Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. |error: �
 
 
 def untrue_of_swarm(said, ros):
-    """The sentences in what the script of Crazyswarm2 said that are not true of what the double did."""
+    """Returns the sentences in the output of Crazyswarm2's script that are not true of what the double did."""
     wrong = []
     for text, claim in SWARM.items():
         for line in said.splitlines() if claim is not always else ():

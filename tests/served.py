@@ -12,7 +12,7 @@ SVG = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><path d="{
 
 
 def large(page):
-    """Waits for the large photograph of what is shown."""
+    """Waits for the large photograph of the current word or drawing."""
     until(page, "document.querySelector('main').dataset.large", "the large photograph")
 
 
@@ -23,7 +23,7 @@ def flight_s(page):
 def types_reads_and_downloads(browser, url):
     page, trouble = opened(browser, url, viewport={"width": 1280, "height": 900})
     ready(page)
-    # By keyboard alone: the word has the focus, and Tab reaches every control.
+    # Only the keyboard is used: the word has the focus, and Tab reaches every control.
     until(page, "document.activeElement.id === 'word'")
     page.evaluate("new PerformanceObserver(list => window.shift = (window.shift ?? 0) + list.getEntries().reduce((sum, entry) => sum + (entry.hadRecentInput ? 0 : entry.value), 0)).observe({type: 'layout-shift', buffered: true})")
     page.keyboard.type("RIGA", delay=120)
@@ -52,7 +52,7 @@ def types_reads_and_downloads(browser, url):
     names = page.evaluate("[...document.querySelectorAll('input, select, button, #pad')].filter(e => !(e.labels?.length || e.textContent || e.getAttribute('aria-label'))).map(e => e.outerHTML)")
     assert not names, f"controls without a name: {names}"
     page.keyboard.press("Escape")
-    # What was set is there after a reload.
+    # The settings are kept after a reload.
     page.reload()
     ready(page)
     assert kept(page)["settings"] == {"letters.cap_height_m": "0.55"}
@@ -105,7 +105,7 @@ def a_refused_gain_is_said_until_it_is_put_back(browser, url):
 
 
 def a_refused_script_is_no_file(browser, url):
-    """A word that is too large for its room: the button is off, and the reason stands beside it."""
+    """For a word that is too large for its room, the button is disabled, and the reason is shown beside it."""
     page, trouble = opened(browser, url)
     ready(page)
     write(page, "HELLO")
@@ -125,28 +125,28 @@ def draws_and_drops(browser, url):
     ready(page)
     page.click("#draw")
     page.wait_for_selector("#pad .cursor", state="attached")
-    # The pen is quick at first and slow at last, whatever the machine's pace is.
+    # The pen is fast at first and slow at the end, independently of the speed of the machine.
     stroke(page, (0.3, 0.8), (0.3, 0.2), (0.6, 0.8), (0.6, 0.2), steps=(4, 4, 120))
     until(page, "document.querySelectorAll('#pad .lit').length === 1")
     slow = flight_s(page)
     more(page)
     page.select_option("#pace", "even")
-    # The large photograph of the pen's speed may come first.
+    # The large photograph with the pen's speed may arrive first.
     until(page, f"parseInt((document.querySelector('#left').innerText || document.querySelector('#verdict').innerText).match(/[0-9]+(?= second)/)) < {slow}", "a flight that is shorter at an even speed")
     page.keyboard.press("Escape")
 
-    # A second stroke in another color.
+    # A second stroke is drawn in another color.
     page.click("[name=light-pad][value=red]", force=True)
     stroke(page, (0.7, 0.8), (0.7, 0.2))
     assert [line["color"] for line in strokes(page)] == ["white", "red"]
     until(page, "document.querySelectorAll('#pad .lit').length === 2")
 
-    # An SVG file, by its name, and away again.
+    # An SVG file is opened by its name, and removed again.
     drop(page, f"() => {{ const data = new DataTransfer(); data.items.add(new File([{SVG!r}], 'star.svg')); return data; }}")
     until(page, "document.querySelector('#opened-name').textContent === 'star.svg'")
     shown(page)
 
-    # A picture of a cross, larger than what is sent.
+    # A picture of a cross is larger than the size that is sent.
     before = page.get_attribute("main", "data-shown")
     drop(page, """async () => {
         const canvas = Object.assign(document.createElement('canvas'), {width: 3000, height: 1500});
@@ -160,7 +160,7 @@ def draws_and_drops(browser, url):
     }""")
     until(page, f"document.querySelector('main').dataset.shown !== {before!r}")
 
-    # A file that is none: a sentence, and no photograph.
+    # An invalid file gives a sentence and no photograph.
     drop(page, "() => { const data = new DataTransfer(); data.items.add(new File(['x'], 'me.jpg')); return data; }")
     until(page, "document.querySelector('#verdict').textContent.includes('me.jpg')")
     assert page.locator("#frame").is_hidden()
@@ -168,7 +168,7 @@ def draws_and_drops(browser, url):
 
 
 def chooses_what_is_drawn_of_a_picture(browser, url):
-    """Corners and strokes of a sheet on a desk, by finger, mouse and keys on a small phone."""
+    """Sets the corners and strokes of a sheet on a desk by finger, mouse and keys on a small phone."""
     page, trouble = opened(browser, url, viewport={"width": 360, "height": 740}, has_touch=True)
     asked = []
     page.on("request", lambda request: request.url.endswith("/live") and asked.append(request.post_data_json["settings"]))
@@ -176,7 +176,7 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
     drop_sheet(page)
     page.click("#choose")
     until(page, "document.querySelectorAll('#picture path[data-n]').length === 2", what="two strokes")
-    # The picture's place on the screen: it is smaller while corners are set.
+    # This is the picture's place on the screen, where it is smaller while corners are set.
     picture = lambda: page.locator("#picture svg").bounding_box()
     place = lambda x, y: (lambda box: (box["x"] + box["width"] / 800 * x, box["y"] + box["width"] / 800 * y))(picture())
     whole = picture()
@@ -193,14 +193,14 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
         shown(page)
         return {key: value for key, value in asked[-1].items() if key in ("letters.ink", "letters.without", "letters.corners_px")}
 
-    # A stroke that is touched is left out, and comes back.
+    # A stroke that is touched is left out, and added again by another touch.
     red = int(page.get_attribute("[aria-label*='Red'][data-n]", "data-n"))
     line = page.locator(f"[data-n='{red}']")
     assert next_photo(page.touchscreen.tap, *place(385, 375 + 8)) == {"letters.without": f"{red}"}
     assert line.get_attribute("aria-checked") == "false" and page.get_attribute("[data-ink=red]", "aria-pressed") == "false"
     assert page.locator("#picture path[data-n]").count() == 2, "what is left out is still seen"
     assert next_photo(page.touchscreen.tap, *place(385, 375)) == {}
-    # So does a color; what is all left out is no wish.
+    # The same applies to a color. If all strokes are left out, no photograph is requested.
     assert next_photo(page.click, "[data-ink=black]") == {"letters.without": f"{3 - red}"}
     page.focus("[data-n='1']")
     page.keyboard.press("ArrowRight")
@@ -210,7 +210,7 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
     until(page, "document.querySelector('#verdict').textContent.startsWith('Everything is left out')")
     assert page.get_attribute("#send", "aria-disabled") == "true"
     assert next_photo(page.keyboard.press, "Enter") == {"letters.without": f"{3 - red}"}
-    # After a reload all is as it was.
+    # After a reload everything is unchanged.
     page.reload()
     ready(page)
     until(page, "document.querySelector('[data-ink=black]')?.getAttribute('aria-pressed') === 'false'")
@@ -243,14 +243,15 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
     moved = kept(page)["opened"]["corners"]
     assert near(moved[0], (own[0][0], own[0][1] + 8), 0.6), f"{own[0]} by a step to {moved[0]}"
     assert told == {"letters.corners_px": str(sum(moved, [])).replace(" ", "")}, told
-    # A corner stays where the four are a sheet, and the whole picture can be drawn again.
+    # A corner stays where the four corners form a sheet, and the whole picture can be selected
+    # again.
     pull_by_mouse(0, 700, 500)
     assert kept(page)["opened"]["corners"][0][0] < 400, "these four are no sheet"
     next_photo(page.click, "#picture .second")
     assert "corners" not in kept(page)["opened"] and page.inner_text("#picture .second") == "Set the paper’s corners"
     assert picture() == whole, "the picture moved"
 
-    # Corners of another picture begin anew.
+    # For another picture the corners are reset.
     drop(page, """async () => {
         const canvas = Object.assign(document.createElement('canvas'), {width: 800, height: 400});
         const pen = canvas.getContext('2d');
@@ -274,7 +275,7 @@ def chooses_what_is_drawn_of_a_picture(browser, url):
 
 
 def takes_advice(browser, url):
-    """The team's flight, fast and in a lit room, does not read; a button mends it."""
+    """The team's fast flight in a lit room is illegible, and a button with advice makes it legible."""
     page, trouble = opened(browser, url, viewport={"width": 1280, "height": 900})
     ready(page)
     write(page, "MILCH")

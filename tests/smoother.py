@@ -1,4 +1,4 @@
-"""Locates two drones from a range log with noctograph and with GTSAM: see tests/smoother."""
+"""Locates two drones from a range log with noctograph and with GTSAM, see tests/smoother."""
 
 import csv
 import json
@@ -11,9 +11,10 @@ import gtsam
 import numpy as np
 
 ANCHORS = np.array([[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2]])
-# Ranges farther apart than the 10 ms that share a state.
+# Ranges are farther apart than the 10 ms within which they use a common state.
 SIGMA, DENSITY, RATE, END = 0.06, 1.0, 50, 8
-# As noctograph starts: the mean ranges of the first second in which their drones are heard, at rest.
+# Like noctograph, this starts at rest from the mean ranges of the first second in which the drones
+# are heard.
 START_S, START_SIGMA, START_SPEED = 1.0, 0.05, 0.5
 LINKS = [("a", d, k) for d in range(2) for k in range(4)] + [("d", 0, 1)]
 
@@ -55,7 +56,7 @@ def write(work, rows):
 
 
 def start(rows):
-    """Least squares on the mean ranges of the first seconds: places and their information."""
+    """Fits positions to the mean ranges of the first seconds by least squares. Returns them with their information."""
     means, since = {}, {}
     for time, (kind, i, j), _ in rows:
         for drone in [i, j] if kind == "d" else [i]:
@@ -80,7 +81,7 @@ def start(rows):
 
 
 def gtsam_places(rows):
-    """Places by Levenberg and Marquardt's method on one factor for each range and each step."""
+    """Computes positions by the Levenberg-Marquardt method, with one factor for each range and each step."""
     x, v, a = gtsam.symbol_shorthand.X, gtsam.symbol_shorthand.V, gtsam.symbol_shorthand.A
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     n = len(rows)
@@ -90,7 +91,8 @@ def gtsam_places(rows):
     key = lambda drone, k: drone * n + k
     first, information = start(rows)
     information = information / max(SIGMA, START_SIGMA) ** 2
-    # All six coordinates of the start in one linear factor, as their fit ties the drones together.
+    # One linear factor contains all six coordinates of the start, because their fit correlates the
+    # drones.
     keys = [x(key(d, 0)) for d in range(2)]
     root = np.linalg.cholesky(information).T
     prior = gtsam.JacobianFactor(keys[0], root[:, :3], keys[1], root[:, 3:], np.zeros(6),
@@ -105,7 +107,7 @@ def gtsam_places(rows):
         for k, (time, _, _) in enumerate(rows):
             values.insert(x(key(d, k)), place(d, time) + 0.02)
             values.insert(v(key(d, k)), np.zeros(3))
-    # White acceleration over a span, whitened.
+    # Whitened factor of white acceleration over a time span.
     span, q, eye = 1 / RATE, 0.5 * DENSITY**2, np.eye(3)
     noise = q * np.block([[span**3 / 3 * eye, span**2 / 2 * eye], [span**2 / 2 * eye, span * eye]])
     white = np.linalg.inv(np.linalg.cholesky(noise))
@@ -147,7 +149,7 @@ def main():
     for drone in range(2):
         with open(work / "out" / f"flight-{drone + 1}.csv", newline="") as file:
             flown = list(csv.DictReader(file))
-        # A flight runs from the first range of its drone to the last.
+        # A flight extends from the first range of its drone to the last.
         found = np.array([[float(row[c]) for c in ("x_m", "y_m", "z_m")] for row in flown])
         times = np.array([float(row["time_s"]) for row in flown])
         heard = [time for time, (kind, i, j), _ in rows if drone == i or (kind, j) == ("d", drone)]

@@ -1,7 +1,7 @@
 """A day at one kiosk: tests/soak.py NOCTOGRAPH [VISITORS]
 
-One visitor after another types a word, or draws, sees the photograph, sends it and leaves; an operator
-approves it on a page of its own. Nobody is refused, and neither the server nor the browser grows."""
+One visitor after another types a word, or draws, sees the photograph, sends it and leaves, and an operator
+approves it on a separate page. No visitor may be refused, and neither the server nor the browser may grow."""
 
 import os
 import random
@@ -15,13 +15,15 @@ NAMES = "LEA TOM ZOE EVA MIA LEO ANN BEN IDA KAI NOA UMA".split()
 
 
 def memory_mb(numbers):
-    """Memory that is of processes alone."""
+    """Returns the memory, in MB, that only these processes use."""
     sizes = [map(int, Path(f"/proc/{number}/statm").read_text().split()) for number in numbers]
     return sum(resident - shared for _, resident, shared, *_ in sizes) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def measured(browser, server, page):
-    """Memory of the server with its workers and of Chromium's pages in MB; the kiosk's objects in MB, nodes and listeners."""
+    """Returns the memory of the server with its workers and of Chromium's pages in MB, and the kiosk's objects in MB,
+    nodes
+    and listeners."""
     of_browser, of_page = browser.new_browser_cdp_session(), page.context.new_cdp_session(page)
     of_page.send("HeapProfiler.collectGarbage")
     of_page.send("Performance.enable")
@@ -33,8 +35,8 @@ def measured(browser, server, page):
 
 
 def visit(page, number, rng):
-    """One visitor, from the first letter until it is sent: seconds."""
-    # After half a minute without a touch the kiosk is at its start.
+    """Simulates one visitor, from the first letter until the entry is sent, and returns the seconds."""
+    # After half a minute without a touch the kiosk shows its start screen.
     if page.locator("#start").is_visible():
         page.mouse.click(300, 300)
     begun = time.monotonic()
@@ -57,14 +59,16 @@ def visit(page, number, rng):
 
 
 def soak(browser, program, n_visitors, tell=lambda *_: None):
-    """Visitors in turn at a kiosk: seconds of each, and how often a visitor waited for a free place."""
+    """Simulates visitors in turn at a kiosk. Returns the seconds of each, and how often a visitor waited for a free
+    place."""
     server, rng = Server(program, "--kiosk"), random.Random(1)
     try:
         page, trouble = opened(browser, server.page, viewport=TABLET)
         ready(page)
         host, host_trouble = opened(browser, server.operator)
         times, visitors, first = [], set(), None
-        # What is loaded when it is used first has been by then: each worker's buffers take four visitors.
+        # By then everything that is loaded at its first use has been loaded: the buffers of each
+        # worker take four visitors.
         warm = max(4, n_visitors // 4)
         for number in range(1, n_visitors + 1):
             visitors.add(kept(page)["visitor"])
@@ -76,11 +80,11 @@ def soak(browser, program, n_visitors, tell=lambda *_: None):
                 now = measured(browser, server, page)
                 first = now if number == warm else first
                 tell(number, times, now)
-        # A place that is not free yet is asked for again; anything else is a refusal.
+        # A request for a place that is not free yet is repeated. Any other error is a refusal.
         refused = [line for line in [*trouble, *host_trouble] if not line.startswith("429")]
         assert not refused, refused
         assert len(visitors) == n_visitors, "each is a visitor of their own"
-        # What a photograph takes of a worker comes and goes: 7 to 39 MB.
+        # The memory of a worker for a photograph varies from 7 to 39 MB.
         for name, least in {"server": 40, "objects": 1, "nodes": 300, "listeners": 50}.items():
             assert now[name] < 1.15 * first[name] + least, f"{name}: {first[name]:.1f} after visitor {warm}, {now[name]:.1f} after {n_visitors}"
         return times, len(trouble)

@@ -1,6 +1,6 @@
 """The page without a server, in Chromium: tests/web.py NOCTOGRAPH FOLDER [NAME …]
 
-The browser's photographs, verdicts, flights and plans against those of the command line, byte by byte;
+Compares the browser's photographs, verdicts, flights and plans with those of the command line byte by byte, and tests
 the page with its link, its files and its element, and without a network."""
 
 import base64
@@ -35,13 +35,13 @@ CASES = [*(({"word": word}, {}) for word in WORDS), *(({"word": "NOOR"}, {"prese
          ({"drawing": {"kind": "svg", "text": HOUSE}}, {}), ({"drawing": {"kind": "json", "text": HAND}}, {"letters.pace": "even"}),
          ({"word": "HELLO", "room": "4x3x2.5"}, {}), ({"word": "HI", "room": "6x4x3"}, {"letters.cap_height_m": "0.8", "controller.kind": "geometric"}),
          ({"word": "RIGA"}, {"controller.kind": "pid", "controller.pid.vel_x": "[12.0, 1.0, 0.0]"})]
-# Those of every run: a word, the other drone, both kinds of drawing, a room, gains.
+# Cases of every run: a word, the other drone, both kinds of drawing, a room, and gains.
 FEW = [CASES[n] for n in (3, 11, 12, 13, 15, 16)]
-# Variables of cfclient's log by the columns of a flight: their units, their sign.
+# Variables of cfclient's log by the columns of a flight, with their units and signs.
 DEGREES = math.degrees(1)
 LOGGED = {**{f"stateEstimate.{axis}": (f"{axis}_m", 1) for axis in "xyz"}, **{f"ctrltarget.{axis}": (f"{axis}_design_m", 1) for axis in "xyz"},
           **{f"stateEstimate.{turn}": (f"{turn}_rad", sign * DEGREES) for turn, sign in [("roll", 1), ("pitch", -1), ("yaw", 1)]}}
-# Of the verdict, which `preview --json` prints with more.
+# Keys of the verdict, which `preview --json` prints among others.
 VERDICT = ["read", "legible", "readability", "reason", "rival", "letters", "faithfulness", "causes", "advice", "flight_sha256"]
 
 
@@ -60,7 +60,7 @@ class Files(http.server.SimpleHTTPRequestHandler):
 
 
 class Host:
-    """A host of a folder that ends when it is told to; `fields` are those of each answer."""
+    """A web server of a folder that can be stopped. `fields` are the header fields of each answer."""
 
     def __init__(self, folder=FOLDER, fields=()):
         self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Files, directory=folder, fields=fields))
@@ -73,12 +73,12 @@ class Host:
 
 
 def words(code):
-    """What the page says in a language."""
+    """Returns the page's texts in a language."""
     return json.loads((PAGES / f"words/{code}.json").read_text())
 
 
 def by_command_line(subject, settings):
-    """What `preview` prints, and its files."""
+    """Returns the output of `preview` and its files."""
     arguments = [f"--set={key}={value}" for key, value in settings.items()]
     arguments += [f"--room={subject['room']}"] if "room" in subject else []
     with tempfile.TemporaryDirectory() as folder:
@@ -101,7 +101,7 @@ def digest(content):
 
 
 def the_same_bytes(browser, host):
-    """Photograph, plan and flight by their digests, and the verdict."""
+    """Compares photograph, plan and flight by their digests, and the verdict."""
     page, trouble = opened(browser, host.url)
     ready(page)
     cases = CASES if os.environ.get("NOCTOGRAPH_WEB") else FEW
@@ -147,13 +147,13 @@ def a_link_opens_with_what_it_says(browser, host):
     print(f"first photograph {first_s:.2f} s after opening; photograph and verdict in {times} ms; {memory:.0f} MB", flush=True)
     assert memory <= 120, f"{memory} MB"
 
-    # A word with settings, shared: another browser makes the same photograph.
+    # A word with settings is shared, and another browser makes the same photograph.
     write(page, "RIGA")
     more(page)
     before = page.get_attribute("main", "data-shown")
     page.select_option("[data-key='controller.kind']", "lqr")
     until(page, f"document.querySelector('main').dataset.shown !== {before!r}")
-    # Its gains come with the large photograph; what none can be is refused in the program's words.
+    # The gains come with the large photograph. An invalid gain is refused in the program's words.
     page.click("#drawer .gains >> xpath=preceding-sibling::summary")
     weights = "#drawer [data-key='controller.lqr.r']"
     page.wait_for_selector(weights)
@@ -175,7 +175,7 @@ def a_link_opens_with_what_it_says(browser, host):
     shown(other)
     until(other, "document.querySelector('#word').value === 'RIGA' && document.querySelector('main').dataset.shown")
     until(other, f"document.querySelector('#photo').src === {photo!r} || document.querySelector('main').dataset.large", what="the photograph of the link")
-    # What is changed is no longer what the address says.
+    # After a change, the address no longer contains the settings.
     write(other, "RIGAS")
     assert "#" not in other.evaluate("location.href")
     assert not trouble and not more_trouble, (trouble, more_trouble)
@@ -194,7 +194,7 @@ def a_link_of_another_version_loses_what_is_unknown_and_says_so(browser, host):
         assert said == f"Man liest: NOOR. {words('de')['left-out']}", (parts, said)
         if known in parts:
             assert kept(page)["settings"] == {"letters.cap_height_m": "0.6"}, (parts, kept(page)["settings"])
-        # What is typed next is photographed, at the plain address too.
+        # The next word is photographed, also at the plain address.
         assert write(page, "HELLO").startswith("Man liest: HELLO."), page.inner_text("#verdict")
         assert "Version" not in page.inner_text("#verdict")
         page.goto(host.url)
@@ -205,7 +205,7 @@ def a_link_of_another_version_loses_what_is_unknown_and_says_so(browser, host):
 
 
 def a_file_that_is_nothing_gets_a_sentence(browser, host):
-    """In the page's language, with the program's own words behind a button."""
+    """The sentence is in the page's language, with the program's own words behind a button."""
     for code in ["de", "en"]:
         want, why = words(f"{code}-more")["errors"]["log"].removeprefix("{name} "), words(code)["why"]
         page, trouble = opened(browser, host.url, locale=f"{code}-{code.upper()}")
@@ -225,7 +225,7 @@ def a_file_that_is_nothing_gets_a_sentence(browser, host):
 
 
 def the_scene_of_a_drawing_brings_it(browser, host):
-    """Of the pad and of an opened file: what is saved runs in a folder of its own to the same photograph."""
+    """Saves drawings of the pad and of an opened file, which give the same photograph in a separate folder."""
     def on_the_pad(page):
         page.click("#draw")
         page.wait_for_selector("#pad .cursor", state="attached")
@@ -260,7 +260,7 @@ def the_scene_of_a_drawing_brings_it(browser, host):
 
 
 def an_update_never_mixes_two_versions(browser):
-    """From a host that lets a browser keep files, with a page that is open meanwhile."""
+    """Updates the page on a host that lets browsers cache files, while a page is open."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder) / "site"
         shutil.copytree(FOLDER, root)
@@ -284,7 +284,7 @@ def an_update_never_mixes_two_versions(browser):
         change("sw.js", version, "noctograph-0000000000000002")
         page.evaluate("navigator.serviceWorker.getRegistration().then(it => it.update())")
         until(page, "navigator.serviceWorker.getRegistration().then(it => it.waiting !== null)", "the next version")
-        # The open page is whole: what it loads later is of its version.
+        # The open page stays consistent: files that it loads later are of its version.
         write(page, "NOOR")
         page.click("#more")
         page.wait_for_selector("#drawer[open]")
@@ -303,7 +303,8 @@ def an_update_never_mixes_two_versions(browser):
 
 
 def an_element_stands_in_a_page_of_another_host(browser):
-    """Made there by a worker that it loads; where it may not, the word stands with the reason."""
+    """The element makes its photograph there with a worker that it loads. If it may not, it shows the word and the
+    reason."""
     maker = Host(FOLDER, [("Access-Control-Allow-Origin", "*")])
     with tempfile.TemporaryDirectory() as folder:
         french = {"": "On lit\u00a0: HI.", "worker-src 'none'": "Pas de photo ici"}
@@ -319,7 +320,7 @@ def an_element_stands_in_a_page_of_another_host(browser):
             until(page, f"({caption(0)}).startsWith({want!r})", want)
             if policy:
                 assert page.evaluate("document.querySelector('noctograph-photo').shadowRoot.querySelector('span').textContent") == "NOOR", "the word is seen"
-            # What is far below has its word, and begins when it is seen.
+            # An element far below shows its word, and makes its photograph when it becomes visible.
             assert page.evaluate(caption(1)) == ""
             page.evaluate("document.querySelectorAll('noctograph-photo')[1].scrollIntoView()")
             until(page, f"({caption(1)}).startsWith({french[policy]!r})", "the second one, in its own language")
@@ -329,7 +330,7 @@ def an_element_stands_in_a_page_of_another_host(browser):
 
 
 def what_is_typed_before_the_answer_keeps_no_unknown_setting(browser, host):
-    """Of a link and of what was kept: the answer to its settings comes when another word is there."""
+    """The answer to the settings of a link or of a stored state arrives when another word has been typed."""
     for parts in ['settings={"controller.kind":"psychic","letters.cap_height_m":"0.6"}', 'settings={"wings.flap":"7"}&room="0x0x0"', 'settings={"plan.lights":"many"}']:
         page, trouble = opened(browser, "about:blank", service_workers="block")
         held = []
@@ -362,7 +363,7 @@ PROBE = """<!doctype html><pre></pre><script type="module">
 
 
 def firefox_makes_the_same_bytes():
-    """Two words and a drawing; and its page begins, without a fault in the console."""
+    """Compares two words and a drawing, and checks that the page starts without errors in the console."""
     cases = [CASES[n] for n in (1, 3, 12)]
     requests = [{**subject, "settings": settings, "files": True, "visitor": "test", "aspect": 16 / 9} for subject, settings in cases]
     with tempfile.TemporaryDirectory() as folder:
@@ -396,7 +397,7 @@ def a_broken_link_opens_the_page(browser, host):
 
 
 def an_old_browser_is_told_so(browser, host):
-    """One that cannot run the module."""
+    """Opens the page in a browser that cannot run the module."""
     context = browser.new_context(locale="fr-FR", service_workers="block")
     context.route("**/noctograph.wasm*", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
     page = context.new_page()
@@ -442,7 +443,7 @@ def drawings_and_pictures_are_photographed(browser, host):
 
 
 def a_log_gives_its_photograph(browser, host):
-    """That of `expose`, byte by byte: cfclient's log of a flight, which knows neither word nor lights."""
+    """Compares the photograph of a cfclient log without word and lights with that of `expose`, byte by byte."""
     with tempfile.TemporaryDirectory() as folder:
         def run(*arguments):
             return subprocess.run([PROGRAM, *arguments], cwd=folder, capture_output=True, text=True)
@@ -464,7 +465,7 @@ def a_log_gives_its_photograph(browser, host):
         assert here.get("flight_sha256") == told["flight_sha256"], (here, told)
         assert base64.b64decode(here["files"]["photo.png"]) == photo, f"another photograph of the log with the word {word!r}"
         assert any("not in the log" in said["text"] for said in here["warnings"]), here["warnings"]
-    # As one opens it.
+    # The log is opened like any file.
     drop(page, f"() => {{ const data = new DataTransfer(); data.items.add(new File([{json.dumps(log)}], 'log00')); return data; }}")
     until(page, "document.querySelector('#verdict').textContent.includes('This is how it looked.')", "the photograph of a log")
     assert write(page, "NOOR").startswith("Reads as NOOR."), page.inner_text("#verdict")
@@ -473,7 +474,7 @@ def a_log_gives_its_photograph(browser, host):
     until(page, "document.querySelectorAll('#drawer .files button').length === 2")
     assert page.locator("#drawer [data-key]").count() == 1, "what was flown is flown by another controller"
     page.keyboard.press("Escape")
-    # Another word was not flown: the reader of the log says so.
+    # If the typed word was not flown, the page reports this.
     page.fill("#word", "HELLO")
     until(page, "document.querySelector('#verdict').textContent.startsWith('This flight did not write HELLO.')", "the log's refusal")
     drop(page, "() => { const data = new DataTransfer(); data.items.add(new File(['what, is, this'], 'notes.txt')); return data; }")
@@ -504,13 +505,14 @@ def an_element_stands_in_any_page(browser, host):
 
 
 def a_visitor_of_the_exhibit_makes_own_photographs(browser):
-    """As one on another machine: by its address in the network."""
+    """Opens the page by its network address, like a visitor on another machine."""
     server = Server(PROGRAM, "--network", "--scene", "pid", "--module", str(FOLDER / "noctograph.wasm.gz"))
     try:
         context = browser.new_context(locale="en-US", viewport=PHONE)
         page, asked = context.new_page(), []
         page.on("request", lambda request: asked.append(request.url.rsplit("/", 1)[-1]))
-        # Until the module is there, the server makes the photographs; a line tells how much of it is loaded.
+        # Until the module is loaded, the server makes the photographs, and a line shows the
+        # progress.
         held = []
         page.route("**/noctograph.wasm.gz", lambda route: held.append(route))
         page.goto(server.network)
@@ -527,7 +529,7 @@ def a_visitor_of_the_exhibit_makes_own_photographs(browser):
         used_s = cpu_s(server) - begun
         assert used_s < 0.1 and not {"live", "photos"} & set(asked), (used_s, asked)
         print(f"three photographs of a visitor cost the server {used_s:.2f} s of processor", flush=True)
-        # The server's own scene is flown, and what is sent is made once more there.
+        # The server's own scene is flown, and an entry that is sent is made again by the server.
         source = "document.querySelector('#photo').src"
         own = until(page, source + ".startsWith('data:') && " + source)
         there = page.evaluate("""async () => {
@@ -541,7 +543,7 @@ def a_visitor_of_the_exhibit_makes_own_photographs(browser):
         page.click("#send")
         page.wait_for_selector("#sent h2", timeout=120_000)
         context.close()
-        # A browser that cannot run the module gets the server's photograph, and is told so.
+        # A browser that cannot run the module gets the server's photograph and a message.
         context = browser.new_context(locale="en-US", viewport=PHONE)
         context.route("**/noctograph.wasm*", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
         page = context.new_page()
@@ -575,7 +577,7 @@ def no_network_is_needed(browser):
 
 
 def drive_in_a_browser(playwright, drive, *args):
-    """A browser for each test: pages and service workers of an earlier one go on moving."""
+    """Starts a new browser for each test, because pages and service workers of an earlier test continue to run."""
     if CHOSEN and drive.__name__ not in CHOSEN:
         return
     browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])

@@ -2,7 +2,7 @@
 
 usage: python examples/benchmark/measure.py [SCENE.toml ...]
 
-Flights are kept in ./noctograph-benchmark: a call that is cut off goes on where it was.
+Flights are stored in ./noctograph-benchmark, so that an interrupted call continues where it stopped.
 """
 
 import csv

@@ -1,9 +1,10 @@
-"""A baseline of the benchmark: linear model predictive control, 250 times a second, by numpy alone.
+"""A baseline of the benchmark: linear model predictive control at 250 Hz, with numpy only.
 
-The model is `nc.Model` at hover, with its rotors, and the accelerations and torques that it does not explain. The
-horizon is 0.6 s in steps of 20 ms, with the plan's design ahead as its reference; the motors' range bounds every
-command in it. The cost is quadratic, so that the commands are the solution of a quadratic program: a product with
-matrices made once, and where a bound is in its way, projected gradients from there.
+The model is `nc.Model` at hover with its rotors, and with the accelerations and torques that it does not explain. The
+horizon is 0.6 s in steps of 20 ms, with the plan's future design as the reference, and the motors' range bounds every
+command in it. Because the cost is quadratic, the commands are the solution of a quadratic program. It is a product
+with
+precomputed matrices, which projected gradients correct if a bound is exceeded.
 """
 
 import numpy as np
@@ -11,24 +12,25 @@ import numpy as np
 import noctograph as nc
 
 STEP_S, STEPS = 0.02, 30
-#: Time between two programs, s; every second of the controller's turns.
+#: Time between two quadratic programs, s, which is every second call of the controller.
 TICK_S = 0.004
 #: Weights of errors of position (m), yaw pitch roll (rad), velocity (m/s) and angular velocity (rad/s).
 ERRORS = np.array([1.0, 1.0, 1.0, 0.3, 0.02, 0.02, 0.02, 0.02, 0.02, 2e-5, 2e-5, 2e-5])
-#: Weight of a motor's command in shares of hover's.
+#: Weight of a motor's command, as a fraction of the hover command.
 COMMAND = 2e-3
-#: What rooms add to the rotors' lag, in the mean, s.
+#: Mean lag that rooms add to that of the rotors, s.
 MORE_LAG_S = 0.025
-#: Time in which what the model does not explain is learned, s.
+#: Time constant with which unexplained accelerations and torques are estimated, s.
 LEARNED_S = 0.5
-#: What the lamps are later than their commands, in the mean, s: the drone is, too.
+#: Mean delay of the lamps after their commands, s, by which the drone is delayed as well.
 LATE_S = 0.03
-#: Projected gradients.
+#: Number of steps of projected gradients.
 DESCENTS = 15
 
 
 class Program:
-    """The quadratic program of a scene's drone: U = start @ x + ahead @ references + learned @ d, where no bound is near."""
+    """The quadratic program of a scene's drone: U = start @ x + ahead @ references + learned @ d if no bound is
+    active."""
 
     def __init__(self, scene):
         lags = {f"vehicle.motor_{way}_s": scene.get(f"vehicle.motor_{way}_s") + MORE_LAG_S for way in ("rise", "fall")}
@@ -66,7 +68,7 @@ class Program:
         self.most = 65_535 / self.hover[0] - 1
 
     def solve(self, x, references, unexplained):
-        """The first commands, in shares of hover's."""
+        """Returns the first commands, as fractions of the hover command."""
         best = x @ self.start.T + references @ self.ahead.T + unexplained @ self.learned.T
         commands = np.clip(best, -1, self.most)
         if (commands != best).any():
@@ -81,7 +83,7 @@ PROGRAMS = {}
 
 
 class Mpc:
-    """A controller of Python; `state` and `reference` may be those of many flights in step."""
+    """A controller in Python. `state` and `reference` may be those of many flights in step."""
 
     def __init__(self, scene=None):
         scene = scene or nc.Scene("task.toml")
@@ -107,7 +109,7 @@ class Mpc:
         slope = program.model.f(x, self.motors)
         self.expected = state[..., 6:] + TICK_S * (slope[..., 6:12] + self.unexplained)
 
-        # About hover, a velocity is in the world's frame.
+        # Near hover, the velocity is taken to be in the world frame.
         x[..., 6:9] = slope[..., :3]
         x[..., 12:] -= program.rotors
         ahead = np.round((np.max(time_s) - LATE_S + STEP_S * np.arange(1, STEPS + 1)) / TICK_S).astype(int)

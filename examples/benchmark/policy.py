@@ -1,7 +1,8 @@
-"""A baseline of the benchmark: a linear policy with a memory, whose weights `train.py` found by trying.
+"""A baseline of the benchmark: a linear policy with a memory, whose weights `train.py` found by CMA-ES.
 
-It sees what an environment of `nc.VectorEnv` shows, remembers the integral of its error and its own last commands
-through a lag, and adds a share of hover's command to each motor. Both sideways axes have the same weights.
+The policy receives the observations of `nc.VectorEnv`, stores the integral of its error and its low-passed commands,
+and
+adds a fraction of the hover command to each motor. Both horizontal axes have the same weights.
 """
 
 import numpy as np
@@ -13,14 +14,14 @@ SIDEWAYS = np.array([0.1, 0.1, 0.02, 0.2, 0.03, 0.1, 1.0])
 #: Upward, as sideways, without an angle; about the vertical: per rad, rad/s, share.
 UPWARD, TURNING = np.array([2.0, 1.0, 0.1, 2.0, 1.0]), np.array([0.2, 0.1, 1.0])
 N_WEIGHTS = len(SIDEWAYS) + len(UPWARD) + len(TURNING)
-#: Lag of the remembered commands, and bound of the integral, m s.
+#: Lag of the stored commands, and bound of the integral, m s.
 LAG_S, MOST_INTEGRAL = 0.08, 0.3
-#: After 38 generations of `train.py`.
+#: Weights after 38 generations of `train.py`.
 WEIGHTS = np.array([-25.969, -39.31, 4.33, -16.219, -28.533, -17.99, -2.425, -19.001, -24.006, 7.969, -12.492, -9.98, -19.654, -19.989, 3.177])
 
 
 class Linear:
-    """Shares of hover's command for m1 to m4, by weights (n,), or (flights, n) of many."""
+    """Computes fractions of the hover command for m1 to m4, with weights (n,), or (flights, n) for many flights."""
 
     def __init__(self, weights, tick_s):
         weights = np.asarray(weights, float)
@@ -35,7 +36,8 @@ class Linear:
             return (weights * scales * np.stack(columns, -1)).sum(-1)
 
         def along(axis, angle, turn, channel):
-            """A torque that tilts the thrust toward an axis of the world; a roll tilts it backward along y."""
+            """Returns a torque that tilts the thrust toward a world axis. A positive roll tilts it backward along
+            y."""
             sign = 1 if axis == 0 else -1
             return dot(self.sideways, SIDEWAYS, sign * error[..., axis], sign * slower[..., axis], sign * goal_m_s2[..., axis],
                        angles[..., angle], rate[..., turn], sign * self.integral[..., axis], self.lagged[..., channel])  # fmt: skip
@@ -49,13 +51,13 @@ class Linear:
 
 
 def motors_from(scene):
-    """Shares of hover's command for m1 to m4 of shares that roll, pitch, turn and lift; and hover's command."""
+    """Converts fractions that roll, pitch, turn and lift to fractions for m1 to m4. Also returns the hover command."""
     mixer = scene.motors_from_wrench
     return np.sign(mixer), mixer[0, 3] * 9.81 * scene.mass_kg
 
 
 class Policy:
-    """A controller of Python; `state` and `reference` may be those of many flights in step."""
+    """A controller in Python. `state` and `reference` may be those of many flights in step."""
 
     def __init__(self, scene=None, weights=WEIGHTS):
         self.mixer, self.hover = motors_from(scene or nc.Scene("task.toml"))

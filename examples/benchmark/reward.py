@@ -1,9 +1,11 @@
-"""Whether the reward of the environments ranks flights as their photographs do: Spearman's correlation with P(read).
+"""Measures whether the environments' reward ranks flights like their photographs, by Spearman's correlation with
+P(read).
 
 usage: python examples/benchmark/reward.py [EPISODES]
 
-The flights are of random policies (gains a third to three times good ones, a target that is off by up to 6 cm and
-late by up to 0.3 s, commands that tremble) and of six words, in rooms that differ.
+The flights use random policies (gains of a third to three times good values, a target with an offset of up to 6 cm
+and a
+delay of up to 0.3 s, and noisy commands) and six words, in different rooms.
 """
 
 import sys
@@ -17,18 +19,19 @@ GOOD = np.array([[9.0, 9.0, 20.0], [5.0, 5.0, 8.0], [10.0, 80.0, 80.0], [5.0, 16
 
 
 def ranks(values):
-    """Ranks from 0, those of equal values their mean."""
+    """Returns ranks from 0, with the mean rank for equal values."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(count) - (count + 1) / 2)[place]
 
 
 def spearman(a, b):
-    """Correlation of the ranks."""
+    """Returns the correlation of the ranks."""
     return float(np.corrcoef(ranks(a), ranks(b))[0, 1])
 
 
 def episodes(word, n, seed):
-    """Of random policies: rewards, and rewards without that of the landing, P(read), whether they landed; each (n,)."""
+    """Flies random policies. Returns rewards, rewards without that of the landing, P(read) and landing flags, each
+    (n,)."""
     scene = nc.Scene("cf-brushless", word=word)
     env = nc.VectorEnv(scene, n, conditions="room")
     random = np.random.default_rng(seed)
@@ -71,7 +74,7 @@ def main(n):
 
 
 def row(name, rewards, on_the_way, probability, landed):
-    """A line of the table."""
+    """Returns a row of the table."""
     pairs = (rewards, probability), (rewards[landed], probability[landed]), (on_the_way[landed], probability[landed])
     found = " | ".join(f"{spearman(*pair):.2f}" for pair in pairs)
     print(f"| {name} | {len(landed)} | {landed.sum()} | {probability.mean():.2f} | {found} |", flush=True)

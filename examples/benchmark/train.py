@@ -27,14 +27,14 @@ class Search:
         self.path, self.step_path, self.generation = np.zeros(n), np.zeros(n), 0
 
     def ask(self, random):
-        """Candidates, a row each."""
+        """Returns candidates, one per row."""
         values, self.axes = np.linalg.eigh(self.cov)
         self.sizes = np.sqrt(np.maximum(values, 1e-20))
         self.drawn = random.normal(size=(POLICIES, len(self.mean))) * self.sizes @ self.axes.T
         return self.mean + self.step * self.drawn
 
     def tell(self, rewards):
-        """Moves toward the better half."""
+        """Moves the distribution toward the better half of the candidates."""
         n, half = len(self.mean), POLICIES // 2
         shares = np.log(POLICIES / 2 + 0.5) - np.log(np.arange(1, half + 1))
         shares /= shares.sum()
@@ -58,7 +58,7 @@ class Search:
 
 
 def rewards_of(env, scene, weights, seeds):
-    """Mean rewards of policies over rooms, and the mean P(read)."""
+    """Returns the mean rewards of policies over rooms, and the mean P(read)."""
     mixer, _ = motors_from(scene)
     linear = Linear(np.repeat(weights, ROOMS, axis=0), 1 / CONTROL_HZ)
     seen, _ = env.reset(seed=[*seeds] * POLICIES)
@@ -73,7 +73,7 @@ def rewards_of(env, scene, weights, seeds):
 
 
 def main(generations=38, seed=0):
-    """Searches up to a generation."""
+    """Runs the search up to a generation."""
     scene, state = nc.Scene("cf-brushless", word=WORD), pathlib.Path(f"policy-{seed}.npz")
     env = nc.VectorEnv(scene, POLICIES * ROOMS, control_hz=CONTROL_HZ, conditions="room")
     search = Search(N_WEIGHTS, 0.5)

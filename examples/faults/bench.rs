@@ -1,9 +1,11 @@
-//! The faults bench: ten faults at six levels each, as flights, lamps and cameras make them. The
-//! example beside it photographs them, `tests/it/faults.rs` holds the score's answer to a golden table.
+//! Test bench of ten faults at six levels each, which are caused by the flight, the lamps or the
+//! camera. The example beside this file photographs the faults, and `tests/it/faults.rs` compares
+//! their scores with a golden table.
 //!
-//! The planner uses one scene, the flight and the photograph another, which has the fault: a setting of
-//! the simulator, the lamps or the camera. Two faults have no setting: lost light commands are removed
-//! from the plan, and less light is dimmer lamps, since an exposure cannot be shorter than its flight.
+//! The planner uses one scene, whereas the flight and the photograph use another scene that
+//! contains the fault, which is a setting of the simulator, the lamps or the camera. Two faults
+//! have no such setting: lost light commands are removed from the plan, and underexposure is
+//! simulated by dimmer lamps, because an exposure cannot be shorter than its flight.
 
 use std::num::NonZero;
 use std::sync::Mutex;
@@ -21,37 +23,39 @@ use noctograph::shoot::{Judging, Planned, Recording, Shoot, Shot};
 use noctograph::sim::{ControllerKind, SimOptions};
 use noctograph::studies::Conditions;
 
-/// Levels of a fault.
+/// Number of levels of a fault.
 pub(crate) const LEVELS: usize = 6;
 
-/// Words whose mean is a cell of the bench; each is flown with the seed of its place, from 1.
+/// Words over which a cell of the bench is averaged. Each is flown with its index, counted from 1,
+/// as the seed.
 pub(crate) const WORDS: [&str; 3] = ["NOOR", "HAZE", "JUMP"];
 
-/// One way in which a photograph goes wrong.
+/// A fault that spoils a photograph.
 pub(crate) struct Fault {
     pub(crate) name: &'static str,
-    /// What a level is.
+    /// Unit of the levels.
     pub(crate) unit: &'static str,
-    /// From slight to grave.
+    /// Levels from slight to severe.
     pub(crate) levels: [f64; LEVELS],
-    /// Puts it into a setting.
+    /// Function that applies a level to a setting.
     pub(crate) turn: fn(&mut Setting, f64) -> Result<()>,
 }
 
-/// A word on its way to a photograph.
+/// Scenes and conditions with which a word is photographed.
 #[derive(Clone)]
 pub(crate) struct Setting {
-    /// What the planner and the controller believe; the word and how it is written.
+    /// Scene that the planner and the controller assume, including the word and its style.
     pub(crate) known: Scene,
-    /// What flies and is photographed.
+    /// Scene that is flown and photographed.
     pub(crate) actual: Scene,
-    /// How the drone and its room depart from `actual`.
+    /// Conditions by which the drone and its room vary about `actual`.
     pub(crate) conditions: Conditions,
-    /// Share of each letter's light commands that go missing in one run.
+    /// Fraction of each letter's light commands that is lost in one run.
     pub(crate) missing_frac: f64,
 }
 
-/// The ten faults. Levels are of a word half a meter high that is written at 0.2 m/s.
+/// The ten faults, whose levels are meant for letters half a meter high that are written at 0.2
+/// m/s.
 pub(crate) const FAULTS: [Fault; 10] = [
     Fault {
         name: "wander",
@@ -63,7 +67,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
         },
     },
     Fault {
-        // Held positions are trailed by half a second, and corners cut by as much.
+        // The drone lags behind held positions by half a second, and cuts corners accordingly.
         name: "lag",
         unit: "m/s by held positions",
         levels: [0.15, 0.2, 0.25, 0.3, 0.4, 0.6],
@@ -107,7 +111,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
         unit: "m closer",
         levels: [0.05, 0.1, 0.2, 0.3, 0.4, 0.46],
         turn: |setting, closer_m| {
-            // Boxes cannot overlap, letters of simplex can.
+            // Letters in boxes cannot overlap, whereas those of simplex can.
             for scene in setting.scenes() {
                 scene.letters.font = "simplex".into();
                 scene.letters.spacing_m -= closer_m;
@@ -116,7 +120,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
         },
     },
     Fault {
-        // A lens at f/1.4 behind a gray filter, focused before the word.
+        // The lens at f/1.4 behind a gray filter is focused in front of the word.
         name: "blur",
         unit: "m across",
         levels: [0.1, 0.2, 0.3, 0.35, 0.4, 0.45],
@@ -175,15 +179,15 @@ pub(crate) const FAULTS: [Fault; 10] = [
     },
 ];
 
-/// A share of some rows.
+/// Returns the number of rows in a fraction of `n` rows.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 1")]
 fn share_of(n: usize, share: f64) -> usize {
     (share * n as f64) as usize
 }
 
 impl Setting {
-    /// A word without fault: the team's repaired letters, evenly flown by a controller that follows the design, no
-    /// lamps but those that write.
+    /// Returns the setting of a word without faults: the team's repaired letters in the style even,
+    /// flown by a controller that follows the design, with only the lamps that write.
     pub(crate) fn clean(word: &str, seed: u64) -> Self {
         let style = EvenStyle { exposure: LightLevel::Dimmed, ..EvenStyle::default() };
         let mut scene =
@@ -202,12 +206,12 @@ impl Setting {
         }
     }
 
-    /// Both scenes, for faults of the design.
+    /// Returns both scenes, which faults of the design change.
     pub(crate) fn scenes(&mut self) -> [&mut Scene; 2] {
         [&mut self.known, &mut self.actual]
     }
 
-    /// The camera, and the word's middle with its foot and head as it sees them.
+    /// Returns the camera, and the middle, the foot and the head of the word in its picture.
     fn sight(&self) -> Result<(Camera, [ImagePoint; 3])> {
         let strokes = letters::write(&self.known.word, &self.known.letters)?;
         let [left, bottom, right, top] = strokes.bounds_m();
@@ -221,7 +225,7 @@ impl Setting {
         Ok((camera, points))
     }
 
-    /// Plans, flies and photographs it.
+    /// Plans, flies and photographs the word.
     pub(crate) fn shoot(&self) -> Result<Shot> {
         let (known, actual) = (&self.known, &self.actual);
         let scene = Scene {
@@ -241,7 +245,8 @@ impl Setting {
         shoot.take(&|_, _| {})
     }
 
-    /// Takes a run of light commands out of each letter; a graver run holds a slighter one.
+    /// Removes a run of light commands from each letter. The run of a severer level contains that
+    /// of a slighter one.
     fn lose_light(&self, plan: &mut Plan) {
         let letters = plan.setpoints.iter().map(|setpoint| setpoint.letter);
         let letters: Vec<Option<usize>> = letters.collect();
@@ -252,7 +257,7 @@ impl Setting {
                     let lit: Vec<usize> = (0..letters.len())
                         .filter(|&row| letters[row] == Some(letter) && levels[row] > 0.0)
                         .collect();
-                    // The golden ratio: places spread over the letters of all words.
+                    // Multiples of the golden ratio spread the runs over the letters of all words.
                     let place = ((self.actual.seed as f64 + letter as f64) * 0.618_034).fract();
                     let from = share_of(lit.len(), place * (1.0 - self.missing_frac));
                     let run = share_of(lit.len(), self.missing_frac);
@@ -263,7 +268,8 @@ impl Setting {
     }
 }
 
-/// A scene with its plans, which faults of flight, lamps and camera share.
+/// Returns the shoot of a scene with its plans, which are the same for all faults of flight, lamps
+/// and camera.
 fn planned(known: &Scene) -> Result<Shoot> {
     static MADE: Mutex<Vec<Shoot>> = Mutex::new(Vec::new());
     let mut made = MADE.lock().expect("no panic");
@@ -274,8 +280,8 @@ fn planned(known: &Scene) -> Result<Shoot> {
     Ok(made[made.len() - 1].clone())
 }
 
-/// The flights of a shoot. The first films, of clean words, are kept, because faults of lamps and
-/// camera use them.
+/// Returns the flights of a shoot. The first flights, of clean words, are cached, because faults of
+/// lamps and camera use them.
 fn flown(known: &Scene, shoot: &Shoot) -> Result<Vec<Flight>> {
     type Flown = (Scene, Vec<Planned>, SimOptions, Vec<Flight>);
     static CLEAN: Mutex<Vec<Flown>> = Mutex::new(Vec::new());
@@ -292,8 +298,9 @@ fn flown(known: &Scene, shoot: &Shoot) -> Result<Vec<Flight>> {
     Ok(flights)
 }
 
-/// The score's answer: a line for the clean words and one for each level of the faults, with the mean
-/// readability, then of each word its own, what is read, and the worst letter.
+/// Returns the table of scores, with a line for the clean words and one for each level of each
+/// fault. A line contains the mean readability, and for each word its readability, its reading, and
+/// its worst letter.
 pub(crate) fn table(faults: &[Fault]) -> Result<String> {
     let mut readers = Vec::new();
     let mut text =
@@ -308,7 +315,8 @@ pub(crate) fn table(faults: &[Fault]) -> Result<String> {
     Ok(text)
 }
 
-/// One line of the table. Readers are kept: to make one takes longer than to read with it.
+/// Returns one line of the table. Readers are cached, because creating one takes longer than
+/// reading with it.
 fn line(
     readers: &mut Vec<(Strokes, Reader)>,
     name: &str,

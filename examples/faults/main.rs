@@ -1,4 +1,5 @@
-//! Photographs with faults: a contact sheet of the bench, and its table at other levels.
+//! Makes a contact sheet of the bench's photographs with faults, or the bench's table at other
+//! levels.
 //!
 //! ```sh
 //! cargo run --release --example faults -- sheet docs/faults.png       # ten faults, six levels
@@ -23,11 +24,11 @@ fn main() -> Outcome<()> {
     match arguments[..] {
         ["try", fault, ref levels @ ..] => rehearse(fault, levels),
         ["sheet", path] => sheet(Path::new(path)),
-        _ => Err("name a task: sheet PATH, or try FAULT LEVELS".into()),
+        _ => Err("wanted: sheet PATH, or try FAULT LEVELS".into()),
     }
 }
 
-/// What the score says of a fault at other levels than the bench's.
+/// Prints the scores of a fault at levels that differ from the bench's.
 fn rehearse(name: &str, levels: &[&str]) -> Outcome<()> {
     let fault = FAULTS.into_iter().find(|fault| fault.name == name).ok_or("name a fault")?;
     let numbers: Vec<f64> = levels.iter().map(|level| level.parse()).collect::<Result<_, _>>()?;
@@ -41,10 +42,11 @@ fn print_out(text: &str) {
     print!("{text}");
 }
 
-/// The bench's photographs of one word: faults from top to bottom, levels from left to right.
+/// Writes a sheet of the bench's photographs of one word, with faults from top to bottom and levels
+/// from left to right.
 fn sheet(path: &Path) -> Outcome<()> {
     const SIZE_PX: [u32; 2] = [180, 84];
-    /// Share of the photo's width that is shown: the word fills half of it.
+    /// Fraction of the photo's width that is shown. The word fills half of the width.
     const SHOWN: f64 = 0.66;
     let word = WORDS[1];
     let rows = u32::try_from(FAULTS.len())?;

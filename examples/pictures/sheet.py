@@ -1,4 +1,4 @@
-"""Draws what people bring, flies it, and puts inputs and photographs side by side.
+"""Draws typical inputs, flies them, and shows inputs and photographs side by side.
 
     python3 sheet.py NOCTOGRAPH ../../docs/pictures.jpg [FOLDER]      (needs Pillow, numpy)
 """
@@ -19,7 +19,7 @@ LAMP = ["--set", "light.deck=color-led", "--set", 'plan.lights=["color-led"]']
 
 
 class Page:
-    """A picture drawn at twice its size."""
+    """A picture that is drawn at twice its size."""
 
     def __init__(self, paper=(255, 255, 255), mode="RGB"):
         self.image = Image.new(mode, (W * SCALE, H * SCALE), paper)
@@ -78,7 +78,7 @@ def child(page):
 
 
 def strokes(text, x, y, size, slant=0.0):
-    """A text in the strokes of the font simplex."""
+    """Returns the strokes of a text in the font simplex."""
     cap, found = 21, {}
     for row in (Path(__file__).parents[2] / "fonts/simplex.strokes").read_text().splitlines():
         words = row.split()
@@ -103,7 +103,7 @@ def text(page, words, x, y, size, color=INK, width=9, slant=0.0):
 
 
 def table(page, desk, corners, shadow=1.0):
-    """A sheet as it lies on a table: its corners in a photograph of it."""
+    """Returns the corners of a sheet on a table in a photograph of it."""
     sheet = page.done()
     unit = [(0, 0), (W, 0), (W, H), (0, H)]
     rows, right = [], []
@@ -118,7 +118,7 @@ def table(page, desk, corners, shadow=1.0):
 
 
 def taken(picture, shadow=1.0, to_side=0.85):
-    """Light from a side, a hard shadow over a part, a lens and grain."""
+    """Adds light from the side, a hard shadow over a part, a lens and grain."""
     values = np.asarray(picture.convert("RGB"), float)
     y, x = np.mgrid[0:H, 0:W]
     values *= (1 - (1 - to_side) * x / W)[..., None]
@@ -128,7 +128,8 @@ def taken(picture, shadow=1.0, to_side=0.85):
 
 
 def inputs(folder):
-    """Name, file and more arguments of each; the picture that stands for what is none."""
+    """Returns the name, the file and further arguments of each input, and the picture that represents an input that
+    is none."""
     made = []
 
     def add(name, picture, *more, ending="png", shown=None):

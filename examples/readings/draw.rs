@@ -1,7 +1,8 @@
-//! Photographs drawn from seeds: a word, a drone, what goes wrong, a camera.
+//! Generates photographs from random seeds, which select a word, a drone, a fault and a camera.
 //!
-//! A flight is planned by what its planner knows and flown with what it does not; several cameras
-//! may photograph it. Nothing is scored here.
+//! A flight is planned with a scene that the planner knows, and flown with faults that it does not
+//! know. Several cameras may photograph the same flight. This module does not score the
+//! photographs.
 
 use std::fmt::Write as _;
 use std::num::NonZero;
@@ -15,12 +16,12 @@ use noctograph::scene::Scene;
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Recording, Shoot};
 
-/// What spoils a flight, and what spoils a photograph of it.
+/// Faults of a flight, followed by the faults of a photograph.
 const FLIGHT_FAULTS: [&str; 8] =
     ["wander", "lag", "late lamps", "missing run", "drift", "spacing", "mixture", "slow drone"];
 const CAMERA_FAULTS: [&str; 6] = ["blur", "resolution", "exposure", "aside", "shutter", "room"];
 
-/// Sizes of pictures, the smaller ones first.
+/// Sizes of pictures in pixels, in increasing order.
 pub(crate) const SIZES: [[u32; 2]; 11] = [
     [160, 90],
     [240, 135],
@@ -35,7 +36,8 @@ pub(crate) const SIZES: [[u32; 2]; 11] = [
     [1280, 720],
 ];
 
-/// Chromaticities of the writing lamps: daylight white mostly, tungsten, and the colors of LEDs.
+/// Chromaticities of the lamps that write, which are mostly daylight white, and also tungsten and
+/// the colors of LEDs.
 const COLORS: [[f64; 2]; 8] = [
     [0.3127, 0.329],
     [0.44, 0.40],
@@ -47,7 +49,8 @@ const COLORS: [[f64; 2]; 8] = [
     [0.36, 0.18],
 ];
 
-/// Random numbers (`SplitMix64`, Steele and others 2014), the same on every machine.
+/// Generator of random numbers (`SplitMix64`, Steele and others 2014) that are the same on every
+/// machine.
 pub(crate) struct Rng(pub(crate) u64);
 
 impl Rng {
@@ -58,7 +61,7 @@ impl Rng {
         z ^ (z >> 31)
     }
 
-    /// From 0 to below 1.
+    /// Returns a number from 0 to below 1.
     pub(crate) fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -80,12 +83,12 @@ impl Rng {
     }
 }
 
-/// Between two numbers, by a share of their ratio.
+/// Interpolates geometrically between two numbers.
 fn geometric(low: f64, high: f64, share: f64) -> f64 {
     low * libm::pow(high / low, share)
 }
 
-/// Letters and digits that mean nothing.
+/// Returns random letters and digits.
 pub(crate) fn random_text(rng: &mut Rng) -> String {
     let of = match rng.unit() {
         p if p < 0.4 => "ABCDEFGHIJKLMNOPQRSTUVWXYZ",
@@ -96,7 +99,7 @@ pub(crate) fn random_text(rng: &mut Rng) -> String {
     (0..2 + rng.below(5)).map(|_| char::from(of.as_bytes()[rng.below(of.len())])).collect()
 }
 
-/// Settings of a scene, as `--set` takes them.
+/// Settings of a scene in the form of `--set`.
 #[derive(Clone, Default)]
 struct Settings(Vec<(&'static str, String)>);
 
@@ -112,19 +115,19 @@ impl Settings {
     }
 }
 
-/// A flight and what its photographs have in common.
+/// A flight with everything that its photographs have in common.
 pub(crate) struct Flown {
     settings: Settings,
-    /// The word's strokes, and the flight or its light.
+    /// Strokes of the word, with the flight or its light.
     shoot: Shoot,
-    /// First and last light command.
+    /// Times of the first and the last light command, in s.
     lit_s: [f64; 2],
-    /// What spoiled the flight; empty: nothing.
+    /// Fault of the flight. Empty if there is none.
     pub(crate) fault: &'static str,
     pub(crate) severity: f64,
 }
 
-/// A photograph, and what is needed to read it.
+/// A photograph with everything that is needed to read it.
 pub(crate) struct Taken {
     pub(crate) scene: Scene,
     pub(crate) photo: Photo,
@@ -134,7 +137,7 @@ pub(crate) struct Taken {
     pub(crate) cap_px: f64,
 }
 
-/// What goes wrong with a photograph that has at most one fault: of its flight, of its camera, or none.
+/// Draws at most one fault for a photograph, either of its flight or of its camera.
 pub(crate) fn single_fault(rng: &mut Rng) -> [&'static str; 2] {
     if rng.chance(0.08) {
         return ["", ""];
@@ -146,7 +149,7 @@ pub(crate) fn single_fault(rng: &mut Rng) -> [&'static str; 2] {
     }
 }
 
-/// Any fault of a flight or of a camera, with a probability.
+/// Draws a fault of a flight with probability `p`, or none.
 pub(crate) fn fault_of_flight(rng: &mut Rng, p: f64) -> &'static str {
     if rng.chance(p) { rng.pick(&FLIGHT_FAULTS) } else { "" }
 }
@@ -160,7 +163,7 @@ fn gusts(settings: &mut Settings, speed_m_s: f64) {
     settings.set("air.gusts.sigma_m_s", format!("{:?}", [speed_m_s; 3]));
 }
 
-/// Flies a word in some way, with a fault. `faces` are typefaces that it may be written in.
+/// Flies a word in a random way, with a fault. `faces` are the typefaces from which one is drawn.
 pub(crate) fn fly(
     rng: &mut Rng,
     word: &str,
@@ -169,7 +172,7 @@ pub(crate) fn fly(
 ) -> Result<Flown> {
     let u = rng.unit();
     let mut s = Settings::default();
-    // The presets have the gusts of a room.
+    // The gusts of a room in the presets are turned off.
     s.set("air.gusts.kind", "none");
     let preset =
         rng.pick(&["ae483-2022", "ae483-2022", "cf21", "cf21", "cf21-thrust-kit", "cf-brushless"]);
@@ -199,10 +202,10 @@ pub(crate) fn fly(
         s.set("plan.style.step_m", 0.2 * cap_m);
     } else {
         s.set("plan.style", "even");
-        // The default when the photographs were read.
+        // A hover of 0.5 s was the default when the readers read the photographs.
         s.set("plan.style.hover_s", 0.5);
     }
-    // A planner that knows the drone's lag, and one that does not.
+    // The planner knows the drone's lag in some flights, and not in others.
     if fault == "lag" || rng.chance(0.5) {
         s.set("plan.reference", "design");
         s.set("plan.light_clock", rng.pick(&["setpoint", "light"]));
@@ -274,7 +277,7 @@ pub(crate) fn fly(
 }
 
 impl Flown {
-    /// Lights the lamps once, for all photographs in one color.
+    /// Lights the lamps once for all photographs, in one color.
     pub(crate) fn light(&mut self, rng: &mut Rng) -> Result<()> {
         self.shoot.scene = self.settings.scene()?;
         self.shoot.scene.light.fixtures = Some(lamps(rng, &self.shoot.scene));
@@ -284,14 +287,14 @@ impl Flown {
         Ok(())
     }
 
-    /// A reader of the word.
+    /// Returns a reader of the word.
     pub(crate) fn reader(&self) -> Result<Reader> {
         let strokes = self.shoot.strokes.as_ref().expect("a word was flown");
         Reader::new(strokes, &self.shoot.scene.score)
     }
 }
 
-/// The scene's lamps, the writing ones in a color.
+/// Returns the scene's lamps, with a random color for those that write.
 fn lamps(rng: &mut Rng, scene: &Scene) -> Vec<Fixture> {
     let mut lamps = scene.light.fixtures();
     let color = COLORS[rng.below(12).saturating_sub(4)];
@@ -301,7 +304,7 @@ fn lamps(rng: &mut Rng, scene: &Scene) -> Vec<Fixture> {
     lamps
 }
 
-/// Takes a run of light commands out of each letter.
+/// Removes a run of light commands from each letter.
 fn lose_light(plan: &mut Plan, share: f64, rng: &mut Rng) {
     let commands = plan.commanded();
     let letters = plan.setpoints.iter().filter_map(|setpoint| setpoint.letter).max();
@@ -318,7 +321,7 @@ fn lose_light(plan: &mut Plan, share: f64, rng: &mut Rng) {
     }
 }
 
-/// Photographs a flight by some camera, with a fault.
+/// Photographs a flight with a random camera, with a fault.
 pub(crate) fn photograph(
     rng: &mut Rng,
     flown: &Flown,
@@ -374,7 +377,7 @@ pub(crate) fn photograph(
             flown.lit_s[1] - 0.6 * u * (flown.lit_s[1] - flown.lit_s[0]),
         );
     }
-    // Trails from two stops below white to five above, or lost in the noise.
+    // Trails range from two stops below white to five stops above, or are lost in the noise.
     let dim = if fault == "exposure" { 2.0 + 5.5 * u } else { rng.between(-3.0, 2.0) };
     s.set("camera.metering", "trail");
     s.set("camera.metering.trail_stops", 2.0 - dim);
@@ -384,7 +387,8 @@ pub(crate) fn photograph(
     s.set("camera.metering.room_stops", 0.0);
     s.set("camera.base_iso", 100.0);
     let mut scene = s.scene()?;
-    // The room's light, against white: the meter sets aperture and sensitivity first.
+    // The room's light is chosen relative to white, so that the light meter sets aperture and ISO
+    // first.
     scene.light.fixtures = Some(lamps(rng, &scene));
     let mut shoot = flown.shoot.clone();
     shoot.scene = scene;
@@ -394,7 +398,7 @@ pub(crate) fn photograph(
         camera.metering = Metering::Off;
         (camera.f_number, camera.iso) = (metered.f_number, metered.iso);
         let open_s = camera.shutter_close_s.unwrap_or(flown.lit_s[1] + 3.0);
-        // White is 78 / ISO lx s; a gray of luminance L gives π τ L t / 4 N² on the sensor.
+        // White is 78 / ISO lx s, and a gray of luminance L gives π τ L t / 4 N² on the sensor.
         let white = 78.0 / camera.iso;
         let lx_s = std::f64::consts::FRAC_PI_4 * 0.9 * open_s / (camera.f_number * camera.f_number);
         shoot.scene.photo.ambient_cd_m2 = white * libm::exp2(room + rng.between(-1.0, 1.0)) / lx_s;
@@ -413,7 +417,7 @@ pub(crate) fn photograph(
     })
 }
 
-/// A row of a table of what was drawn, as JSON.
+/// Returns a table row that describes a generated photograph, as JSON.
 pub(crate) fn truth(taken: &Taken, shown: &str, seed: u64, half: &str) -> String {
     let font = std::path::Path::new(&taken.scene.letters.font).file_name();
     let font = font.map_or_else(String::new, |name| name.to_string_lossy().into_owned());

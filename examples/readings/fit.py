@@ -49,7 +49,7 @@ def same(a, b):
 
 
 def character_accuracy(a, b):
-    """1 less the edit distance by the length."""
+    """Returns 1 minus the edit distance divided by the length."""
     a, b = folded(a), folded(b)
     row = list(range(len(b) + 1))
     for i, x in enumerate(a, 1):
@@ -75,7 +75,7 @@ def spearman(a, b):
 
 
 def logistic(x, y, weight):
-    """Weights of a logistic regression with a slight pull to zero, by Newton's method."""
+    """Fits a logistic regression with slight regularization by Newton's method. Returns its weights."""
     x = np.column_stack([np.ones(len(x)), x])
     w = np.zeros(x.shape[1])
     for _ in range(50):
@@ -87,7 +87,7 @@ def logistic(x, y, weight):
 
 
 def wrong_word(name, word):
-    """A word that differs in one letter, of the same kind and not of the same shape."""
+    """Returns a word that differs in one letter, by a letter of the same kind but not of the same shape."""
     rng = random.Random("wrong " + name)
     at = rng.randrange(len(word))
     kind = next((kind for kind in KINDS if word[at] in kind), None)
@@ -98,7 +98,7 @@ def wrong_word(name, word):
 
 
 def other_length(name, word):
-    """A word of one letter more or less, at the beginning, in the middle or at the end."""
+    """Returns a word with one letter more or less, at the beginning, in the middle or at the end."""
     rng = random.Random("length " + name)
     at = rng.choice([0, len(word) // 2, len(word)])
     if len(word) > 2 and rng.random() < 0.5:
@@ -109,14 +109,14 @@ def other_length(name, word):
 
 
 def scene_of_score(scene):
-    """What a verdict needs of a scene that an older program wrote: word, letters and camera."""
+    """Returns the parts of an older program's scene that a verdict needs: word, letters and camera."""
     head, *tables = re.split(r"(?m)^(?=\[)", scene)
     text = head + "".join(table for table in tables if re.match(r"\[(letters|camera)", table))
     return re.sub(r"(?m)^(picture|smoothing_m|tolerance_m) = .*\n", "", text)
 
 
 def verdicts(folder, expected):
-    """Verdicts on the photos of a folder, if these words are expected."""
+    """Returns verdicts on the photos of a folder for the given expected words."""
     with tempfile.TemporaryDirectory() as other:
         os.symlink(os.path.abspath(os.path.join(folder, "photos")), os.path.join(other, "photos"))
         os.mkdir(os.path.join(other, "scenes"))
@@ -149,7 +149,8 @@ def mean_ln_p_of_spelling(word):
 
 
 def features(row):
-    """What src/score/calibration.rs weighs: the letters' mean log-odds, those against the rival, the spelling."""
+    """Returns the features of src/score/calibration.rs: the letters' mean log-odds, the log-odds against the rival,
+    the spelling."""
     p = np.exp(row["ln_p"])
     letters = np.clip(np.log(p / np.maximum(1 - p, 5e-4)), -9, 8).mean()
     rival = np.log(max(1 - row["rival_p"], 1e-9) / max(row["rival_p"], 1e-9))
@@ -171,7 +172,8 @@ def rows_of(readings, verdicts):
 
 
 def ceiling(rows):
-    """Area with which what one reader read, and how surely, predicts that the other is right; and the readability."""
+    """Returns the areas with which one reader's reading and sureness, and the readability, predict that the other is
+    right."""
     found = []
     for one, other in (READERS, READERS[::-1]):
         truth = np.array([same(row[other], row["word"]) for row in rows])
@@ -190,7 +192,7 @@ def table(name, rows, wrong):
     all_p, all_both = (np.array([row[key] for row in rows]) for key in ("p", "both"))
     bins = [f"{all_p[m].mean():.2f} → {all_both[m].mean():.2f} ({m.sum()})" for low in np.arange(0, 1, 0.2)
             for m in [(all_p >= low) & (all_p < low + 0.2 + 1e-9 * (low > 0.7))] if m.any()]
-    # A verdict is legible from 0.7 on, and if no rival is likelier.
+    # A verdict is legible if it reaches 0.7 and no rival is likelier.
     passed = [row["p"] >= 0.7 and row["rival_p"] <= 0.5 for row in wrong if not row["both"]]
     reader, program = ceiling(photos)
     print(f"{name}: {len(photos)} photos, both read {both.mean():.2f}, both sure {sure.mean():.2f}\n"
@@ -206,7 +208,7 @@ def table(name, rows, wrong):
 
 
 def clean_rows(folder):
-    """Clean photographs, as rows that both read."""
+    """Returns clean photographs as rows that both readers read."""
     words = {name: truth["expected"] for name, truth in json.load(open(os.path.join(folder, "truth.json"))).items()}
     found = verdicts(folder, words)
     return [{**found[name], "word": word, "both": True} for name, word in words.items()]

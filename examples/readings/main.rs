@@ -1,16 +1,17 @@
-//! Photographs and strips of light for the reader: drawn from seeds, in one process.
+//! Generates photographs and strips of light for the reader from random seeds, in one process.
 //!
-//! - `strips OUT WORDS FACES... [--first 0 --count 1000]` appends strips of photographs, two of each
-//!   flight, for the training of the net: of each its labels, width and bytes.
+//! - `strips OUT WORDS FACES... [--first 0 --count 1000]` appends strips of photographs, two per
+//!   flight, for the training of the network. Each strip has its labels, its width and its bytes.
 //! - `photos OUT WORDS FACES... [--first 0 --count 320]` writes photographs for readers, with their
-//!   scenes and truth.json; each word is used once.
-//! - `clean OUT WORDS` photographs the default scene, each word in two sizes, for the calibration.
-//! - `verdicts OUT` prints a line for each photograph of OUT/truth.json, for the calibration: name,
-//!   expected word, readability, ln p of each letter, word by the best letters, rival and its share,
-//!   blind reading.
+//!   scenes and truth.json. Each word is used once.
+//! - `clean OUT WORDS` photographs each word in the default scene in two sizes, for the
+//!   calibration.
+//! - `verdicts OUT` prints a line for each photograph of OUT/truth.json, for the calibration. The
+//!   line contains the name, the expected word, the readability, ln p of each letter, the word of
+//!   the best letters, the rival and its probability, and the blind reading.
 //!
-//! `cargo run --release --example readings -- strips OUT WORDS FACES...`: WORDS is a file of words and
-//! names, one a line; FACES are typefaces.
+//! Run it with `cargo run --release --example readings -- strips OUT WORDS FACES...`, in which
+//! WORDS is a file with one word or name per line, and FACES are typefaces.
 
 #![expect(clippy::disallowed_methods, reason = "our own files")]
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example's result")]
@@ -32,16 +33,17 @@ use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Shoot};
 use unicode_normalization::UnicodeNormalization;
 
-/// What stands in the net's strips for each character; no letter is 63.
+/// Characters in the order of their labels in the network's strips. The label of *no letter* is 63.
 const CHARACTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
 
-/// Photographs of each flight, for the training.
+/// Number of photographs of each flight for the training.
 const PHOTOS_OF_FLIGHT: usize = 2;
 
-/// Sizes of pictures for the training, whose strips are 40 pixels high.
+/// Number of picture sizes for the training, the smaller ones, because its strips are only 40
+/// pixels high.
 const N_SMALL: usize = 7;
 
-/// Words, typefaces, and which seeds to draw.
+/// Words, typefaces, and the range of seeds.
 struct Args {
     words: Vec<String>,
     faces: Vec<String>,
@@ -80,7 +82,7 @@ fn parse(args: &[String]) -> Args {
     }
 }
 
-/// A word in capitals mostly, or capitalized, or in small letters.
+/// Returns a word mostly in capitals, or else capitalized or in lowercase.
 fn in_some_case(rng: &mut Rng, word: &str) -> String {
     match rng.unit() {
         p if p < 0.5 => word.to_uppercase(),
@@ -89,7 +91,7 @@ fn in_some_case(rng: &mut Rng, word: &str) -> String {
     }
 }
 
-/// Strips of flights with any faults, of words and of random characters in equal parts.
+/// Writes strips of flights with any faults, half of which show words and half random characters.
 fn strips(out: &Path, args: &Args) -> Result<()> {
     let file = File::options().create(true).append(true).open(out);
     let mut out = std::io::BufWriter::new(file.expect("a file that can be written"));
@@ -105,7 +107,7 @@ fn strips(out: &Path, args: &Args) -> Result<()> {
         };
         let text = if rng.chance(0.06) { accented(rng, &text) } else { text };
         let fault = draw::fault_of_flight(rng, 0.75);
-        // A drone that is lost, or a word that its camera does not see, is no example.
+        // A flight whose drone is lost, or whose word the camera does not see, is skipped.
         let Ok(mut flown) = draw::fly(rng, &text, &args.faces, fault) else { continue };
         flown.light(rng)?;
         let reader = flown.reader()?;
@@ -122,7 +124,8 @@ fn strips(out: &Path, args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// A text with marks above and below some of its letters, which are read as the letters alone.
+/// Returns a text with marks above and below some of its letters, which the reader reads as the
+/// unmarked letters.
 fn accented(rng: &mut Rng, text: &str) -> String {
     let marks =
         ['\u{300}', '\u{301}', '\u{302}', '\u{303}', '\u{308}', '\u{30a}', '\u{30c}', '\u{327}'];
@@ -135,7 +138,7 @@ fn accented(rng: &mut Rng, text: &str) -> String {
     text.chars().map(one).collect()
 }
 
-/// The strips of a photograph, each after its labels and width.
+/// Returns the strips of a photograph, each preceded by its labels and its width.
 fn records(reader: &Reader, taken: &Taken, text: &str) -> Result<Vec<Vec<u8>>> {
     let place = |c| CHARACTERS.chars().position(|known| known == c);
     let labels: Vec<u8> = text.nfd().filter_map(place).map(|at| at as u8 + 1).collect();
@@ -147,7 +150,7 @@ fn records(reader: &Reader, taken: &Taken, text: &str) -> Result<Vec<Vec<u8>>> {
     Ok(strips.into_iter().map(record).collect())
 }
 
-/// Photographs with at most one fault each, two in seven of random characters.
+/// Writes photographs with at most one fault each, of which two in seven show random characters.
 fn photos(out: &Path, args: &Args) -> Result<()> {
     let mut words = args.words.iter();
     let (mut rows, mut names): (Vec<String>, Vec<u64>) = (Vec::new(), (1..=args.count).collect());
@@ -180,7 +183,7 @@ fn photos(out: &Path, args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Photographs of the default scene, without faults.
+/// Writes photographs of the default scene, without faults.
 fn clean(out: &Path, args: &Args) -> Result<()> {
     let mut rows = Vec::new();
     for (number, word) in (1..).zip(&args.words) {
@@ -200,7 +203,7 @@ fn clean(out: &Path, args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Writes a plain photograph, without its scene inside, and the scene beside it.
+/// Writes a photograph that does not contain its scene, and writes the scene beside it.
 fn write(out: &Path, name: &str, scene: &Scene, photo: &Photo) -> Result<()> {
     for folder in ["photos", "scenes"] {
         fs::create_dir_all(out.join(folder)).expect("a folder that can be made");
@@ -226,7 +229,8 @@ fn verdicts(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A photo with the strokes of a word in the scene that was photographed, and the view of its camera.
+/// Opens a photo. Returns the strokes of a word in the photographed scene, the photo, the view of
+/// its camera, and the scene.
 fn open(folder: &Path, name: &str, word: &str) -> Result<(Strokes, Photo, View, Scene)> {
     let mut scene = Scene::read(&folder.join("scenes").join(format!("{name}.toml")))?;
     let flown = letters::write(&scene.word, &scene.letters)?;

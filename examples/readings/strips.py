@@ -1,4 +1,5 @@
-"""Draws strips as `score` cuts them out of photos, of words that nobody flew: what the reader's net is trained on first.
+"""Draws strips like those that `score` cuts out of photos, of words that were not flown, for the first training of
+the network.
 
 A strip is 40 pixels high, 22 to a cap height, the capitals' heads at row 8 and their feet at row 30. It has two
 channels: how bright the light looks, and how much of it has the color of the brightest; both are square roots.
@@ -19,15 +20,15 @@ MARGIN_PX = 13
 CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
 NO_LETTER = len(CHARACTERS) + 1  # class 0 is the blank
 N_CLASSES = len(CHARACTERS) + 2
-STEP = 0.035  # between points of a path, in cap heights
+STEP = 0.035  # distance between points of a path, in cap heights
 MOST_PX = 320  # of a strip's width
 
 
 def face_strokes(program, font, trace):
-    """A face's characters as polylines, in cap heights: {character: [[(x, y), ...], ...]}."""
+    """Returns a face's characters as polylines, in cap heights: {character: [[(x, y), ...], ...]}."""
     with tempfile.TemporaryDirectory() as folder:
         scene, out = os.path.join(folder, "s.toml"), os.path.join(folder, "p.csv")
-        # The letters as they are drawn: not fitted to a room, no setpoint or light command ahead of the drone.
+        # The letters are not fitted to a room, and no setpoint or light command leads the drone.
         open(scene, "w").write(f'[letters]\nfont = "{font}"\ntrace = "{trace}"\n'
                                'cap_height_m = 0.5\ncanvas_m = [1000, 10]\n'
                                '[plan]\nsetpoint_interval_s = 0.05\nreference = "design"\nlight_clock = "setpoint"\n'
@@ -59,7 +60,8 @@ def face_strokes(program, font, trace):
 
 
 def load_faces(program, paths):
-    """(Path, trace, face, weight of its choice) of each typeface that the program can take apart."""
+    """Returns (path, trace, face, weight of its choice) for each typeface that the program can decompose into
+    strokes."""
     faces = []
     for path in paths:
         typeface = path.endswith((".ttf", ".otf"))
@@ -98,12 +100,12 @@ def resampled(line, step=STEP):
 
 
 def scrawl(rng):
-    """A letter that is none."""
+    """Returns a shape that is not a letter."""
     return [resampled(rng.uniform(0, 1, (int(rng.integers(3, 7)), 2)) * [0.7, 1])]
 
 
 def accented(rng, character, strokes):
-    """A letter with a mark above it, below it or through it, which is read as the same letter."""
+    """Returns a letter with a mark above, below or through it, which is read as the same letter."""
     right, top = (max(line[:, axis].max() for line in strokes) for axis in (0, 1))
     middle, kind = right / 2 + rng.normal(0, 0.02), rng.random()
     above = lambda *at: [resampled(np.array([[middle + x, top + y] for x, y in at]))]
@@ -126,7 +128,7 @@ def accented(rng, character, strokes):
 
 
 def smooth(rng, n, length):
-    """Noise of unit size that changes over a length, in points: cubic between values at random."""
+    """Returns noise of unit size with a correlation length in points, interpolated cubically between random values."""
     knots = rng.normal(0, 1, int(n / length) + 5)
     at = np.arange(n) / length + rng.random()
     k, t = at.astype(int) + 1, at % 1
@@ -135,7 +137,9 @@ def smooth(rng, n, length):
 
 
 def word_path(rng, face, text):
-    """Points along the pen's way, their letter (from 0) and light; and the labels. Each letter is distorted alone."""
+    """Returns the points along the pen's path with their letters (from 0) and light, and the labels. Each letter is
+    distorted
+    separately."""
     boxed = rng.random() < 0.25
     gap = rng.uniform(-0.05, 0.08) if rng.random() < 0.08 else rng.uniform(0.06, 0.4)
     jitter = abs(rng.normal()) * rng.choice([0.3, 1.0])
@@ -170,7 +174,7 @@ def word_path(rng, face, text):
                     lit.append(np.zeros(n))
             points.append(line)
             letters.append(np.full(len(line), index))
-            # A drone is slow where it starts, turns and stops.
+            # A drone is slow at the start, at turns and at the end.
             lit.append(np.ones(len(line)))
         labels.append(label)
         x += width + gap + rng.uniform(-0.04, 0.04)
@@ -178,11 +182,13 @@ def word_path(rng, face, text):
 
 
 def flown(rng, face, text, hard):
-    """A word's path in pixels of the strip, the light of its points, labels, the ends of each letter, and the width."""
+    """Returns a word's path in pixels of the strip, the light of its points, the labels, the ends of each letter, and
+    the
+    width."""
     points, letters, lit, labels = word_path(rng, face, text)
     n = len(points)
     if hard:
-        # A drone that drifts, in the order of flying; that trails; whose lamps are late.
+        # The drone drifts in the order of flying, lags, and has late lamps.
         if rng.random() < 0.75:
             sway = abs(rng.normal(0, 0.055)) * (0.5 + hard)
             for length in 0.5 * 10 ** rng.uniform(0, 1.2, 4):
@@ -217,7 +223,7 @@ def flown(rng, face, text, hard):
                     lit[own[start:start + run]] = 0
                     if share > 0.45:
                         labels[index] = NO_LETTER
-    # The whole word's slant, turn, size and place.
+    # The whole word gets a slant, a rotation, a size and a position.
     slant, turn, size, wide, high = rng.normal(0, 1, 5) * [0.07, 0.03, 0.07, 0.12, 0.07]
     size, wide = math.exp(size), math.exp(wide)
     c = points - [points[:, 0].mean(), 0.5]
@@ -232,7 +238,7 @@ def flown(rng, face, text, hard):
     light = lit * np.exp(np.clip(smooth(rng, n, 8 if rng.random() < 0.7 else 30) * uneven, -2.5, 1.5))
     if rng.random() < 0.25:
         pace = np.hypot(*np.diff(px, axis=0, prepend=px[:1]).T) / CAP_PX / STEP
-        light = light * np.clip(pace, 0.3, 3)  # as much light from each step, however far it is drawn out
+        light = light * np.clip(pace, 0.3, 3)  # each step has the same light, independently of its length
     if rng.random() < 0.2:  # dots where it waits
         stop = np.flatnonzero(np.diff(lit, prepend=0, append=0))[:-1]
         light[np.minimum(stop, n - 1)] += rng.uniform(1, 12) * lit[np.minimum(stop, n - 1)]
@@ -240,7 +246,7 @@ def flown(rng, face, text, hard):
 
 
 def splat(px, weights, rows, n_rows, width):
-    """Points on pages (rows counts pages), each over the four pixels around it."""
+    """Draws points on pages (`rows` counts pages), with each point distributed over the four pixels around it."""
     x, y = px[:, 0] - 0.5, px[:, 1] - 0.5
     x0, y0 = np.floor(x), np.floor(y)
     fx, fy = x - x0, y - y0
@@ -255,7 +261,7 @@ def splat(px, weights, rows, n_rows, width):
 
 
 def blurred(pages, sigma):
-    """Each page blurred by its own sigma, in pixels."""
+    """Blurs each page by its own sigma, in pixels."""
     n, height, width = pages.shape
     reach = max(1, min(12, int(3 * sigma.max() + 1)))
     t = torch.arange(-reach, reach + 1)
@@ -266,7 +272,7 @@ def blurred(pages, sigma):
 
 
 def rendered(rng, paths):
-    """A batch of strips (batch, HEIGHT, width, 2) of bytes from paths about equally wide."""
+    """Renders a batch of strips (batch, HEIGHT, width, 2) of bytes from paths of similar width."""
     n, width = len(paths), max(path[5] for path in paths)
     draw = lambda low, high: torch.from_numpy(rng.uniform(low, high, n).astype(np.float32))
     some = lambda share: torch.from_numpy(rng.random(n) < share)
@@ -311,7 +317,8 @@ def rendered(rng, paths):
     less = draw(0, 0.6) * some(0.5)
     more = torch.from_numpy(rng.choice([0, 0, 0.2, 1.0], n).astype(np.float32))
     pure = (ink + each(more - less) * other + 0.7 * grain).clamp(0, 1)
-    # Dimmer letters have another color than those that saturate: they are lost from the second channel.
+    # Dimmer letters have a different color from saturated ones, and are therefore missing in the
+    # second channel.
     level = torch.from_numpy(rng.uniform(-0.6, 1.2, (n, 1, 6)).astype(np.float32)).clamp(0, 1)
     level = F.interpolate(level, width, mode="linear", align_corners=True)
     pure = torch.where(each(some(0.5)), pure * level, pure)
@@ -321,7 +328,7 @@ def rendered(rng, paths):
 
 
 def batches(rng, faces, weights, n_batches, size, most=7):
-    """Batches of strips about equally wide: images, column targets, labels."""
+    """Yields batches of strips of similar width: images, column targets and labels."""
     paths = []
     while len(paths) < n_batches * size:
         face = faces[rng.choice(len(faces), p=weights)]
@@ -341,8 +348,9 @@ def batches(rng, faces, weights, n_batches, size, most=7):
 
 
 def column_targets(width, labels, ends):
-    """What each column of logits should say: a letter near its middle (its class), the blank between letters (0), and
-    in between either (the letter's class, negative)."""
+    """Returns the target of each column of logits: a letter's class near its middle, the blank (0) between letters,
+    and the
+    negative class where either is allowed."""
     x = 2 * np.arange(width // 2) + 1.0
     middles = np.array([(left + right) / 2 for left, right in ends])
     halves = np.array([max(2.6, (right - left) / 2) for left, right in ends])

@@ -1,4 +1,4 @@
-"""Trains the reader's net and writes its weights.
+"""Trains the reader's network and writes its weights.
 
     python3 train.py PROGRAM OUT.bin FACES... [--photos STRIPS...] [--from START] [--minutes 60] [--seed 1] [--rounded]
 
@@ -30,7 +30,7 @@ MEET = 16  # steps after which workers share
 
 
 def read_strips(path):
-    """Strips and labels as the example `readings strips` writes them; None where a photo shows nothing."""
+    """Reads strips and labels that the example `readings strips` wrote, with None for a photo that shows nothing."""
     data, at, found = open(path, "rb").read(), 0, []
     while at + 4 <= len(data):
         n, width = struct.unpack_from("<HH", data, at)
@@ -45,7 +45,7 @@ def read_strips(path):
 
 
 def photo_batches(rng, photos, n_batches):
-    """Batches of strips of photos, each varied: images, None, labels."""
+    """Yields batches of varied strips of photos: images, None and labels."""
     drawn = [photos[k] for k in rng.integers(0, len(photos), n_batches * BATCH)]
     drawn.sort(key=lambda photo: photo[0].shape[1])
     made = []
@@ -63,14 +63,15 @@ def photo_batches(rng, photos, n_batches):
 
 
 def varied(rng, images, widths, width):
-    """Strips of photos moved, stretched, slanted and bent; blurred, brighter or dimmer, noisy, with letters hidden."""
+    """Varies strips of photos: moves, stretches, slants and bends them, changes blur, brightness and noise, and hides
+    letters."""
     n = len(images)
     draw = lambda low, high: torch.from_numpy(rng.uniform(low, high, n).astype(np.float32))
     gauss = lambda sigma: torch.from_numpy(rng.normal(0, sigma, n).astype(np.float32))
     some = lambda share: torch.from_numpy(rng.random(n) < share)
     each = lambda values: values[:, None, None]
     light = (images.permute(0, 3, 1, 2).float() / 255) ** 2
-    # Where each pixel of the new strip comes from, in pixels of the old one.
+    # Source position of each pixel of the new strip, in pixels of the old strip.
     y, x = torch.meshgrid(torch.arange(strips.HEIGHT) - 19.0, torch.arange(width, dtype=torch.float32), indexing="ij")
     from_x = each(draw(0.9, 1.13)) * x - each(draw(0, 4)) + each(gauss(0.07)) * y
     from_y = each(torch.exp(gauss(0.05))) * y + each(gauss(1.0))
@@ -93,7 +94,7 @@ def varied(rng, images, widths, width):
     noise = 10 ** draw(-4.5, -1.7)
     grain = torch.randn(n, 1, strips.HEIGHT, width)
     light = (light + grain * noise[:, None, None, None] * torch.tensor([1, 0.7])[:, None, None]).clamp(0, 1)
-    # A small hole: what a letter still is without a part of it.
+    # A small hole hides a part of a letter, which is still the same letter.
     at = torch.from_numpy(rng.uniform(0, 1, (2, n)).astype(np.float32))
     size = draw(2, 5) * some(0.2)
     hole = (each(at[0] * torch.from_numpy(widths.astype(np.float32))) - x).abs() + (each(at[1] * 24 - 12) - y).abs()
@@ -102,13 +103,14 @@ def varied(rng, images, widths, width):
 
 
 def loss_of(logits, targets, labels):
-    """Of drawn strips: each column against its target, and as of photos: the labels in their order."""
+    """Returns the loss of drawn strips, for each column against its target and for the labels in their order as in
+    photos."""
     ln_p = F.log_softmax(logits, 2)
     lengths = torch.tensor([len(label) for label in labels])
     flat = torch.tensor([k for label in labels for k in label])
     each = F.ctc_loss(ln_p.transpose(0, 1), flat, torch.full((len(labels),), logits.shape[1]), lengths,
                       reduction="none", zero_infinity=True)
-    # A strip that says nothing must not outweigh those that say something.
+    # A strip without information must not outweigh the others.
     each = each / lengths
     ctc = (5 * torch.tanh(each / 5)).mean()
     if targets is None:
@@ -125,7 +127,8 @@ def photos_of(paths):
 
 
 def supply(queue, seed, faces, weights, paths):
-    """Puts batches into a queue, without end: drawn ones, or of photos, whose files may grow meanwhile."""
+    """Puts batches into a queue endlessly, either drawn ones or those of photos, whose files may grow in the
+    meantime."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     rng, read_at, photos = np.random.default_rng(seed), 0, []
@@ -138,7 +141,7 @@ def supply(queue, seed, faces, weights, paths):
 
 
 def meet(model, shared, lock):
-    """Parts of the way to what all workers have found, who train side by side."""
+    """Moves the weights a part of the way to the mean of all workers, which train in parallel."""
     with lock, torch.no_grad():
         for own, common in zip(model.state_dict().values(), shared):
             if own.is_floating_point():
@@ -147,7 +150,8 @@ def meet(model, shared, lock):
 
 
 def work(number, args, model, queues, shared, lock):
-    """Trains; workers share what they find now and then. Returns the mean of the net over its last steps."""
+    """Trains the network, and averages it with other workers from time to time. Returns its mean over the last
+    steps."""
     torch.set_num_threads(1)
     rng = np.random.default_rng([args.seed, number])
     optimizer = torch.optim.AdamW(model.parameters(), args.rate, weight_decay=1e-3)

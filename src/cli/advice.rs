@@ -1,5 +1,5 @@
-//! Advice on the command line: flags that set a key of the scene, and flags that mend an error. The
-//! library names keys and codes. Only this file knows the flags for them.
+//! Advice for the command line: flags that set a scene key, and flags that resolve an error. The
+//! library reports keys and error codes, and only this file maps them to flags.
 
 use clap::Command;
 
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};
 
-/// Keys of the scene that have a flag, and the flag's value name.
+/// Scene keys that have a flag of their own: key, flag, and the name of the flag's value.
 const OF_KEYS: [(&str, &str, &str); 8] = [
     ("expose.room_m", "--room", "WxDxH"),
     ("letters.font", "--font", "NAME"),
@@ -32,7 +32,7 @@ pub(super) fn mentioned(change: &Change) -> String {
 
 /// Writes changes of the scene as command-line arguments.
 pub(super) fn typed(changes: &[Change]) -> String {
-    // Width and height are one flag, --size. Any other key has a flag or is set by --set.
+    // --size sets width and height together. Any other key has its own flag or is set by --set.
     if let [Change { key, value: Some(width) }, height] = changes
         && key == "camera.width_px"
     {
@@ -50,36 +50,40 @@ pub(super) fn typed(changes: &[Change]) -> String {
     changes.iter().map(flag_or_setting).collect::<Vec<_>>().join(" ")
 }
 
-/// Flags that mend an error: code or key of the error, flag, effect.
+/// Flags that resolve an error: code or key of the error, flag, and its effect.
 const FLAGS: [(&str, &str, &str); 19] = [
-    ("letter-missing", "font", "names another font: simplex, or a file *.ttf, *.otf or *.strokes"),
-    ("word-unseen", "corners", "names the corners of the line instead of a camera"),
-    ("axes-unknown", "axes", "says which axes the log's world has"),
-    ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
+    (
+        "letter-missing",
+        "font",
+        "selects another font: simplex, or a file *.ttf, *.otf or *.strokes",
+    ),
+    ("word-unseen", "corners", "gives the corners of the line instead of a camera"),
+    ("axes-unknown", "axes", "sets the world axes of the log"),
+    ("camera.framing.position_m", "camera auto", "places the camera in front of the word"),
     (
         "camera.framing.position_m",
         "set camera.framing.position_m=[X,Y,Z]",
         "places it, of a fixed camera, Y below 0",
     ),
-    ("part-empty", "part", "chooses the part that is compared: letters, airborne or all"),
+    ("part-empty", "part", "selects the part to compare: letters, airborne or all"),
     ("clocks-apart", "offset", "sets B's clock"),
     ("letters.drawing", "trust", "opens the file"),
-    ("letters.font", "font", "names another font"),
+    ("letters.font", "font", "selects another font"),
     ("letters.font", "trust", "opens the file"),
     ("lights-missing", "word", "infers lights and letters of a log from its setpoints"),
-    ("lights-missing", "lit", "shows a log lit all along"),
+    ("lights-missing", "lit", "shows the lamps of a log lit from take-off to landing"),
     ("plan.drones", "drones", "sets the number of drones"),
     ("plan.drones", "style even", "lets several drones share a word"),
-    ("plan.style", "style", "sets the way of flying"),
+    ("plan.style", "style", "sets the flight style"),
     ("sensors.lighthouse.stations", "lighthouse", "reads the base stations from cfclient's file"),
-    ("word-or-file", "drawing", "draws a picture, or strokes as JSON"),
-    ("word-or-file", "scene", "takes the scene of a file or a folder"),
-    ("times-missing", "period", "gives a table without times its seconds from row to row"),
+    ("word-or-file", "drawing", "flies a picture, or strokes in JSON, in place of a word"),
+    ("word-or-file", "scene", "uses the scene of a file or a folder"),
+    ("times-missing", "period", "sets the seconds between the rows of a table without times"),
 ];
 
-/// Returns a sentence for each flag of the verb that may mend the error.
+/// Returns a sentence for each flag of the verb that may resolve the error.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
-    // Flags are found by the error's code, or by the key that it is about.
+    // Flags are looked up by the error's code, or by the key that the error concerns.
     let (code, path) = match error {
         Error::Input { place, .. } => (error.code(), place.key()),
         _ => (error.code(), ""),
@@ -92,7 +96,8 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
         typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
     }
-    // Special flags come first, then the one that sets the key. A flag that was typed did not help.
+    // Special flags come before the flag that sets the key. A flag that was typed is left out,
+    // because it did not help.
     let special = FLAGS
         .iter()
         .filter(|(name, flag, _)| [code, path].contains(name) && has(flag) && !is_typed(flag));
@@ -104,7 +109,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     {
         advice.push(format!("`--fallback {}` has {letter}", file.display()));
     }
-    // --set sets a key of the scene. An option of the verb has a flag with its name.
+    // --set sets any scene key, whereas an option of the verb has a flag of the same name.
     if paths(Scene::SHAPE.settings()).contains(path) && has("set") {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"
@@ -115,7 +120,8 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     advice
 }
 
-/// Finds the flag for an option such as `import.max_gap_s`: `max-gap-s`, or without its unit.
+/// Returns the flag for an option such as `import.max_gap_s`, which is `max-gap-s` or, without the
+/// unit, `max-gap`.
 fn flag(path: &str, verb: &Command) -> Option<String> {
     let name = path.rsplit('.').next()?.replace('_', "-");
     let flags = || verb.get_arguments().filter_map(clap::Arg::get_long);
@@ -146,7 +152,7 @@ mod tests {
             .collect();
         for change in &changes {
             assert!(paths(Scene::SHAPE.settings()).contains(&*change.key), "{change}");
-            // Styles and decks have different keys.
+            // The default style and deck lack keys that other styles and decks have.
             let settings = [("plan.style", "even"), ("light.deck", "led-ring")];
             let value = change.value.as_deref().map(|value| (&*change.key, value));
             let settings: Vec<_> = settings.into_iter().chain(value).collect();

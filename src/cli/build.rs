@@ -1,15 +1,16 @@
-//! The commit that the program is built from, in `NOCTOGRAPH_COMMIT`: from the environment, else
-//! from the clone, else empty.
+//! Sets `NOCTOGRAPH_COMMIT` to the commit that the program is built from, which comes from the
+//! environment or from the clone, and is empty if neither is known.
 
 use std::path::Path;
 use std::process::Command;
 
-/// Hexadecimal digits of the commit that the program shows.
+/// Number of hexadecimal digits of the commit that the program shows.
 const DIGITS: usize = 12;
 
 fn main() {
     println!("cargo::rerun-if-env-changed=NOCTOGRAPH_COMMIT");
-    // A source archive may have been unpacked in the clone of another project.
+    // Without this check, git would report the commit of another project if a source archive was
+    // unpacked inside that project's clone.
     if Path::new(".git").exists() {
         for name in ["HEAD", "logs/HEAD"] {
             if let Some(path) = git(&["rev-parse", "--git-path", name]) {

@@ -1,4 +1,5 @@
-//! `noctograph check`: is a word or a plan safe to fly? Exit code 1 if not.
+//! `noctograph check` tells whether a word or a plan is safe to fly. The exit code is 1 if it is
+//! not.
 
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::outcome::Report;
@@ -29,7 +30,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         },
         &|_| Ok(()),
     )?;
-    // The scene may name a room, whose walls bound the profile's volume.
+    // If the scene has a room, its walls limit the profile's volume.
     let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings, placement } = preflight(&shoot, &profile)?;
     let stops = findings.iter().any(Diagnostic::is_stop);
@@ -55,7 +56,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     Ok(report.passes(!stops))
 }
 
-/// Counts the findings of a severity, in words. None if there are none.
+/// Returns the number of findings of a severity as words, or `None` if there are none.
 fn counted(
     findings: &[Diagnostic],
     severity: Severity,

@@ -1,4 +1,5 @@
-//! `noctograph compare`: distances between two flights, and between each flight and its design.
+//! `noctograph compare` measures the distances between two flights, and between each flight and its
+//! design.
 
 use std::path::{Path, PathBuf};
 
@@ -19,15 +20,15 @@ use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
-    /// Flight or log, such as a simulated flight
+    /// Flight or log A, such as a simulated flight
     a: PathBuf,
-    /// Flight or log that it is compared with, such as a real flight's
+    /// Flight or log B, which is compared with A, such as a real flight
     b: PathBuf,
-    /// Part of both flights that is compared
+    /// Part of both flights to compare
     #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
     part: Part,
-    /// Curve that aligns B's clock: the setpoints (design), or the flown path, for a log of a plan
-    /// whose setpoints lead (plan.reference = "inverse")
+    /// Curve by which B's clock is aligned: the setpoints (design), or the flown path for a log of
+    /// a plan whose setpoints are sent ahead (plan.reference = "inverse")
     #[arg(long, value_name = "BY", default_value = "design", value_parser = ["design", "flown"])]
     align: String,
     /// Seconds to add to B's clock, in place of --align
@@ -35,7 +36,7 @@ pub(super) struct CompareArgs {
     offset: Option<f64>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Position of B, if it differs from --position
+    /// Position source of B, if it differs from --position
     #[arg(long, value_name = "SOURCE", hide_possible_values = true,
           value_parser = named::<PositionSource>())]
     position_b: Option<PositionSource>,
@@ -44,7 +45,7 @@ pub(super) struct CompareArgs {
     output: Option<PathBuf>,
 }
 
-/// RMS distance below which two flights are alike: a third of a lamp's width.
+/// RMS distance, in m, below which two flights count as equal: a third of a lamp's width.
 const ALIKE_M: f64 = 0.001;
 
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
@@ -60,7 +61,6 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         },
         max_gap_s: args.flights.max_gap,
     };
-    // A bad folder is refused before the flights are read.
     let [a, b] = read(args, &options)?;
     let comparison = compare(&a, &b, &options)?;
     // A flight without a design can still be compared with another one.
@@ -78,7 +78,8 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         let (cause, change) = in_words(cause);
         json!({ "cause": cause, "change": change, "share": fraction })
     });
-    // The JSON object: the comparison, and how well each flight tracks its own design.
+    // The JSON object contains the comparison, and the tracking error of each flight against its
+    // own design.
     let mut product = json!(comparison);
     product["a"] = side(&args.a, &a, &tracking[0]);
     product["b"] = side(&args.b, &b, &tracking[1]);
@@ -86,7 +87,8 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
     let sides = sides.into_iter().filter(|(_, tracking)| !tracking.is_null());
     let side = |(name, tracking)| json!({ "name": name, "tracking": tracking });
     let sides: Vec<_> = sides.map(side).collect();
-    // The table of errors has a fourth column beside the three axes: the error in the plane.
+    // In addition to the three axes, the table of errors has a column for the error in the plane of
+    // writing.
     let mut errors = vec![json!({ "name": "A against B", "m": product["rmse_m"] })];
     for (key, what) in [
         ("rmse_m", "against its design"),
@@ -98,7 +100,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
             errors.push(json!({ "name": name, "m": side["tracking"][key] }));
         }
     }
-    // The plane of writing is x and z.
+    // The error in the plane of writing combines x and z.
     for error in &mut errors {
         let [x, z] = [0, 2].map(|axis| error["m"][axis].as_f64().unwrap_or_default());
         error["in_plane_m"] = libm::hypot(x, z).into();
@@ -143,8 +145,8 @@ change    {cause.change}
 
 ";
 
-/// Reads both flights. `--clock-ratio` belongs to the drone's clock, so it applies to only one of
-/// two logs.
+/// Reads both flights. `--clock-ratio` corrects the drone's clock, so that it applies to only one
+/// of two logs.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
@@ -155,11 +157,12 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     fn as_stamped(flags: &FlightFlags, path: &Path) -> Result<Flight> {
         import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
     }
-    // Each file is read twice, with the ratio and without. If that makes no difference, the file is
-    // a flight, which has no drone's clock.
+    // Each file is read twice, with and without the ratio. If both results are equal, the file is a
+    // flight instead of a log, and its times do not come from a drone's clock.
     let [a_stamped, b_stamped] = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
     let [a, b] = both;
-    // Only a drone logs its motors, rates, estimate and setpoints.
+    // Only a log from a drone contains motors, rates, estimates or setpoints, whereas motion
+    // capture logs only poses.
     fn of_drone(flight: &Flight) -> bool {
         let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
         inside.iter().any(|quantity| flight.has(*quantity))
@@ -168,7 +171,8 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     if a == a_stamped || b == b_stamped || is_a && is_b {
         return Ok([a, b]);
     }
-    // Neither is a drone's log by its columns: the ratio applies to the log that then fits better.
+    // The columns do not show which log comes from the drone, so the ratio is applied to the log
+    // with which the two flights then agree better.
     let is_a = if is_a || is_b {
         is_a
     } else {
@@ -192,7 +196,8 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     Ok(flights)
 }
 
-/// Least ratio of the two RMS distances that decides to which log the clock ratio applies.
+/// Smallest ratio of the two RMS distances at which the better fit decides to which log the clock
+/// ratio applies.
 const CLEARLY: f64 = 1.5;
 
 fn plots(
@@ -221,9 +226,9 @@ fn plots(
     folder.keep()
 }
 
-/// Describes a cause of the difference, and what to change.
+/// Returns a sentence about a cause of the difference, and a suggested change.
 fn in_words(cause: Discrepancy) -> (String, &'static str) {
-    // All describe B, compared with A.
+    // All sentences describe flight B relative to flight A.
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),
@@ -245,11 +250,11 @@ fn in_words(cause: Discrepancy) -> (String, &'static str) {
             )
         }
         Discrepancy::Path(m) => (
-            format!("B flies another path than A, {:.0} mm away (RMS)", 1e3 * m),
-            "measure B's drone, and set the scene so: noctograph identify B",
+            format!("B's path is {:.0} mm away from A's (RMS)", 1e3 * m),
+            "measure B's drone and adjust the scene: noctograph identify B",
         ),
         Discrepancy::Noise(m) => (
-            format!("B shakes about its path by {:.0} mm (RMS)", 1e3 * m),
+            format!("B oscillates about its path by {:.0} mm (RMS)", 1e3 * m),
             "lower the gains, or check the propellers and the measured positions",
         ),
     }

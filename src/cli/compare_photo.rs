@@ -1,4 +1,5 @@
-//! `noctograph compare-photo`: lays a render over a real photograph, letter on letter.
+//! `noctograph compare-photo` aligns a render with a real photograph by their letters, and shows
+//! the difference.
 
 use std::path::PathBuf;
 
@@ -16,23 +17,24 @@ use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ComparePhotoArgs {
-    /// Picture that Noctograph made, PNG
+    /// Render made by Noctograph (PNG)
     render: PathBuf,
-    /// Photograph of the same word, PNG or JPEG
+    /// Photograph of the same word (PNG or JPEG)
     photo: PathBuf,
     /// Folder for overlay.png, difference.png and placed.png
     #[arg(short, long, value_name = "DIR", default_value = "photo-comparison")]
     output: PathBuf,
 }
 
-/// Longest side of the compared photograph. A larger picture is shrunk to this size.
+/// Longest side of the compared photograph, in pixels. A larger picture is scaled down to this
+/// size.
 const LONGEST_PX: u32 = 2048;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
     let mut folder = OutputFolder::create(&args.output)?;
-    // The corners of the letters in both pictures give the similarity transform.
+    // The similarity transform is fitted to the corners of the letters in both pictures.
     let [of_render, of_photo] = [read(&render), read(&photo)];
     let pairs = corners(&of_render.letters, &of_photo.letters)?;
     if of_render.text != of_photo.text {
@@ -71,13 +73,14 @@ fit       corners of the letters off by {residual_px:.1} px (RMS)
 FLIP      {mean_flip:.3}, mean difference over the render
 ";
 
-/// Pairs the corners of the letters: in the render, and in the photo.
+/// Returns pairs of corresponding letter corners in the render and in the photo.
 ///
 /// # Errors
 ///
 /// [`Error::Infeasible`] if the pictures do not show equally many letters.
 fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {
-    // Letters are paired by their order, because both pictures show the same number.
+    // Letters are paired in reading order, which requires the same number of letters in both
+    // pictures.
     if render.is_empty() || render.len() != photo.len() {
         return Err(Error::infeasible(
             format!(

@@ -1,5 +1,5 @@
-//! `noctograph coverage`: a map of the accuracy of Lighthouse base stations. For ultra-wideband
-//! ranges, the least error that is possible along a word.
+//! `noctograph coverage` maps the accuracy of Lighthouse base stations, or computes the smallest
+//! error that ultra-wideband ranges allow along a word.
 
 use std::path::PathBuf;
 
@@ -18,9 +18,9 @@ use crate::sim::{bounds, one_more_anchor, writing_sigma_m};
 use clap::Args;
 use serde_json::json;
 
-/// Margin around the word in the map.
+/// Margin around the word in the map, in m.
 const MARGIN_M: f64 = 0.5;
-/// Region of the map for a scene without a word: left, bottom, right, top.
+/// Region of the map for a scene without a word: left, bottom, right and top, in m.
 const ROOM_M: [f64; 4] = [-1.5, 0.0, 1.5, 2.0];
 
 #[derive(Debug, Args)]
@@ -38,7 +38,7 @@ pub(super) struct CoverageArgs {
     /// Left, bottom, right and top of the map, in meters [default: half a meter around the word]
     #[arg(long, value_name = "L,B,R,T", value_parser = rectangle, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Depth of the plane of the map, in meters: the word is written at 0
+    /// Depth (y) of the plane of the map, in meters. The word is written at 0
     #[arg(long, value_name = "Y", default_value = "0", allow_hyphen_values = true)]
     depth: f64,
     /// Distance between two points of the map, in meters
@@ -54,7 +54,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
         set_word(&mut scene, word);
     }
-    // Ranging has a bound along the word, Lighthouse a map of the plane of writing.
+    // Ranging gets a bound along the word, and Lighthouse a map of the plane of writing.
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
@@ -84,11 +84,11 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let picture = bound_map(&plans, &bounds, &options.sensors.uwb, place_m);
     let path = output.keep(picture)?;
 
-    // Letters are numbered as in the plan, which counts glyphs and no spaces.
+    // Letters are numbered as in the plan, which counts glyphs but not spaces.
     let mut letters = Vec::new();
     let strokes = shoot.strokes.iter();
     for (letter, glyph) in strokes.clone().flat_map(|strokes| &strokes.glyphs).enumerate() {
-        // A drawing has strokes of one color in place of letters.
+        // In a drawing, the strokes of each color take the place of a letter.
         let name = match strokes.clone().any(|strokes| !strokes.word.is_empty()) {
             true => glyph.character.to_string(),
             false => (letter + 1).to_string(),
@@ -106,7 +106,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     Ok(Report::with_layout(product, BOUNDS).with_files(&[path]))
 }
 
-/// Layout of the report on ranges.
+/// Layout of the text report for ultra-wideband ranges.
 const BOUNDS: &str = "\
 bound     {bound_m*100:.1~-} cm over three axes, 1 σ: the least error that the ranges allow along the strokes
 wanted    an error of at most 5 % of the letters' height on each axis; a slow error may be twice as large
@@ -119,9 +119,10 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 
 ";
 
-/// Reports a map of base stations.
+/// Returns the report on a coverage map of base stations.
 fn coverage_report(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
-    // Errors are sorted. Only points that two stations see have one, and there may be none.
+    // `errors_m` is sorted and contains only the errors of points that two stations see, so that it
+    // may be empty.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);
@@ -157,7 +158,7 @@ mirrors   show a station a second time at {reflected} points
 
 ";
 
-/// Parses left, bottom, right and top.
+/// Parses the left, bottom, right and top of a rectangle.
 fn rectangle(text: &str) -> std::result::Result<[f64; 4], String> {
     numbers(text, &[','])
         .ok_or_else(|| "wanted left,bottom,right,top in meters, such as -1,0,1,2".to_owned())

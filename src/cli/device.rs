@@ -1,5 +1,5 @@
-//! A trial of the graphics driver in a separate process, so that a driver that hangs or crashes
-//! does not take the program with it. The result is cached until the drivers change.
+//! Tests the graphics driver in a separate process, so that a driver that hangs or crashes does not
+//! affect the program itself. The result is cached until the drivers change.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -11,17 +11,18 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
-/// Time after which the driver counts as hung. A software driver on a busy machine needs a few
-/// seconds to compile the shader.
+/// Time after which the driver counts as hung. The time is generous, because a software driver on a
+/// busy machine needs several seconds to compile the shader.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Fault if no process can be started. It is not cached.
+/// Fault that is reported if no process can be started. Unlike a fault of the driver it is not
+/// cached.
 const UNTRIED: &str = "cannot be tried in a separate process";
 
-/// Arguments of the process that tries the driver.
+/// Arguments of the process that tests the driver.
 const TRIAL: [&str; 2] = ["generate", "device"];
 
-/// Environment variables that choose the driver.
+/// Environment variables that select the driver.
 const VARIABLES: [&str; 5] = [
     "VK_DRIVER_FILES",
     "VK_ICD_FILENAMES",
@@ -30,8 +31,8 @@ const VARIABLES: [&str; 5] = [
     "LD_LIBRARY_PATH",
 ];
 
-/// Files that change when a driver is installed: folders of Vulkan's driver lists, and the version
-/// of macOS, which includes the drivers.
+/// Paths that change when a driver is installed: the folders of Vulkan's driver lists, and the file
+/// with the version of macOS, which includes the drivers.
 const LISTS: [&str; 4] = [
     "/etc/vulkan/icd.d",
     "/usr/share/vulkan/icd.d",
@@ -42,12 +43,12 @@ const LISTS: [&str; 4] = [
 /// Folder of installed drivers on Windows, below `SystemRoot`.
 const DRIVER_STORE: &str = r"System32\DriverStore\FileRepository";
 
-/// The backend to expose on. [`BackendChoice::Auto`] takes the processor in place of a driver that
-/// hangs or crashes.
+/// Returns the backend for the exposure. [`BackendChoice::Auto`] selects the CPU if the graphics
+/// driver hangs or crashes.
 ///
 /// # Errors
 ///
-/// [`Error::Gpu`] if such a driver was chosen by name.
+/// [`Error::Gpu`] if the graphics backend was requested by name and its driver hangs or crashes.
 #[expect(clippy::disallowed_methods, reason = "what this program remembers in its own folder")]
 pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     if choice == BackendChoice::Cpu {
@@ -60,13 +61,14 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
         let fault = program.ok().and_then(|mut program| fault(program.args(TRIAL), PATIENCE));
         let fault = fault.unwrap_or_default();
         if let Some(path) = memory.as_ref().filter(|_| fault != UNTRIED) {
-            // If this fails, the next run tries the driver again.
+            // If the result cannot be cached, the next run tests the driver again.
             let _ = path.parent().map(std::fs::create_dir_all);
             let _ = std::fs::write(path, fault);
         }
         fault.to_owned()
     });
-    // With `auto` the processor replaces a faulty driver. With `--backend wgpu` it is an error.
+    // With `auto` the CPU replaces a faulty driver. With `--backend wgpu` a faulty driver is an
+    // error.
     let is_chosen = choice == BackendChoice::Wgpu;
     if fault.is_empty() || is_chosen && fault == UNTRIED {
         return Ok(choice);
@@ -75,18 +77,19 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
         .filter(|_| fault != UNTRIED)
         .map_or_else(String::new, |path| format!("; remove {} to try again", path.display()));
     if is_chosen {
-        let hint = format!("choose the processor, which makes the same bits{again}");
+        let hint = format!("choose the CPU, which computes the same bits{again}");
         return Err(Error::Gpu { what: format!("its driver {fault}"), hint });
     }
-    let text = format!("the graphics driver {fault}: the processor exposes, with the same bits");
+    let text =
+        format!("the graphics driver {fault}: the CPU computes the exposure, with the same bits");
     message("note: ", &(text + &again));
     Ok(BackendChoice::Cpu)
 }
 
-/// Runs the trial and returns the driver's fault, if any. A missing driver is not a fault, nor is
-/// an error that the driver reports.
+/// Runs the test process and returns the driver's fault, if any. A missing driver does not count as
+/// a fault, and neither does an error that the driver reports.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
-    // std cannot wait for a process with a time limit, so this polls.
+    // The loop polls, because std cannot wait for a process with a time limit.
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let Ok(mut child) = quiet.spawn() else { return Some(UNTRIED) };
     let begun = Instant::now();
@@ -94,17 +97,18 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
         match child.try_wait() {
             Ok(Some(status)) => return (!ended_by_itself(status.code())).then_some("crashes"),
             Ok(None) => std::thread::sleep(Duration::from_millis(2)),
+            // A failure of the wait itself is not a fault of the driver.
             Err(_) => return None,
         }
     }
     let _ = child.kill();
-    // A process that hangs in the kernel may never end, so nobody waits for it.
+    // A process that hangs in the kernel may never end, so this does not wait for its end.
     let _ = child.try_wait();
     Some("hangs")
 }
 
-/// True if the trial ended with a report or an error message. A crash has no exit code on Unix and
-/// a code such as -1073741819 on Windows. A panic has 101.
+/// True if the test process ended with a report or an error message. A crash yields no exit code on
+/// Unix and a code such as -1073741819 on Windows, and a panic yields the code 101.
 fn ended_by_itself(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 2))
 }
@@ -126,7 +130,7 @@ fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<Pa
 fn memory() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let folder = cache(std::env::consts::OS, variable)?;
-    // The file's name is a digest of everything that changes with the drivers.
+    // The cache file is named after a digest of everything that changes when drivers change.
     let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
     for name in VARIABLES {
         drivers += &format!("\n{name}={:?}", variable(name));

@@ -1,4 +1,4 @@
-//! `noctograph import` of a folder: a page and a conditions file from the logs of an evening.
+//! `noctograph import` of a folder writes a page and a conditions file from the logs of an evening.
 
 use std::path::Path;
 
@@ -23,7 +23,11 @@ pub(super) fn run(
 ) -> Result<Report> {
     let (logs, others) = logs_in(folder)?;
     if !others.is_empty() {
-        warn([format!("{}: not read as logs: {}", folder.display(), others.join(", "))]);
+        warn([format!(
+            "{}: these files are not logs and were not read: {}",
+            folder.display(),
+            others.join(", ")
+        )]);
     }
     let bar = counter("reading", logs.len());
     let evening = Evening::import(folder, options, scene, &bar)?;
@@ -31,7 +35,8 @@ pub(super) fn run(
     for log in &evening.logs {
         warn_of(Path::new(&log.log), &log.warnings);
     }
-    // The conditions are parsed as a study will parse them, so that a faulty file is never written.
+    // The conditions are parsed with the parser of studies before they are written, so that a file
+    // that no study can read is never written.
     let mut written = OutputFolder::create(output)?;
     let (rows, mean) = (evening.conditions(), evening.mean_drone(scene));
     let toml = evening.conditions_toml(&rows);
@@ -43,7 +48,7 @@ pub(super) fn run(
             "fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
         ));
     }
-    // Flawed logs are listed, but do not count for the conditions.
+    // Flawed logs are listed, but do not contribute to the conditions.
     let flawed = evening.logs.iter().filter(|log| !log.flaws.is_empty()).map(|log| {
         let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
         json!({ "log": log.log, "flaws": flaws.join("; ") })
@@ -51,17 +56,17 @@ pub(super) fn run(
     let names: Vec<&str> = evening.logs.iter().map(|log| log.log.as_str()).collect();
     let words = json!({
         "folder": folder.display().to_string(), "n_logs": evening.logs.len(), "advice": advice,
-        // Names are shortened to keep rows within 80 columns.
+        // Names are shortened so that rows fit into 80 columns.
         "n_sound": evening.sound().count(), "files": shortened(&names, 16),
         "flawed": flawed.collect::<Vec<_>>(),
-        "none": rows.is_empty().then_some("no log is sound"),
+        "none": rows.is_empty().then_some("no log is valid"),
     });
     let product = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
     let report = Report::with_words(product, &words, LAYOUT);
     let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
     let page = evening_page(&title, &evening, &report.text, &toml);
     written.write("evening.html", page.html())?;
-    // A study needs at least one sound flight.
+    // A study under these conditions needs at least one valid flight.
     if !rows.is_empty() {
         written.write("conditions.toml", toml)?;
     }
@@ -69,12 +74,12 @@ pub(super) fn run(
 }
 
 const LAYOUT: &str = "\
-folder    {folder}: {n_logs} logs, {n_sound} sound
+folder    {folder}: {n_logs} logs, {n_sound} valid
 
 |logs|drone<11|air/s>6|gap/s>7|thrust/%>8|trim x/mm>8|y/mm>7|lag/ms>7|gusts/m/s>8|  log<0
 {drone:.10}|{figures.air_s:.1}|{figures.longest_gap_s:.2}|{figures.thrust_frac*100:.1}|{figures.trim_m.0*1e3:+.2}|{figures.trim_m.1*1e3:+.2}|{figures.lag_s*1e3:.0}|{figures.gust_m_s:.3}|  {files.#}
 
-*flawed not sound\t{log}: {flaws}
+*flawed not valid\t{log}: {flaws}
 
 conditions  none: {none}
 |conditions|condition<18|value>10|  from<0
@@ -83,17 +88,19 @@ conditions  none: {none}
 *advice advice    {}
 ";
 
-/// Advises settings of the scene that differ from the evening's mean drone.
+/// Returns advice on scene settings that differ from the evening's mean drone.
 fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
     let MeanDrone { k_f_n, center_of_mass_m: [x, y], .. } = *mean;
     let (percent, x_mm, y_mm) = (100.0 * (k_f_n / vehicle.k_f_n - 1.0), 1e3 * x, 1e3 * y);
     let thrust = format!(
-        "your drones' thrust is {percent:+.1} % off the scene's: `--set vehicle.k_f_n={k_f_n:.3e}`"
+        "your drones' thrust differs from the scene's by {percent:+.1} %: \
+         `--set vehicle.k_f_n={k_f_n:.3e}`"
     );
     let trim = format!(
         "your drones' center of mass is at ({x_mm:+.1}, {y_mm:+.1}) mm: \
          `--set vehicle.center_of_mass_m=[{x:.4},{y:.4}]`"
     );
+    // The mean drone has exactly the scene's value of a figure that does not differ significantly.
     let is_off = [k_f_n != vehicle.k_f_n, [x, y] != vehicle.center_of_mass_m];
     is_off.into_iter().zip([thrust, trim]).filter_map(|(is, said)| is.then_some(said)).collect()
 }

@@ -1,4 +1,4 @@
-//! `noctograph export`: plans for drones and other programs.
+//! `noctograph export` writes plans in formats for drones and other programs.
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -33,13 +33,14 @@ pub(super) struct ExportArgs {
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// Setpoints of the script for cflib, unless its own --mode is given [default: those that
-    /// `check` flies, full states for controllers that follow the design's motion]
+    /// Setpoints that the script for cflib sends, unless the script itself is started with --mode
+    /// [default: those that `check` flies, full states for controllers that follow the design's
+    /// motion]
     #[arg(long, value_name = "NAME", value_parser = named::<Mode>())]
     mode: Option<Mode>,
     #[command(flatten)]
     profile: ProfileFlags,
-    /// Write files even if `check` stops the flight: scripts then say so
+    /// Write files even if `check` stops the flight. Scripts then state that they are not safe
     #[arg(long)]
     unchecked: bool,
     /// File to write, or a folder for several
@@ -48,7 +49,7 @@ pub(super) struct ExportArgs {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
-    // The default tolerance depends on the form of the trajectory.
+    // The default tolerance depends on the form of the exported trajectory.
     let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
     let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
@@ -67,7 +68,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             _ => Ok(()),
         },
     )?;
-    // `check` judges what the files fly. Nothing is written if it stops the flight.
+    // `check` judges exactly what the files fly. If it stops the flight, nothing is written.
     let profile = args.profile.profile(&shoot.scene);
     if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;
@@ -98,13 +99,13 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             let [begins_m, ends_m] = end_heights_m(plan)?;
             warn([format!(
                 "the trajectory begins {begins_m:.2} m and ends {ends_m:.2} m above the floor, and there \
-                 the drone hovers until it is told to land or its battery is empty: take off and \
-                 land by commands of your own, or fly the script for cflib"
+                 the drone hovers until it is told to land or its battery is empty: send the \
+                 commands for take-off and landing yourself, or fly the script for cflib"
             )]);
         }
     }
     if deviation_m.is_some_and(|off_m| off_m > 2.0 * tolerance_m) {
-        warn(["the design jumps; plan with --style even for a smooth design"]);
+        warn(["the design has jumps; plan with --style even for a smooth design"]);
     }
     Ok(Report::with_layout(product, EXPORTED).with_files(&paths))
 }
@@ -118,7 +119,7 @@ fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<Path
     }
     let folder = output.map_or_else(|| format!("{}-export", stem(word)).into(), Path::to_owned);
     if folder.is_file() {
-        let (actual, hint) = ("a file", "name a folder: there are several files");
+        let (actual, hint) = ("a file", "name a folder, because there are several files");
         return Err(Error::input(folder.display(), actual, "a folder", hint));
     }
     let mut folder = OutputFolder::create(&folder)?;
@@ -130,7 +131,7 @@ fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<Path
 
 const REFUSED: &str = "\
 refused   {stops}
-          nothing was written; --unchecked writes it all the same, `check` says what to change
+          nothing was written; `check` tells what to change, and --unchecked writes the files anyway
 ";
 
 const EXPORTED: &str = "\
@@ -146,7 +147,7 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
     let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
     let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
-                `plan` and `preview` write that beside a plan";
+                `plan` and `preview` write the scene beside the plan";
     let (actual, wanted) = ("a plan without a room", "the room of the flight");
     Err(Error::input(plan.display(), actual, wanted, hint))
 }
@@ -156,7 +157,8 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
-    // Only two warnings are repeated here, as they change what the files do. `check` has them all.
+    // Only two warnings of `check` are repeated here, because they concern problems that change how
+    // the files behave.
     let plays = args.to == Format::Cflib && args.mode == Some(Mode::Trajectory);
     for check in checks.iter().filter(|check| check.severity == Severity::Warning) {
         match check.code {
@@ -175,9 +177,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
 /// Warns of a controller that does not follow the motion of a trajectory.
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
     if !shoot.scene.controller.kind.follows_reference() {
-        warn([
-            "this controller tracks positions, and lags a trajectory on board: see it first with \
-             `preview --as-exported compressed`, or fly `--set controller.kind=geometric`",
-        ]);
+        warn(["this controller tracks positions, and lags behind a trajectory on board: look \
+             at the result first with `preview --as-exported compressed`, or fly `--set controller.kind=geometric`"]);
     }
 }

@@ -1,4 +1,4 @@
-//! `noctograph expose`: the photograph of flights.
+//! `noctograph expose` makes the long-exposure photograph of flights.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -24,24 +24,24 @@ use clap::Args;
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {
-    /// Flights or logs, one for each drone, or light traces (t,x,y,z,r,g,b, in other programs'
-    /// light logs also with colors of 0 to 255)
+    /// Flights or logs, one for each drone, or light traces (t,x,y,z,r,g,b, with colors of 0 to 255
+    /// in light logs of other programs)
     #[arg(required = true, value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
-    /// Expose logs while they are written (`NAME_flight.jsonl` of exported scripts): the photo is
-    /// rewritten up to twice a second, until the flights or Ctrl-C end it
+    /// Expose logs while they are written (`NAME_flight.jsonl` of exported scripts). The photo is
+    /// rewritten up to twice a second, until the flights end or Ctrl-C is pressed
     #[arg(long, conflicts_with = "backend")]
     follow: bool,
-    /// Plan that is flown: with --follow, say after each letter how the photo reads so far
+    /// Plan of the flights, with which --follow prints after each letter how the photo reads so far
     #[arg(long, value_name = "FILE", requires = "follow")]
     plan: Option<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Word that the flights write: the camera frames it, the photo names it, and a log without
-    /// lights has its [default: the scene's, or the letters of the flights]
+    /// Word that the flights write. The camera frames it, the photo names it, and a log without
+    /// lights gets the lights of this word [default: the scene's, or the letters of the flights]
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
-    /// Show a log without lights lit all along, from take-off to landing
+    /// Show the lamps of a log without lights lit from take-off to landing
     #[arg(long, conflicts_with = "word")]
     lit: bool,
     #[command(flatten)]
@@ -67,7 +67,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let (scene, format) = (args.scene()?, args.format()?);
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
-    // The photo is not judged here: `score` does that.
+    // `expose` does not judge the photo, because `score` does that.
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, keeps_film: false, ..shoot };
     let shot = shoot.take_by(developer, &watch())?;
@@ -75,10 +75,10 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     Ok(args.report(shot, path))
 }
 
-/// Exposes logs while they grow. Only their new light is drawn.
+/// Exposes logs while they grow, and draws only their new light.
 fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     if !Output::create(&args.output)?.is_staged() {
-        let hint = "name a file, which is rewritten while the logs grow";
+        let hint = "name an output file, which is rewritten while the logs grow";
         return Err(Error::input("output", args.output.display(), "a file", hint));
     }
     let logs = begun(&args.flights)?;
@@ -89,7 +89,7 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     let plan = args.plan.as_deref();
     let mut letters = plan.map(|plan| Letters::new(plan, &scene, logs.len())).transpose()?;
     let (mut film, mut noted) = (GrowingFilm::default(), BTreeSet::new());
-    // One thread, so that the time of the work is that of one core.
+    // With a single thread, the measured duration of the work equals its processor time.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().ok();
     let (shot, path) = follow(logs, |logs| {
         let shoot = args.shoot_logs(scene.clone(), logs, &mut noted)?;
@@ -116,13 +116,13 @@ fn follow_logs(args: &ExposeArgs) -> Result<Report> {
     Ok(report)
 }
 
-/// The photo's file.
+/// Returns the content of the photo's file.
 fn file_of(shot: &Shot) -> &[u8] {
     shot.file.as_deref().expect("a format was asked for")
 }
 
 impl ExposeArgs {
-    /// The scene with the settings of the picture.
+    /// Loads the scene and applies the flags of the picture.
     fn scene(&self) -> Result<Scene> {
         let mut scene = self.scene.load(&self.flights, &self.seed.settings())?;
         self.picture.apply(&mut scene)?;
@@ -133,7 +133,7 @@ impl ExposeArgs {
         self.format.map_or_else(|| Format::from_path(&self.output), Ok)
     }
 
-    /// Imports logs as far as they have come. Prints each note once.
+    /// Imports the samples that the logs contain so far. Prints each note once.
     fn shoot_logs(
         &self,
         mut scene: Scene,
@@ -152,13 +152,14 @@ impl ExposeArgs {
         Ok(Shoot { format, judging: Judging::Skipped, keeps_film: false, ..shoot })
     }
 
-    /// Warns of problems of a shot, and reports it. `path` is the photo's file.
+    /// Prints warnings about a shot, and returns its report. `path` is the photo's file.
     fn report(&self, shot: Shot, path: PathBuf) -> Report {
         warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
-        // A light trace needs no word, because it contains its colors.
+        // A light trace needs no word for its colors, because it contains them, and then has no
+        // flights.
         if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !self.lit {
             let note =
-                "the photo names no word: name one with --word, or after the photo in `score`";
+                "the photo contains no word: pass one with --word, or after the photo in `score`";
             message("note: ", note);
         }
         let mut report = show::camera(&shot);

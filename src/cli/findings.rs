@@ -1,4 +1,4 @@
-//! Findings of `check` as text and as JSON.
+//! Formatting of the findings of `check` as text and as JSON.
 
 use super::advice::mentioned;
 use super::printer::wrapped;
@@ -19,14 +19,14 @@ pub(super) fn table(findings: &[Diagnostic]) -> String {
     text
 }
 
-/// Converts a finding to JSON: numbers, sentences and advice.
+/// Converts a finding to a JSON object with its numbers, sentences and advice.
 pub(super) fn json(finding: &Diagnostic) -> serde_json::Value {
     let mut json = serde_json::json!(finding);
     json["change"] = finding.change(mentioned).into();
     json
 }
 
-/// Writes the findings that stop a flight in one line. None if there are none.
+/// Returns the findings that stop a flight in one line, or `None` if there are none.
 pub(super) fn stops<'a>(findings: impl IntoIterator<Item = &'a Diagnostic>) -> Option<String> {
     let stops = findings.into_iter().filter(|finding| finding.is_stop());
     let stops: Vec<String> = stops.map(|stop| format!("{} ({stop})", stop.code)).collect();

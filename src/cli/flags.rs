@@ -16,20 +16,20 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Limit for the files of plans that fly together. A plan has about 6 MB per hour.
+/// Limit on the total size of plans that fly together. A plan takes about 6 MB per hour of flight.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
     hint: "plan with longer plan.setpoint_interval_s, or name fewer plans",
 };
 
-/// Parses `KEY=VALUE`.
+/// Parses a setting `KEY=VALUE`.
 fn setting(text: &str) -> std::result::Result<Setting, String> {
     let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;
     Ok((key.trim().to_owned(), value.trim().to_owned()))
 }
 
-/// Keys of a scene that are set on the command line.
+/// Scene keys that are set on the command line.
 #[derive(Debug, Args)]
 pub(super) struct SetFlag {
     /// Set a key of the scene, such as camera.iso=200 (may be repeated)
@@ -37,7 +37,7 @@ pub(super) struct SetFlag {
     pub(super) set: Vec<Setting>,
 }
 
-/// The scene.
+/// Flags that select the scene.
 #[derive(Debug, Args)]
 pub(super) struct SceneFlags {
     /// Scene: a file (TOML), a photo of this program (PNG), a script's log, a plan or flight with
@@ -53,13 +53,14 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// The scene with the settings of these and of other flags. If none is named, the one that
-    /// came with the files, which are plans, flights or logs.
+    /// Returns the scene with the settings of these and of other flags. Without `--scene` this
+    /// scene is the one that belongs to the files, which are plans, flights or logs.
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }
 
-    /// The same, for a verb that uses keys without effect in a flight.
+    /// Does the same as [`load`](Self::load) for a verb that uses keys which have no effect in a
+    /// flight.
     pub(super) fn load_from(
         &self,
         carried: Option<&CarriedScene>,
@@ -67,7 +68,8 @@ impl SceneFlags {
         used: &[&str],
     ) -> Result<Scene> {
         let settings = [more, &self.set.set].concat();
-        // A named scene comes first, then the one that came with the files, then the default.
+        // A scene named by `--scene` takes precedence over the scene of the files, and that over
+        // the default.
         let mut scene = match (&self.scene, carried) {
             (Some(named), _) => find_scene(named, &settings)?.scene,
             (None, Some(carried)) => {
@@ -81,8 +83,8 @@ impl SceneFlags {
         Ok(scene)
     }
 
-    /// The one scene that came with files. If another is named, files of several scenes are a
-    /// warning, and there is none.
+    /// Returns the one scene that belongs to the files. If a scene is named by `--scene` and the
+    /// files belong to several scenes, prints a warning and returns none.
     pub(super) fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
         match CarriedScene::of_all(files) {
             Err(_) if self.scene.is_some() => {
@@ -101,8 +103,8 @@ impl SceneFlags {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
 
-    /// The named scene, or else the scene of a text. `check` may refuse the text before any file
-    /// that it names is opened.
+    /// Returns the named scene, or else the scene of a text. `check` may refuse the scene of the
+    /// text before any file that it names is opened.
     pub(super) fn load_or(
         &self,
         toml: &str,
@@ -120,7 +122,7 @@ impl SceneFlags {
     }
 
     /// Takes base stations from `--lighthouse`, checks the scene, resolves its files, and warns of
-    /// keys without effect except `used`.
+    /// keys without effect, except for the keys in `used`.
     fn finish(&self, scene: &mut Scene, used: &[&str]) -> Result<()> {
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
@@ -144,29 +146,29 @@ fn borrowed(settings: &[Setting]) -> Vec<(&str, &str)> {
     settings.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect()
 }
 
-/// The seed. Only verbs that draw noise have it.
+/// Flag of the noise seed, which only verbs that simulate noise have.
 #[derive(Debug, Args)]
 pub(super) struct SeedFlag {
-    /// Seed of all noise [default: the scene's]
+    /// Seed of the noise [default: the scene's]
     #[arg(long, value_name = "N")]
     pub(super) seed: Option<u64>,
 }
 
 impl SeedFlag {
-    /// The key of the scene that was typed.
+    /// Returns the seed as a setting of the scene, if it was typed.
     pub(super) fn settings(&self) -> Vec<Setting> {
         self.seed.iter().map(|seed| ("seed".to_owned(), seed.to_string())).collect()
     }
 }
 
-/// Flags of the scene, its letters and its style of flying.
+/// Flags of the scene, its letters and its flight style.
 #[derive(Debug, Args)]
 pub(super) struct DesignFlags {
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
     letters: LetterFlags,
-    /// Way of flying
+    /// Flight style
     #[arg(long, value_name = "NAME", value_parser = names::<Style>())]
     style: Option<String>,
     /// Drones that write the word together
@@ -175,14 +177,14 @@ pub(super) struct DesignFlags {
 }
 
 impl DesignFlags {
-    /// The scene with the settings of these and of other flags, see [`SceneFlags::load`].
+    /// Returns the scene with the settings of these and of other flags, see [`SceneFlags::load`].
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         let mut scene = self.unfitted(self.scene.carried(files)?.as_ref(), false, more)?;
         self.fit(&mut scene)?;
         Ok(scene)
     }
 
-    /// Fits a word to the view of a camera inside the room, unless its size was given.
+    /// Fits the word to the view of a camera inside the room, unless its size was typed.
     fn fit(&self, scene: &mut Scene) -> Result<()> {
         let is_typed = ["letters.cap_height_m", "letters.canvas_m"].map(|key| self.scene.sets(key));
         match self.letters.room.filter(|_| is_typed == [false; 2]) {
@@ -191,20 +193,22 @@ impl DesignFlags {
         }
     }
 
+    /// Returns the scene with the settings of these and of other flags, before its letters are
+    /// fitted to the room. `is_planned` is true if the letters are those of finished plans.
     fn unfitted(
         &self,
         carried: Option<&CarriedScene>,
         is_planned: bool,
         more: &[Setting],
     ) -> Result<Scene> {
-        // --set comes last, so that it overrides the other flags.
+        // Settings of --set are applied last, so that they override the other flags.
         let is_height_typed = self.scene.sets("letters.cap_height_m");
         let mut settings = self.letters.settings(is_planned, is_height_typed);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
         settings.extend_from_slice(more);
         let mut scene = self.scene.load_from(carried, &settings, &[])?;
-        // If the named scene has no room, a plan keeps the one that it was made for.
+        // If the named scene has no room, a plan keeps the room for which it was made.
         if let Some(carried) = carried.filter(|_| is_planned && scene.expose.room_m.is_none()) {
             warn_of_unbound(carried);
             scene.expose.room_m = carried.scene(&[])?.expose.room_m;
@@ -217,15 +221,15 @@ impl DesignFlags {
     }
 }
 
-/// Flags of the subject: a word, or finished plans, with the scene.
+/// Flags of the subject, which is a word or finished plans, and of its scene.
 #[derive(Debug, Args)]
 pub(super) struct SubjectFlags {
     /// Word to write, or plans that fly together (*.csv, or their folder) [default: the scene's
     /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
-    /// Word that the plans write, or the word itself if a file or folder has its name [default: the
-    /// scene's]
+    /// Word that the plans write, or the word itself if it is also the name of a file or folder
+    /// [default: the scene's]
     #[arg(long, value_name = "WORD", conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
@@ -235,7 +239,7 @@ pub(super) struct SubjectFlags {
 }
 
 impl SubjectFlags {
-    /// The scene of flights and logs, or of a word.
+    /// Returns the scene of flights and logs, or of a word.
     pub(super) fn scene_of(&self, flights: &[PathBuf]) -> Result<Scene> {
         let carried = self.design.scene.carried(flights)?;
         let mut scene = self.unfitted(carried.as_ref(), false)?;
@@ -252,14 +256,15 @@ impl SubjectFlags {
         Ok(scene)
     }
 
-    /// The word that was typed, in either way.
+    /// Returns the word that was typed, as an argument or with `--word`.
     pub(super) fn typed_word(&self) -> Result<Option<&str>> {
         typed_word(self.inputs.first(), self.word.as_ref())
     }
 
-    /// The scene of a word or drawing, ready to be planned. `change` edits it last.
+    /// Returns the scene of a word or drawing, ready to be planned. `change` edits the scene last.
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
-        // The word is set before the letters are fitted to the room, as its length matters.
+        // The word is set before the letters are fitted to the room, because its length determines
+        // their size.
         let mut scene = self.unfitted(None, false)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
@@ -284,7 +289,7 @@ impl SubjectFlags {
         Ok(scene)
     }
 
-    /// The plans that are named, unless a word is.
+    /// Returns the plans that were named, or `None` if a word was typed.
     pub(super) fn plans(&self) -> Result<Option<Vec<PathBuf>>> {
         let plans = self.inputs.iter().map(|input| plans_in(input)).collect::<Result<Vec<_>>>()?;
         let plans = plans.concat();
@@ -292,14 +297,14 @@ impl SubjectFlags {
         Ok(Some(plans).filter(|plans| are_plans && !plans.is_empty()))
     }
 
-    /// The word or the plans, ready to fly. `change` edits the scene last. The designs of a word
-    /// pass `check` before a flight is rehearsed.
+    /// Returns the shoot of the word or the plans, ready to fly. `change` edits the scene last. The
+    /// designs of a word have to pass `check` before a flight is rehearsed.
     pub(super) fn shoot(
         &self,
         change: impl FnOnce(&mut Scene) -> Result<()>,
         check: &DesignCheck<'_>,
     ) -> Result<Shoot> {
-        // Plans are flown in the scene that came with them, and their room is not changed.
+        // Plans fly in the scene that belongs to them, and keep their room.
         if let Some(plans) = self.plans()? {
             let carried = self.design.scene.carried(&plans)?;
             if let Some(carried) = &carried {
@@ -328,7 +333,7 @@ impl SubjectFlags {
     }
 }
 
-/// Puts the camera inside the scene's room, if it has one, so that it frames the word.
+/// Places the camera inside the scene's room, if the scene has one, so that it frames the word.
 pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     match scene.expose.room_m.filter(|_| scene.has_strokes()) {
         Some(room_m) => frame_within(scene, room_m),
@@ -336,7 +341,8 @@ pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     }
 }
 
-/// Reads plans whose scene has been read already, and checks that they still belong together.
+/// Reads plans whose scene has already been read, and checks that plans and scene still belong
+/// together.
 pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> Result<Vec<Plan>> {
     PLANS.check_all(paths)?;
     let plans = paths.iter().map(|path| Plan::read_csv(path)).collect::<Result<_>>()?;
@@ -344,35 +350,38 @@ pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> R
     Ok(plans)
 }
 
-/// Warns if nothing shows that a scene belongs to the file beside it.
+/// Warns if the scene contains no digest that proves that it belongs to the file beside it.
 fn warn_of_unbound(carried: &CarriedScene) {
     if !carried.is_bound {
         warn([format!(
-            "{}: it has no digest of the file beside it (table sha256), so that it may be the scene of \
-             another plan or flight, with another room: write both again, or name it with --scene",
+            "{}: the scene has no digest of the file beside it (table sha256), so that it may \
+             belong to another plan or flight with another room: write both again, or confirm the \
+             scene with --scene",
             carried.file
         )]);
     }
 }
 
-/// Flag of the limits for a flight.
+/// Flag that selects the safety limits of a flight.
 #[derive(Debug, Args)]
 pub(super) struct ProfileFlags {
-    /// Limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s, planned as slowly) or outdoor
+    /// Safety limits: indoor (a Crazyflie, 1 m/s), careful (0.5 m/s, at which the word is also
+    /// planned) or outdoor
     #[arg(long, value_name = "NAME", default_value = "indoor",
           value_parser = Profile::all().map(|profile| profile.name))]
     profile: String,
 }
 
 impl ProfileFlags {
-    /// Plans as slowly as the profile, unless a speed was typed.
+    /// Limits the planned speed to that of the profile, unless a speed was typed.
     pub(super) fn slow(&self, subject: &SubjectFlags, scene: &mut Scene) {
         if let Some(profile) = self.limits(subject) {
             profile.slow(scene);
         }
     }
 
-    /// The profile that limits the speed of a plan, unless a speed was typed.
+    /// Returns the profile if it limits the speed of a plan, which it does not if a speed was
+    /// typed.
     pub(super) fn limits(&self, subject: &SubjectFlags) -> Option<Profile> {
         let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
         (!keys.iter().any(|key| subject.design.scene.sets(key))).then(|| self.named())
@@ -383,7 +392,7 @@ impl ProfileFlags {
         profile.expect("the parser knows the names")
     }
 
-    /// The profile, within the room of a scene.
+    /// Returns the profile with its volume limited to the room of a scene.
     pub(super) fn profile(&self, scene: &Scene) -> Profile {
         let profile = self.named();
         match scene.expose.room_m {
@@ -393,21 +402,23 @@ impl ProfileFlags {
     }
 }
 
-/// Lists the files `plan-N.csv` of a folder in order. Any other input is returned as it is.
+/// Returns the files `plan-N.csv` of a folder in the order of their numbers, or any other input
+/// unchanged.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if a number is missing or repeated: the others would be another flight.
+/// [`Error::Input`] if a number is missing or repeated, because the remaining plans would be a
+/// different flight.
 fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     let folder = Path::new(input);
     let files = if folder.is_dir() { files_in(folder)? } else { Vec::new() };
     let mut plans: Vec<_> =
         files.into_iter().filter_map(|path| Some((drone_number(&path, "plan")?, path))).collect();
     plans.sort();
-    // The sorted numbers must be 1, 2, 3 and so on.
+    // The sorted numbers have to be 1, 2, 3 and so on.
     if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
         let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));
-        return Err(Error::input(input, actual, wanted, "name the plans that fly together"));
+        return Err(Error::input(input, actual, wanted, "list the plans that fly together"));
     }
     match plans.is_empty() {
         true => Ok(vec![input.into()]),
@@ -419,11 +430,13 @@ fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
 pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     let (wanted, planned) = (shoot.scene.plan.drones as usize, shoot.plans.len());
     if planned < wanted {
-        warn([format!("{planned} of {wanted} drones fly: there are no strokes for more")]);
+        warn([format!(
+            "only {planned} of {wanted} drones fly, because there are no strokes for more"
+        )]);
     }
 }
 
-/// Warns of letters that the canvas makes smaller than asked for.
+/// Warns of letters that are smaller than requested, because the canvas is too small.
 fn warn_of_smaller_letters(shoot: &Shoot) {
     let Some(strokes) = shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return;
@@ -438,28 +451,30 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     }
 }
 
-/// Warns of keys that were set and have no effect, except those that the verb uses.
+/// Warns of keys that were set but have no effect, except for the keys in `used`, which the verb
+/// uses.
 pub(super) fn warn_of_unused_keys(scene: &Scene, used: &[&str]) {
     let unused = scene.unused_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
     warn(unused.map(|(key, why)| format!("{key} has no effect: {why}")));
 }
 
-/// Prints the warnings of a file.
+/// Prints warnings about a file, each with the file's name.
 pub(super) fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
     warn(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
 }
 
-/// Sets the word that was typed. The two characters `\n` in it begin a new line.
+/// Sets the word that was typed, in which the two characters `\n` begin a new line.
 pub(super) fn set_word(scene: &mut Scene, word: &str) {
     scene.set_word(&word.replace("\\n", "\n"));
 }
 
-/// Returns the word from the argument or from `--word`. Only `--word` may look like a file name.
+/// Returns the word from the argument or from `--word`. Only a word from `--word` may look like a
+/// file name.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an argument that is, or looks like, the name of a file: the user may have
-/// meant its content.
+/// [`Error::Input`] for an argument that is or looks like the name of a file, because the user may
+/// have meant the file's content.
 pub(super) fn typed_word<'a>(
     argument: Option<&'a String>,
     flag: Option<&'a String>,
@@ -474,7 +489,7 @@ pub(super) fn typed_word<'a>(
     Ok(flag.or(argument).map(String::as_str))
 }
 
-/// Refuses the output folder of a verb in place of a word.
+/// Refuses a word that names the output folder of a verb.
 fn check_folder(word: &str) -> Result<()> {
     let files = if Path::new(word).is_dir() { files_in(word.as_ref())? } else { Vec::new() };
     let ours =
@@ -486,7 +501,7 @@ fn check_folder(word: &str) -> Result<()> {
     }
 }
 
-/// The error for a file or folder that was typed as a word.
+/// Returns the error for a file or folder that was typed as a word.
 fn no_word(word: &str, actual: String) -> Error {
     let hint = format!("`--word {}` writes it as a word", shell_word(word.as_ref()));
     let wanted = "a word, or a file *.csv where a plan may be named";

@@ -17,31 +17,32 @@ use crate::shoot::{Recording, Shoot};
 use clap::Args;
 use noctograph_core::files::Limit;
 
-/// Limit for files that are read together, enough for sixteen drones and six minutes.
+/// Limit on the total size of files that are read together, which is enough for six minutes of
+/// sixteen drones.
 pub(super) const FLIGHTS: Limit = Limit {
     bytes: 384 << 20,
     what: "flights",
-    hint: "thin them out, cut them to the time of the picture, or read fewer at a time",
+    hint: "reduce their sample rate, cut them to the time of the picture, or read fewer at a time",
 };
 
 /// Flags for reading flights of this program or logs of real flights.
 #[derive(Clone, Debug, Args)]
 pub(super) struct FlightFlags {
-    /// Position (and attitude) of a log that counts as the true one
+    /// Source of the position (and attitude) in a log that counts as the true one
     #[arg(long, value_name = "SOURCE", default_value = "best", value_parser = named::<PositionSource>())]
     pub(super) position: PositionSource,
-    /// Longest gap of a log that is interpolated, in seconds
+    /// Longest gap of a log that is bridged by interpolation, in seconds
     #[arg(long, value_name = "S", default_value_t = ImportOptions::default().max_gap_s)]
     pub(super) max_gap: f64,
-    /// Sample rate of a log as a flight, in Hz
+    /// Sample rate of the flight made from a log, in Hz
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
-    /// Rate of the drone's clock, in its seconds per true second: a number or a fraction [default:
-    /// 1, or of µSD logs the rate that their timestamps show, or else the firmware's, 84/85 up to
-    /// release 2026.08]
+    /// Rate of the drone's clock, in its seconds per true second, as a number or a fraction
+    /// [default: 1, or for µSD logs the rate that their timestamps show, or else the firmware's,
+    /// 84/85 up to release 2026.08]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     pub(super) clock_ratio: Option<f64>,
-    /// Recover the undamaged part of a broken µSD log, instead of refusing it
+    /// Recover the undamaged part of a corrupt µSD log, instead of refusing it
     #[arg(long)]
     pub(super) recover: bool,
     /// Seconds between two rows of a table without times
@@ -50,18 +51,19 @@ pub(super) struct FlightFlags {
     /// Unit of a log's timestamps
     #[arg(long, value_name = "UNIT", default_value = "auto", value_parser = named::<TimeUnit>())]
     pub(super) time_unit: TimeUnit,
-    /// Unit of a table's angles whose titles name none
+    /// Unit of the angles in a table whose column titles contain no unit
     #[arg(long, value_name = "UNIT", default_value = "auto", value_parser = named::<AngleUnit>())]
     pub(super) angles: AngleUnit,
-    /// Axes of a table's world
+    /// World axes of a table
     #[arg(long, value_name = "AXES", default_value = "auto", value_parser = named::<Axes>())]
     pub(super) axes: Axes,
-    /// Speed above which a log is asked about, in m/s: its unit, or its drones
+    /// Speed above which a log is refused, in m/s, because its unit may be wrong or it may contain
+    /// several drones
     #[arg(long, value_name = "M_S", default_value_t = ImportOptions::default().max_speed_m_s)]
     pub(super) max_speed: f64,
 }
 
-/// Parses a number, or a fraction such as `84/85`.
+/// Parses a clock ratio, which is a number or a fraction such as `84/85`.
 fn ratio(text: &str) -> std::result::Result<f64, String> {
     let number = |text: &str| text.trim().parse::<f64>().ok();
     let ratio = match text.split_once('/') {
@@ -72,7 +74,8 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    /// Options of an import. The scene gives the firmware if the log does not.
+    /// Returns the options of an import. If the log does not name its firmware, the scene's is
+    /// used.
     pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
             firmware: scene.map(|scene| scene.vehicle.firmware),
@@ -94,15 +97,15 @@ impl FlightFlags {
         Ok(self.read_log(path, scene)?.flight)
     }
 
-    /// The same with the log's other warnings.
+    /// Reads a flight or a log like [`read`](Self::read), and also returns its other results.
     pub(super) fn read_log(&self, path: &Path, scene: Option<&Scene>) -> Result<OnClock> {
         let log = logs::import_on_clock(path, &self.options(scene))?;
         warn_of(path, &log.flight.warnings);
         Ok(log)
     }
 
-    /// Flights, logs or light traces that are photographed, one for each drone. A log without
-    /// lights gets the lights of the scene's word, or is `lit` throughout.
+    /// Returns the shoot of flights, logs or light traces, one for each drone. A log without lights
+    /// gets the lights of the scene's word, or is `lit` throughout.
     pub(super) fn shoot(
         &self,
         mut scene: Scene,
@@ -113,7 +116,7 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
-        // The recordings are checked after each file, before the next one needs memory.
+        // The total of the samples is checked after each file, before the next file needs memory.
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
         for path in paths {
@@ -135,8 +138,8 @@ pub(super) fn note(text: String) {
     message("note: ", &text);
 }
 
-/// Gives a log without lights those of the scene's word, or lights it all along if it is to be
-/// `lit`. Returns a note as [`infer_lights_if_dark`] does.
+/// Sets the lights of a log without lights to those of the scene's word, or to always on if `lit`
+/// is true. Returns a note as [`infer_lights_if_dark`] does.
 pub(super) fn light_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
@@ -150,8 +153,8 @@ pub(super) fn light_if_dark(
     infer_lights_if_dark(flight, scene, path)
 }
 
-/// Infers the lights of a log without any from the scene's word. Returns a note if a preset's
-/// letters fit the setpoints and the scene's do not.
+/// Infers the lights of a log without lights from the scene's word. Returns a note if the letters of
+/// a preset fit the setpoints, and those of the scene do not.
 pub(super) fn infer_lights_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,
@@ -170,7 +173,7 @@ pub(super) fn infer_lights_if_dark(
     Ok(preset.map(|preset| {
         let (path, name) = (path.display(), preset.name());
         let note = "its setpoints are on the letters of";
-        let more = format!("which are used; `--scene {name}` has that drone and its lamps, too");
+        let more = format!("which are used; `--scene {name}` also selects the drone and its lamps");
         format!("{path}: {note} {name}, {more}")
     }))
 }

@@ -1,4 +1,4 @@
-//! `noctograph fly`: simulates plans, or the setpoints of real flights.
+//! `noctograph fly` simulates plans, or the setpoints of real flights.
 
 use std::path::PathBuf;
 
@@ -25,7 +25,7 @@ pub(super) struct FlyArgs {
         value_name = "PLAN"
     )]
     plans: Vec<PathBuf>,
-    /// Fly the setpoints of this flight or log instead, as they were sent
+    /// Flight or log whose setpoints are flown as they were sent, instead of a plan
     #[arg(long, value_name = "FILE")]
     setpoints: Vec<PathBuf>,
     #[command(flatten)]
@@ -41,7 +41,7 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let files = [&args.plans[..], &args.setpoints].concat();
-    // The scene comes with the plans, unless one is named.
+    // Unless `--scene` names a scene, the scene of the plans is used.
     let carried = args.scene.carried(&files)?;
     let scene = args.scene.load_from(carried.as_ref(), &args.seed.settings(), &[])?;
     let carried = carried.filter(|_| !args.plans.is_empty());
@@ -49,7 +49,8 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {
         let log = args.flight.read_log(path, Some(&scene))?;
-        // A simulated flight, on its own clock, has no firmware to name.
+        // A simulated flight, whose clock has no zero timestamp, needs no assumption about
+        // firmware.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
             let text =
@@ -64,7 +65,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     flights.iter().for_each(|flight| warn(&flight.warnings));
     let scene = Some(&shoot.scene);
     let files = outputs.keep(&flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
-    // A single flight is an object, several are a list.
+    // The JSON contains an object for a single flight, and a list for several.
     let reports = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
     let reports: Vec<Report> = reports.collect();
     let json = match reports.as_slice() {
@@ -75,7 +76,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     Ok(Report::new(text, json).with_files(&files))
 }
 
-/// Converts the setpoints of a log to a plan, and warns of interpolated setpoints.
+/// Converts the setpoints of a log to a plan, and warns of interpolated ones.
 fn sent(log: &Flight) -> Result<Plan> {
     let Replay { plan, n_restored } = replay(log)?;
     if n_restored > 0 {

@@ -1,10 +1,10 @@
-//! `expose --follow`: logs that grow, and the letters that they complete.
+//! `expose --follow` photographs growing logs, and reads each letter when it is complete.
 //!
-//! 1. The logs that scripts keep as they fly are read as far as they have come.
-//! 2. Of what is new, a photo is made, at most twice a second and with a quarter of a processor
-//!    core.
-//! 3. With a plan, the photo is read each time that a letter is complete.
-//! 4. The marks at the ends of all logs end it. The last photo is that of the whole logs.
+//! 1. The samples that scripts have so far appended to their logs are read.
+//! 2. The new light is added to the photo, at most twice a second and with at most a quarter of a
+//!    processor core.
+//! 3. With a plan, the photo is read whenever a letter is complete.
+//! 4. The end marks of all logs end the loop. The last photo shows the complete logs.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,24 +21,24 @@ use crate::score::{Reader, Verdict, View};
 use crate::shoot::Shot;
 use crate::tracking::on_plan_s;
 
-/// Time between two looks at the logs.
+/// Interval at which the logs are polled.
 const LOOK: Duration = Duration::from_millis(50);
-/// Least time from one photo to the next.
+/// Shortest interval from one photo to the next.
 const PERIOD: Duration = Duration::from_millis(500);
-/// The same, in times of the work on a photo.
+/// Shortest interval from one photo to the next, as a multiple of the time that a photo takes.
 const PERIODS_OF_WORK: u32 = 4;
-/// Time after the last setpoint of a letter at which its light is complete. The commands of the
-/// lamps take the delay of the radio.
+/// Time, in s, from the last setpoint of a letter until its light is complete, because the radio
+/// delays the commands of the lamps.
 const AFTER_LETTER_S: f64 = 0.3;
 
-/// Opens logs, once scripts have begun them.
+/// Waits until scripts have created their logs, and opens these logs.
 pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
     let mut logs = Vec::new();
     for path in paths {
         if !path.exists() {
             message("note: ", &format!("waits for {}", path.display()));
         }
-        // The script writes the head of its log when the drone is ready to fly.
+        // The script creates its log when the drone is ready to fly.
         while !path.exists() {
             std::thread::sleep(LOOK);
         }
@@ -52,8 +52,8 @@ pub(super) fn begun(paths: &[PathBuf]) -> Result<Vec<GrowingLog>> {
     Ok(logs)
 }
 
-/// Reads logs while they grow, and calls `frame` with them from time to time. Returns its last
-/// product, that of the whole logs.
+/// Reads logs while they grow, and repeatedly calls `frame` with them. Returns the last result of
+/// `frame`, which is that of the complete logs.
 pub(super) fn follow<T>(
     mut logs: Vec<GrowingLog>,
     mut frame: impl FnMut(&[GrowingLog]) -> Result<T>,
@@ -68,7 +68,7 @@ pub(super) fn follow<T>(
             let start = Instant::now();
             match frame(&logs) {
                 product if has_ended => return product,
-                // The logs may be too short so far. Each reason is said once.
+                // The logs may still be too short for a photo. Each reason is printed only once.
                 Err(error) if error.to_string() != why => {
                     why = error.to_string();
                     message("note: ", &format!("no photo yet: {why}"));
@@ -82,25 +82,25 @@ pub(super) fn follow<T>(
     }
 }
 
-/// The letters of a plan, which are read when they are complete.
+/// The letters of a plan, each of which is read when it is complete.
 pub(super) struct Letters {
     reader: Reader,
     plan: Plan,
-    /// Index of each letter, and the time in the plan of its last setpoint, in order of time.
+    /// Index of each letter, and the time of its last setpoint in the plan in s, sorted by time.
     ends_s: Vec<(usize, f64)>,
     n_told: usize,
 }
 
 impl Letters {
-    /// Reads a plan, which must write the word of the scene.
+    /// Reads a plan, which has to write the word of the scene.
     pub(super) fn new(path: &Path, scene: &Scene, n_logs: usize) -> Result<Self> {
         if n_logs > 1 {
-            let hint = "leave out the plan, or follow the log of one drone";
+            let hint = "omit the plan, or follow the log of a single drone";
             return Err(Error::input("plan", format!("{n_logs} logs"), "one log", hint));
         }
         let (plan, strokes) = (Plan::read_csv(path)?, scene.strokes()?);
         check_written(&plan, &strokes).map_err(|error| error.in_file(path.display(), None))?;
-        // The last setpoint of a letter replaces the earlier ones.
+        // Later setpoints of a letter overwrite the time of earlier ones.
         let mut ends_s = BTreeMap::new();
         for setpoint in &plan.setpoints {
             if let Some(letter) = setpoint.letter {
@@ -113,13 +113,13 @@ impl Letters {
         Ok(Self { reader, plan, ends_s, n_told: 0 })
     }
 
-    /// Reads the photo and says how, if letters were completed since the last time.
+    /// Reads the photo and prints the reading, if letters were completed since the last call.
     pub(super) fn tell(&mut self, shot: &Shot) -> Result<()> {
         let n_complete = self.n_complete(&shot.flights[0]);
         if n_complete <= self.n_told {
             return Ok(());
         }
-        // Several letters may be complete since the last photo.
+        // Several letters may have been completed since the last photo.
         let verdict = self.read(shot)?;
         let so_far: String =
             verdict.letters.iter().take(n_complete).filter_map(|l| l.best).collect();
@@ -142,7 +142,7 @@ impl Letters {
         self.ends_s.iter().take_while(|(_, end_s)| *end_s <= plan_s).count()
     }
 
-    /// Reads the photo.
+    /// Returns the verdict on the photo.
     pub(super) fn read(&self, shot: &Shot) -> Result<Verdict> {
         self.reader.score(&shot.photo, &View::from(&shot.camera))
     }

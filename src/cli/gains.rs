@@ -1,4 +1,4 @@
-//! `noctograph gains`: gains of controller and observer, poles and stability margins.
+//! `noctograph gains` prints the gains of controller and observer, poles and stability margins.
 
 use nalgebra::{Complex, DMatrix};
 
@@ -16,8 +16,8 @@ use serde_json::{Value, json};
 pub(super) struct GainsArgs {
     #[command(flatten)]
     scene: SceneFlags,
-    /// Motor lag that the margins are computed for, in seconds [default: the vehicle's, or 0.072 if
-    /// it has none]
+    /// Motor lag for which the margins are computed, in seconds [default: the vehicle's, or 0.072
+    /// if it has none]
     #[arg(long, value_name = "S")]
     motor_lag: Option<f64>,
     /// Print Bryson's weights for the range of the motors as well
@@ -29,7 +29,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let scene = args.scene.load(&[], &[])?;
     let vehicle_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
     let default_s = if vehicle_s > 0.0 { vehicle_s } else { MOTOR_LAG_S };
-    // Designs the regulator and the observer, and linearizes the loop of any controller.
+    // Regulator and observer are designed, and the loop of the scene's controller is linearized.
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
     let gains = gains(&scene.sim());
@@ -39,12 +39,14 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
         .iter()
         .map(|(name, [p, i, d], unit)| (*name, json!({ "p": p, "i": i, "d": d, "unit": unit })))
         .collect();
-    // The Luenberger observer has nine states. The yaw cannot be observed from the position.
+    // The Luenberger observer has nine of the states, because yaw is not observable from the
+    // position.
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let l = is_luenberger.then(|| matrix(&design.l, &observed));
     let is_designed = design.k.is_some() && scene.controller.lqr.k.is_none();
-    // K and L are called designed only if they were computed here.
+    // The text calls K and L designed only if they were computed here instead of taken from the
+    // scene.
     let designs = match (is_designed, is_luenberger) {
         (true, true) => Some("K and L are"),
         (true, false) => Some("K is"),
@@ -109,10 +111,11 @@ bryson    {rule}
 ";
 
 /// Gains of each loop of a controller: name, [proportional, integral, derivative], and the unit of
-/// the first.
+/// the proportional gain.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
-/// Returns the gains of the scene's cascade or geometric controller. Other controllers have none.
+/// Returns the gains of the scene's cascade or geometric controller, or an empty list for any other
+/// controller.
 fn gains(sim: &SimOptions) -> LoopGains {
     match sim.controller.kind.law() {
         Law::Cascade => {
@@ -127,7 +130,8 @@ fn gains(sim: &SimOptions) -> LoopGains {
             loops
                 .enumerate()
                 .map(|(index, (name, gains))| {
-                    // The height's velocity loop gives thrust, in 1000/65535 of a motor's range.
+                    // The velocity loop of the height outputs thrust in units of 1000/65535 of a
+                    // motor's range.
                     let unit = if index == 5 { "1000/65535 per m/s" } else { units[index / 3] };
                     (name, gains, unit)
                 })
@@ -147,7 +151,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
     }
 }
 
-/// Formats a row for each state: six decimals, three for large numbers, a dash for zero.
+/// Formats one row per state, with six decimals, three for large numbers, and a dash for zero.
 fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
     let rows = rows.iter().zip(m.row_iter()).map(|(name, row)| {
@@ -161,20 +165,20 @@ fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     rows.collect()
 }
 
-/// Writes poles as text, a conjugate pair as one.
+/// Formats poles as text, with one entry for a conjugate pair.
 fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     let Some(poles) = poles else { return "not found: the iteration did not converge".to_owned() };
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);
     let words = upper.map(|pole| match pole.im {
         0.0 => format!("{:.2}", pole.re),
-        // The imaginary part is zero in two decimals, as for two real poles.
+        // An imaginary part that rounds to zero at two decimals is printed as two real poles.
         im if im < 0.005 => format!("{:.2}  {:.2}", pole.re, pole.re),
         im => format!("{:.2}±{im:.2}i", pole.re),
     });
     words.collect::<Vec<_>>().join("  ")
 }
 
-/// Writes the margins of each input as text.
+/// Formats the stability margins of each input as text.
 fn margins(margins: Option<&[Margins; 4]>) -> Option<Vec<String>> {
     fn in_words(margins: &Margins) -> String {
         let [down, up] = [margins.gain_down, margins.gain_up]
@@ -193,7 +197,7 @@ fn decibels(factor: f64) -> f64 {
     20.0 * libm::log10(factor)
 }
 
-/// Converts a design to JSON, with the names of the inputs and gains in decibels.
+/// Converts a design to JSON, with the names of the inputs, and gain margins in decibels.
 fn with_names(design: &Design) -> Value {
     let mut json = json!(design);
     for margins in ["margins", "lagging_margins"] {

@@ -1,4 +1,4 @@
-//! `noctograph generate`: shell completions and man pages, for packagers.
+//! `noctograph generate` writes shell completions and man pages for packagers.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ pub(super) struct GenerateArgs {
 enum Kind {
     /// Print a completion script
     Completions {
-        /// Shell that it is for
+        /// Shell for which the script is made
         shell: Shell,
         /// File to write, instead of printing it
         #[arg(short, long, value_name = "FILE")]
@@ -31,14 +31,14 @@ enum Kind {
     Device,
     /// Write man pages, one for each verb
     Man {
-        /// Folder for them
+        /// Folder for the man pages
         #[arg(short, long, value_name = "DIR", default_value = "man")]
         output: PathBuf,
     },
 }
 
 pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
-    // `device` is hidden: `device.rs` runs it in a separate process.
+    // `device` is a hidden subcommand that `device.rs` runs in a separate process.
     let mut command = super::command();
     match &args.kind {
         Kind::Completions { shell, output } => {

@@ -1,4 +1,4 @@
-//! `noctograph hold`: altitude hold with three imperfect sensors.
+//! `noctograph hold` simulates altitude hold with three imperfect sensors.
 
 use std::path::{Path, PathBuf};
 
@@ -22,13 +22,13 @@ pub(super) struct HoldArgs {
     /// Scenarios: calm, step, silent, drain, drift, step-silent, or all
     #[arg(long, value_name = "NAME", value_delimiter = ',', default_value = "all")]
     scenario: Vec<String>,
-    /// Model that flies [default: both]
+    /// Model of the drone [default: both]
     #[arg(long, value_name = "NAME", value_parser = named::<HoldModel>())]
     model: Option<HoldModel>,
-    /// Flights of each scenario and model, with one seed after the other
+    /// Number of flights of each scenario and model, with consecutive seeds
     #[arg(long, value_name = "N", default_value_t = 80)]
     runs: u32,
-    /// Preset whose drone, sensors and altitude filter fly
+    /// Preset of the drone, the sensors and the altitude filter
     #[arg(long, value_name = "NAME", default_value = "bzzz", conflicts_with = "scene",
           value_parser = names::<Preset>())]
     preset: String,
@@ -50,7 +50,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;
     let (mut outcomes, mut figures) = (Vec::new(), Vec::new());
-    // The first run of each scenario is flown once more for its table and plot.
+    // The first run of each scenario is simulated again for its table and plot.
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
@@ -68,7 +68,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
         }
     }
     drop(progress);
-    // hold.json, the printed text and the page have the same figures.
+    // hold.json, the printed text and the page show the same figures.
     let product = json!({
         "filter": options.observer.altitude,
         "hover_throttle": options.believed_hover_throttle(),
@@ -84,7 +84,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
 }
 
 const LAYOUT: &str = "\
-RMS error of the estimate and of the hold, fraction of z inside its 95 % band, RMS error of the hover throttle, NIS of satellites, ranger and barometer, steps of the floor that were found of those seen, on average over the flights
+RMS error of the estimate and of the hold, fraction of z inside its 95 % band, RMS error of the hover throttle, NIS of satellites, ranger and barometer, detected steps of the floor out of those that the ranger passed, as the mean over the flights
 
 |scenarios|scenario<12|model<8|estimate/cm>8|hold/cm>6|inside>7|throttle>9|NIS>15|  steps<0
 {scenario}|{model}|{estimate_m.value*100:.2}|{hold_m.value*100:.2}|{inside:.3}|{hover_throttle:.4}|{nis.0:.2~-} {nis.1:.2~-} {nis.2:.2~-}|  {steps.0:.2} of {steps.1:.2}
@@ -97,11 +97,12 @@ mean squared error over variance of each state: 1 where the covariance holds, co
 
 ";
 
-/// Returns the texts of the report: rows of the states, missed limits, inconsistent states.
+/// Returns the texts of the report: rows of the states, missed bounds and inconsistent states.
 fn words(figures: &[HoldFigures]) -> Value {
     let (mut states, mut missed, mut inconsistent) = (Vec::new(), Vec::new(), Vec::new());
     for f in figures {
-        // One row of mean squared errors over variances, and one with their 95 % intervals.
+        // Each scenario has a row of mean squared errors divided by variances, and a row with their
+        // 95 % intervals.
         let name = format!("{}, {}", f.scenario, f.model);
         missed.extend(f.missed.iter().map(|missed| format!("{name}: {missed}")));
         let errors: Vec<String> =

@@ -1,4 +1,5 @@
-//! `noctograph identify`: parameters of a drone and weights of its observer from a flight log.
+//! `noctograph identify` infers parameters of a drone and weights of its observer from a flight
+//! log.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +22,8 @@ pub(super) struct IdentifyArgs {
     flight: FlightFlags,
     #[command(flatten)]
     scene: SceneFlags,
-    /// Period of one swing of a pendulum test, in seconds: gives the moment of inertia
+    /// Period of one swing of a pendulum test, in seconds, from which the moment of inertia is
+    /// computed
     #[arg(long, value_name = "S", requires = "pendulum_pivot")]
     pendulum_period: Option<f64>,
     /// Distance from the pendulum's pivot to the center of mass, in meters
@@ -32,7 +34,7 @@ pub(super) struct IdentifyArgs {
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
-    // A pendulum test and a log are independent, so each may be given without the other.
+    // The pendulum test does not need the log, so that either may be given without the other.
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia_kg_m2 = swing
         .map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s))
@@ -44,7 +46,8 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));
 
-    // A log does not determine mass and arm: thrust scales with the mass, torque with the arm.
+    // A log determines neither the mass nor the arm, because the inferred thrust scales with the
+    // mass, and the torque with the arm.
     let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
     let identified = identified.as_ref();
     let lag = identified.and_then(|it| it.lag);
@@ -66,7 +69,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "left_out": identified.map(|it| it.left_out.iter().map(ToString::to_string).collect::<Vec<_>>()),
         "inertia_kg_m2": inertia_kg_m2,
     });
-    // Yaw, the fourth state, has no weight.
+    // The fourth state, yaw, has no weight.
     let weights = r.map(|[x, y, z, rest @ ..]| {
         [x, y, z].map(Some).into_iter().chain([None]).chain(rest.map(Some)).collect::<Vec<_>>()
     });
@@ -94,7 +97,7 @@ inertia       {inertia_kg_m2:.4e} kg m2
 {states.#}|{:.4}|{weights.#:.1~not observable}
 ";
 
-/// Replaces "flight" as the place of an error by the log's file.
+/// Replaces "flight" as the place of an error by the name of the log file.
 fn named(error: Error, log: Option<&Path>) -> Error {
     match (error, log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {

@@ -1,5 +1,5 @@
-//! `noctograph import`: a flight file from the log of a real flight, or a page from the logs of an
-//! evening.
+//! `noctograph import` converts the log of a real flight to a flight file, or summarizes the logs
+//! of an evening in a page.
 
 use std::path::{Path, PathBuf};
 
@@ -22,12 +22,13 @@ use serde_json::json;
 pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
     /// CSV, tables of motion captures and other programs (docs/reference/files.md). Any other
-    /// folder holds an evening's logs and gives one page and a conditions file. Logs of exported
-    /// scripts name their drones. Others are in a folder named after the drone, or have its name
-    /// before the first - or _
+    /// folder is read as an evening's logs, and gives one page and a conditions file. Logs of
+    /// exported scripts name their drones. Other logs are in a folder named after the drone, or
+    /// have the drone's name before the first - or _ in their file name
     log: PathBuf,
-    /// Flown word, from which the letters and the headlights' schedule of a log without lights are
-    /// inferred by its setpoints (in the letters of the scene or of a preset)
+    /// Word that was flown. For a log without lights, the letters and the schedule of the
+    /// headlights are inferred from this word and the setpoints (in the letters of the scene or of
+    /// a preset)
     #[arg(long, value_name = "WORD")]
     word: Option<String>,
     #[command(flatten)]
@@ -43,7 +44,7 @@ pub(super) struct ImportArgs {
 pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     if args.log.is_dir() && !is_one_log(&args.log)? {
         if let Some(word) = &args.word {
-            let hint = "import the log that writes it by itself";
+            let hint = "import by itself the log of the flight that wrote the word";
             return Err(Error::input("input", word, "a folder of logs, without a word", hint));
         }
         let output = args.output.as_deref().unwrap_or(Path::new("noctograph-evening"));
@@ -51,7 +52,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
-    // A scene is written beside the flight only if one was named or came with the log.
+    // A scene is written beside the flight only if `--scene` names one or the log contains one.
     let mut scene = args.scene.load(std::slice::from_ref(&args.log), &[])?;
     let is_known = args.scene.is_given() || CarriedScene::read(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
@@ -79,14 +80,14 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json, "gaps_s": &flight.gaps,
     });
-    // Without any of these it is unknown whether the drone flew.
+    // Without at least one of these quantities it is unknown whether the drone flew.
     let has_height = [Quantity::Position, Quantity::Design, Quantity::Motors];
     let air = match air_s {
         Some([from_s, to_s]) => format!("in the air {from_s:.2} s to {to_s:.2} s"),
         None if has_height.iter().any(|quantity| flight.has(*quantity)) => {
             "never in the air".into()
         }
-        None => "no height, setpoints or motors are logged".into(),
+        None => "the log contains no height, setpoints or motors".into(),
     };
     let mut report = Report::with_words(product, &json!({ "air": air }), LAYOUT);
     report.text += &figures.text;

@@ -1,4 +1,4 @@
-//! Flags of the letters: font or drawing, colors, and the room that they are fitted to.
+//! Flags of the letters: font or drawing, colors, and the room into which the letters are fitted.
 
 use std::fmt::Display;
 
@@ -13,8 +13,8 @@ pub(super) struct LetterFlags {
     /// Font of a word: ae483, ae483-fixed, simplex, or a file *.strokes, *.ttf or *.otf
     #[arg(long, value_name = "NAME|FILE")]
     font: Option<String>,
-    /// Fonts of the letters that the font lacks, such as a typeface of another script: the first
-    /// that has one
+    /// Fonts for letters that the font lacks, such as a typeface of another script. The first font
+    /// that contains a letter is used
     #[arg(long, value_name = "NAME|FILE,...", value_delimiter = ',')]
     fallback: Vec<String>,
     /// Drawing instead of a word: *.svg, a picture *.png, *.jpg, *.webp, *.gif or *.bmp (lines on
@@ -33,43 +33,44 @@ pub(super) struct LetterFlags {
     /// Strokes to leave out, by their colors or numbers [default: none]
     #[arg(long, value_name = "COLOR|N,...")]
     without: Option<String>,
-    /// Corners of the sheet of paper in a picture, in its pixels: "X,Y X,Y X,Y X,Y", clockwise from
-    /// the upper left. The picture is cropped to it and rectified [default: the whole picture]
+    /// Corners of the sheet of paper in a picture, in pixels: "X,Y X,Y X,Y X,Y", clockwise from the
+    /// upper left. The picture is cropped to the sheet and rectified [default: the whole picture]
     #[arg(long, value_name = "CORNERS", requires = "drawing")]
     corners: Option<Corners>,
-    /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the
-    /// ring writes in colors that the scene names)
+    /// Colors of the letters in turn, as #rrggbb or CSS names, in which the color LED deck writes
+    /// (colors of the ring are set in the scene)
     #[arg(long, value_name = "COLOR,...", value_delimiter = ',', value_parser = color)]
     color: Vec<[u8; 4]>,
-    /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a
-    /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling, within
-    /// the 4 m that two Lighthouse stations serve, and shown whole by a camera that stands in the
-    /// room. Stations hang in its corners unless a scene places them. Safety checks keep any plan
-    /// 0.2 m from its walls. A unit may follow, as in 13x20x8ft: a ceiling of 7.5 and more without
-    /// one is asked about
+    /// Width, depth and height of the room in meters, such as 4x3x2.5, with its middle at x = y =
+    /// 0. A word is as large as the room allows: half a meter from the walls, 0.7 m below the
+    /// ceiling, within the 4 m that two Lighthouse stations serve, and completely visible to a
+    /// camera in the room. Stations hang in the corners of the room unless a scene places them.
+    /// Safety checks keep every plan 0.2 m from the walls. A unit may follow, as in 13x20x8ft. A
+    /// ceiling of 7.5 or more without a unit is asked about
     #[arg(long, value_name = "WxDxH", value_parser = parse_room)]
     pub(super) room: Option<[f64; 3]>,
 }
 
-/// Plain levels: without the firmware's brightness correction, dim colors have twice as many steps.
+/// Levels without the firmware's brightness correction, because dim colors then have twice as many
+/// steps.
 const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
-/// Parses a CSS color, and returns the bytes of the color LED deck that show it.
+/// Parses a CSS color, and returns the command bytes with which the color LED deck shows it.
 fn color(text: &str) -> Result<[u8; 4], String> {
-    let wanted = "wanted #rrggbb or a color of CSS, such as red, orange or hotpink";
+    let wanted = "wanted #rrggbb or a CSS color, such as red, orange or hotpink";
     let color: svgtypes::Color =
         text.parse().map_err(|error: svgtypes::Error| format!("{wanted} ({error})"))?;
     if [color.red, color.green, color.blue] == [0; 3] {
-        return Err("black is not a light: name the color of the lamp".to_owned());
+        return Err("black is not a light: give a color that the lamp can show".to_owned());
     }
     Ok(color_led_wrgb([color.red, color.green, color.blue], LEVELS))
 }
 
 impl LetterFlags {
-    /// The keys of the scene that were typed. Letters that are planned already keep their size.
+    /// Returns the scene settings that were typed. Letters of finished plans keep their size.
     #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
     pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
-        // A drawing replaces the word and the digest of an earlier drawing.
+        // A drawing replaces the word, and clears the digest of an earlier drawing.
         let mut settings = Vec::new();
         let mut set = |key: &str, value: &dyn Display| {
             settings.push((key.to_owned(), value.to_string()));

@@ -1,4 +1,4 @@
-//! `noctograph locate`: positions from range logs, compared with a reference.
+//! `noctograph locate` computes positions from range logs, and compares them with a reference.
 
 use std::path::PathBuf;
 
@@ -29,16 +29,17 @@ use noctograph_core::input_error;
 use noctograph_core::statistics::median;
 use serde_json::json;
 
-/// Limit for logs, or references, that are read together.
+/// Limit on the total size of logs, or of references, that are read together.
 const LOGS: Limit = Limit {
     bytes: 128 << 20,
     what: "logs",
     hint: "cut the logs to one flight, log fewer variables, or locate fewer drones at a time",
 };
-/// Beginnings of a range log's column names: to anchors, numbered from 0, and to drones, from 1.
+/// Prefixes of the columns of a range log: ranges to anchors, numbered from 0, and to drones,
+/// numbered from 1.
 const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
-/// Scene keys that this verb uses, although a flight without ranging does not.
+/// Scene keys that this verb uses, although they have no effect in a flight without ranging.
 const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
@@ -49,10 +50,10 @@ enum Observer {
     Smooth,
     /// Extended Kalman filter as in flight, without later ranges
     Filter,
-    /// Augmented linear filter, from any start, handed over to an extended Kalman filter (the logs
-    /// must hold velocities)
+    /// Augmented linear filter from any start, followed by an extended Kalman filter (the logs must
+    /// contain velocities)
     Enlarged,
-    /// Observer of two drones with a common anchor (the logs must hold positions and velocities)
+    /// Observer of two drones with a common anchor (the logs must contain positions and velocities)
     Shared,
 }
 
@@ -74,14 +75,16 @@ pub(super) struct LocateArgs {
     /// Method that computes positions from ranges
     #[arg(long, value_enum, value_name = "NAME", default_value_t = Observer::Smooth)]
     observer: Observer,
-    /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother, and lags in curves
+    /// Noise density of the drones' acceleration, in (m/s²)/√Hz. Smaller values give smoother paths
+    /// that lag in curves
     #[arg(long, value_name = "A", default_value_t = 1.0)]
     acceleration: f64,
-    /// Box that holds all drones, in meters: of two mirror images that fit the ranges, the one
-    /// inside
+    /// Box that contains all drones, in meters. If two mirror images fit the ranges, the image
+    /// inside the box is taken
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = room, allow_hyphen_values = true)]
     within: Option<Room>,
-    /// Map the local region of the shared-anchor observer for the scene's word, without a log
+    /// Map the region of convergence of the shared-anchor observer for the scene's word, without a
+    /// log
     #[arg(long, conflicts_with_all = ["reference", "offset", "anchors", "observer",
           "acceleration", "within", "output"])]
     region: bool,
@@ -108,7 +111,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     one_for_each("offset", args.offset.len(), "reference", args.reference.len())?;
     crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
     let folder = OutputFolder::create(&args.output)?;
-    // Positions from the ranges of all logs.
+    // The positions are computed from the ranges of all logs together.
     let anchors_m = scene.sensors.uwb.anchors();
     let options = LocateOptions {
         range_sigma_m: scene.observer.ekf.two_way_sigma_m,
@@ -122,10 +125,11 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let places_m = || located.position_m.iter().flatten();
     let is_outside = |room: &Room| places_m().filter(|place_m| !room.holds(place_m)).count();
     if args.within.is_some_and(|room| 2 * is_outside(&room) > places_m().count()) {
-        warn(["the drones are located outside the box of --within: the ranges fit no place in it"]);
+        warn(["the drones are located outside the box of --within, because the ranges fit no \
+             position inside it"]);
     }
 
-    // Errors of the positions against the references, and of the ranges of each link.
+    // The references give the errors of the positions, and of the ranges of each link.
     LOGS.check_all(&args.reference)?;
     let references = args.reference.iter().map(|path| read(args, &scene, path));
     let mut references = references.collect::<Result<Vec<_>>>()?;
@@ -182,26 +186,26 @@ drone {drone.#}|{rmse_m.0*100:.1}|{rmse_m.1*100:.1}|{rmse_m.2*100:.1}|{rmse_3d_m
 
 ";
 
-/// A log or a reference with its clock.
+/// A log or a reference, with the relation of its clock to the common time.
 struct Dated<'a> {
     path: &'a PathBuf,
     flight: Flight,
-    /// Timestamp of its time zero. Other files may have the same clock.
+    /// Timestamp of the file's time zero, in s, on a clock that other files may also use.
     zero_stamp_s: Option<f64>,
-    /// Seconds to add to its times.
+    /// Seconds to add to the file's times.
     offset_s: f64,
 }
 
 impl Dated<'_> {
-    /// First and last timestamp.
+    /// Returns the first and the last timestamp, in s.
     fn timestamps_s(&self) -> Option<[f64; 2]> {
         let zero_s = self.zero_stamp_s?;
         let (first, last) = self.flight.samples.first().zip(self.flight.samples.last())?;
         Some([zero_s + first.time_s, zero_s + last.time_s])
     }
 
-    /// Seconds from the zero of another file to the zero of this file. `None` unless their
-    /// timestamps overlap, which shows that they are from one clock.
+    /// Returns the seconds from the time zero of another file to that of this file. `None` if their
+    /// timestamps do not overlap, because the two files then have different clocks.
     fn after_s(&self, other: &Self) -> Option<f64> {
         let ([from_s, to_s], [other_from_s, other_to_s]) =
             (self.timestamps_s()?, other.timestamps_s()?);
@@ -210,7 +214,7 @@ impl Dated<'_> {
     }
 }
 
-/// The logs and their ranges, on one clock.
+/// Reads the logs and their ranges, and aligns them on one clock.
 fn aligned_logs<'a>(
     args: &'a LocateArgs,
     scene: &Scene,
@@ -222,25 +226,28 @@ fn aligned_logs<'a>(
         let measured = ranges(&log.flight, logs.len());
         samples.push(measured.map_err(|error| error.in_file(path.display(), None))?);
         logs.push(log);
-        // The number of ranges bounds memory, so it is checked before the next log is read.
+        // The number of ranges determines the memory, so that it is checked before the next log is
+        // read.
         check_count(samples.iter().map(Vec::len).sum())?;
     }
     align_logs(&mut logs, &mut samples)?;
     Ok((logs, samples.into_iter().flatten().collect()))
 }
 
-/// Puts the logs and their ranges on the clock of the first, its zero at the first sample of all.
+/// Aligns the logs and their ranges on the clock of the first log, with time zero at the first
+/// sample of all logs.
 fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Result<()> {
-    // Every log needs a clock in common with the first one.
+    // Every log has to have the same clock as the first one.
     let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };
     for log in others {
         let wanted = format!("timestamps in common with those of {}", first.path.display());
-        let hint = "log with one clock, or locate drones without ranges between them one by one";
+        let hint = "record all logs with one clock, or locate drones without ranges between them \
+                    one by one";
         log.offset_s = log
             .after_s(first)
             .ok_or_else(|| Error::input(log.path.display(), "another clock", wanted, hint))?;
     }
-    // Time zero is the first sample of all logs.
+    // Time zero is the earliest sample of all logs.
     let begin_s = |log: &Dated<'_>| log.flight.samples.first().map_or(0.0, |s| s.time_s);
     let earliest_s = logs.iter().map(|log| begin_s(log) + log.offset_s).fold(0.0, f64::min);
     for (log, samples) in logs.iter_mut().zip(samples) {
@@ -250,7 +257,7 @@ fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Resul
     Ok(())
 }
 
-/// Puts the references, one for each log, on the clock of the logs.
+/// Aligns the references, one for each log, on the clock of the logs.
 fn align_references(
     references: &mut [Dated<'_>],
     logs: &[Dated<'_>],
@@ -268,7 +275,7 @@ fn align_references(
     Ok(())
 }
 
-/// Refuses a flag that is given for some of the files only.
+/// Refuses a flag that is given for only some of the files.
 fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> {
     if n == 0 || n == n_files {
         return Ok(());
@@ -283,7 +290,8 @@ fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> 
 
 fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
     let mut dated = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
-    // A log needs only ranges here, and a reference only positions.
+    // Warnings about missing columns are dropped, because a log needs only ranges here, and a
+    // reference only positions.
     let is_wanted = |warning: &Diagnostic| warning.code != UNLOGGED;
     dated.flight.edit(|flight| flight.warnings.retain(is_wanted));
     warn_of(path, &dated.flight.warnings);
@@ -296,7 +304,7 @@ fn write(
     located: &Located,
     references: &[Reference<'_>],
 ) -> Result<Vec<PathBuf>> {
-    // A flight file for each drone. In the plots it is beside its reference.
+    // Each drone gets a flight file, and the plots show it beside its reference.
     let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
         let flight = flight(located, drone)?;
@@ -315,7 +323,7 @@ fn write(
     folder.keep()
 }
 
-/// Locates the drones by the chosen observer.
+/// Computes the drones' positions with the selected observer.
 fn by_observer(
     args: &LocateArgs,
     anchors_m: &[Vector3<f64>],
@@ -328,13 +336,13 @@ fn by_observer(
             |log: &Dated<'_>| track(log).map_err(|error| error.in_file(log.path.display(), None));
         logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
-    // Ranges are enough for the first two. The others carry the measured velocities along.
+    // Ranges suffice for the first two observers. The others integrate measured velocities.
     match args.observer {
         Observer::Smooth | Observer::Filter => locate(anchors_m, logs.len(), samples, options),
         Observer::Enlarged => locate_augmented(anchors_m, &tracks()?, samples, options),
         Observer::Shared => {
             let Ok(tracks) = <[Track; 2]>::try_from(tracks()?) else {
-                let hint = "give a log of each drone";
+                let hint = "pass one log for each drone";
                 return Err(Error::input("ranges", logs.len(), "the logs of two drones", hint));
             };
             let starts_m = [start_m(&logs[0].flight)?, start_m(&logs[1].flight)?];
@@ -343,7 +351,7 @@ fn by_observer(
     }
 }
 
-/// Returns the first position of a log, from which the observer starts.
+/// Returns the first position in a log, from which the observer starts.
 fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
     first.map(|sample| sample.position_m).ok_or_else(|| {
@@ -353,7 +361,7 @@ fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
     })
 }
 
-/// Returns the velocities of a log, in the world.
+/// Returns the velocities in a log, in the world frame.
 fn track(log: &Dated<'_>) -> Result<Track> {
     if !log.flight.has(Quantity::Velocity) {
         let hint = "log stateEstimate.vx, vy and vz too, or take --observer smooth";
@@ -363,7 +371,7 @@ fn track(log: &Dated<'_>) -> Result<Track> {
     Ok(Track::new(log.flight.samples.iter().map(|s| (s.time_s + log.offset_s, world(s)))))
 }
 
-/// Returns the ranges of a log. A repeated value is not a new measurement.
+/// Returns the ranges in a log. A repeated value does not count as a new measurement.
 fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     let mut samples = Vec::new();
     let mut has_ranges = false;
@@ -377,7 +385,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
         };
         has_ranges = true;
         let mut before = 0.0;
-        // The firmware logs the last range until it has a new one.
+        // The firmware repeats the last range in the log until it has a new one.
         for (sample, &distance_m) in log.samples.iter().zip(column) {
             // The firmware logs 0 until the first measurement.
             if distance_m.is_nan() || distance_m == before {
@@ -410,7 +418,8 @@ fn flight(located: &Located, drone: usize) -> Result<Flight> {
     })
 }
 
-/// Returns the median and the greatest standard deviation of the positions, over all three axes.
+/// Returns the median and the greatest standard deviation of the positions in m, combined over the
+/// three axes.
 fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     let drones = located.covariance_m2.iter().enumerate();
     let heard = drones.flat_map(|(drone, covariances)| &covariances[located.heard(drone)]);
@@ -419,7 +428,7 @@ fn sigmas_m(located: &Located) -> Option<[f64; 2]> {
     Some([median(sigmas_m)?, worst_m])
 }
 
-/// Parses a box: its least and its greatest coordinates.
+/// Parses a box from its smallest and its greatest coordinates.
 fn room(text: &str) -> std::result::Result<Room, String> {
     let room = numbers(text, &[',']).map(|[left, front, bottom, right, back, top]| Room {
         low_m: Vector3::new(left, front, bottom),

@@ -1,5 +1,5 @@
-//! `noctograph locate --region`: how well the shared-anchor observer of two drones converges on a
-//! word.
+//! `noctograph locate --region` tests how well the shared-anchor observer of two drones converges
+//! while they write a word.
 
 use nalgebra::Vector3;
 
@@ -10,11 +10,11 @@ use crate::scene::Scene;
 use crate::shoot::Shoot;
 use serde_json::json;
 
-/// Start errors, observer gains and observation times of the tables.
+/// Start errors of the tables, in m, followed by the observer gains and the observation times.
 const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
 const GAINS: [f64; 3] = [0.003, 0.03, 0.3];
 const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
-/// Simulated time, and number of starts for each start error.
+/// Simulated time in s, followed by the number of starts for each start error.
 const MAP_S: f64 = 64.0;
 const STARTS: u32 = 40;
 
@@ -33,7 +33,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
         let hint = "set plan.drones = 2 and plan.style = \"even\"";
         return Err(Error::input("plan.drones", plans.len(), "two drones", hint));
     };
-    // The drones repeat the word until the simulated time is over.
+    // The drones repeat the word until the end of the simulated time.
     let path = |time_s: f64| {
         [first, second]
             .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))

@@ -1,4 +1,4 @@
-//! `noctograph meter`: the exposure of each lamp, and the settings that correct it.
+//! `noctograph meter` measures the exposure of each lamp, and suggests settings that correct it.
 
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ pub(super) struct MeterArgs {
     flights: FlightFlags,
     #[command(flatten)]
     picture: PictureFlags,
-    /// Exposure wanted in the middle of the trail, in stops over saturation [default: that of the
+    /// Desired exposure of the middle of the trail, in stops over saturation [default: that of the
     /// exposure that `preview` sets]
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
     target_stops: Option<f64>,
@@ -48,7 +48,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let lighting = shoot.lighting(&watch())?;
     let warnings = lighting.problems.iter().filter(|problem| !problem.is_stop());
     warn(warnings.map(|problem| problem.sentence(mentioned)));
-    // The JSON has the reading of every lamp with its own advice.
+    // The JSON contains the reading of every lamp, each with advice.
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
     let camera = &lighting.camera;
@@ -75,7 +75,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         "floor_stops": floor_stops(&lighting.trace, camera, &scene.expose),
         "lamps": described(&readings),
     });
-    // The text has one row for a ring, and the advice for the brightest lamp.
+    // The text shows one row for all LEDs of a ring, and the advice for the brightest lamp.
     let rows = grouped(&readings);
     let brightest = rows.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
     let advice = brightest.map(|it| it.advice(camera, target_stops));
@@ -87,7 +87,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let settings = advice.map(|_| if settings.is_empty() { filter } else { settings.join(" or ") });
     let spots = hot_spots(&rows);
     let rows = described(&rows);
-    // Surfaces are rows of the same table, with only a median.
+    // Ambient light and floor are rows of the same table that have only a median.
     let surfaces = [("ambient", &product["ambient_stops"]), ("floor", &product["floor_stops"])];
     let surfaces = surfaces.map(|(name, stops)| {
         json!({
@@ -109,7 +109,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     Ok(Report::with_words(product, &words, LAYOUT))
 }
 
-/// Most hot spots in the table.
+/// Maximum number of hot spots in the table.
 const MOST_SPOTS: usize = 20;
 
 const LAYOUT: &str = "\
@@ -133,8 +133,8 @@ to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
 and {more} more (--json has them all)
 ";
 
-/// Returns the hot spots above saturation with their lamps, brightest first. Below saturation a
-/// lamp leaves no blob, however long it stays.
+/// Returns the hot spots above saturation with their lamps, brightest first. A lamp that stays
+/// below saturation leaves no blob, however long it waits.
 fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
@@ -147,14 +147,14 @@ fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     spots.into_iter().map(spot).collect()
 }
 
-/// Replaces the readings of a ring's LEDs by that of its brightest one.
+/// Replaces the readings of a ring's LEDs by the reading of its brightest LED.
 fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
     fn group(reading: &LampReading) -> Option<String> {
         let (group, led) = reading.name.rsplit_once(' ')?;
         led.parse::<u8>().ok()?;
         group.ends_with("ring").then(|| format!("{group}, brightest"))
     }
-    // The names of a ring's LEDs differ only in their number.
+    // LEDs of one ring are recognized by their names, which differ only in the number.
     let mut rows: Vec<LampReading> = Vec::new();
     for reading in readings {
         let ring = group(reading);

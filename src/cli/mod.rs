@@ -1,8 +1,8 @@
-//! The command line: arguments, progress, tables and exit codes. One file per verb.
+//! The command line with its arguments, progress, tables and exit codes. Each verb has one file.
 //!
-//! Results go to stdout. Progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible, not safe to fly or refused, 2 error. Names of flags are known only
-//! here.
+//! The program writes results to stdout, and progress, warnings and errors to stderr. The exit code
+//! is 0 for success (and a legible word), 1 for a word that is not legible, an unsafe flight or a
+//! refusal, and 2 for an error. Only this module mentions flags.
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -71,15 +71,15 @@ pub use self::tune::tuning_report;
 pub use outcome::Report;
 pub use started::{starts_as, typed_as};
 
-/// Version with commit and digest of the source, so that two builds can be told apart.
+/// Version with commit and digest of the source, so that two builds can be distinguished.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
     let commit = env!("NOCTOGRAPH_COMMIT");
     let commit = if commit.is_empty() { String::new() } else { format!("commit {commit}, ") };
     format!("{} ({commit}source {})", env!("CARGO_PKG_VERSION"), crate::studies::SOURCE)
 });
 
-/// Shows the photograph of a drone's light painting before the flight, and says whether the word is
-/// legible.
+/// Shows the photograph of a drone's light painting before the flight, and judges whether the word
+/// is legible.
 #[derive(Debug, Parser)]
 #[command(
     version = VERSION.as_str(),
@@ -91,16 +91,17 @@ static VERSION: LazyLock<String> = LazyLock::new(|| {
 struct CommandLine {
     #[command(subcommand)]
     verb: Verb,
-    /// Print one JSON object instead of a table
+    /// Print a JSON object instead of a table
     #[arg(long, global = true)]
     json: bool,
-    /// Worker threads, or 0 for one for each processor core
+    /// Number of worker threads, or 0 for one per processor core
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     threads: usize,
 }
 
-/// Declares the verbs in the order of the help, each with examples, which a test runs in this order
-/// in one folder (`tests/it/examples.rs`). A verb is a module with its arguments and `run`.
+/// Declares the verbs in the order of the help, each with examples. A test runs these examples in
+/// this order in one folder (`tests/it/examples.rs`). Each verb is a module that contains its
+/// arguments and the function `run`.
 macro_rules! verbs {
     ($($group:literal {
         $($(#[$meta:meta])* $verb:ident($module:ident::$args:ident) $examples:literal,)+
@@ -110,7 +111,7 @@ macro_rules! verbs {
             $($($(#[$meta])* $verb($module::$args),)+)+
         }
 
-        /// Names of the verbs by their use, with their examples.
+        /// Names of the verbs with their examples, grouped by purpose.
         const GROUPS: &[(&str, &[(&str, &str)])] =
             &[$(($group, &[$((stringify!($module), $examples)),+])),+];
 
@@ -192,13 +193,13 @@ verbs! {
     }
 }
 
-/// Builds the command. Its help lists the verbs by groups, which clap cannot do. Only the first
-/// group explains its verbs, so that the help fits a screen.
+/// Builds the clap command, with a help text that lists the verbs by groups, which clap does not
+/// support. Only the verbs of the first group are explained, so that the help fits on one screen.
 fn command() -> Command {
     let mut command = CommandLine::command();
     let mut verbs = String::new();
     for (index, (title, members)) in GROUPS.iter().enumerate() {
-        // Each verb's own help ends with its examples.
+        // The help of each verb ends with the verb's examples.
         let names: Vec<String> =
             members.iter().map(|(module, _)| module.replace('_', "-")).collect();
         if index == 0 {
@@ -235,17 +236,18 @@ pub fn main() -> u8 {
     }
 }
 
-/// Parses and runs the command, on the main thread only if no other can be started.
+/// Parses and runs the command, on the main thread only if no other thread can be started.
 fn run_typed() -> u8 {
     if std::thread::current().name() == Some("main")
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
     {
         let kib = bytes >> 10;
-        message("error: ", &format!("no thread can be started, and the stack has {kib} KiB only"));
+        message("error: ", &format!("no thread can be started, and the stack has only {kib} KiB"));
         message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
         return 2;
     }
-    // The matches are kept beside the arguments, as advice on an error depends on the verb's flags.
+    // clap's matches are kept in addition to the arguments, because advice on an error depends on
+    // the verb's flags.
     let command = command();
     let typed = command
         .clone()
@@ -283,9 +285,10 @@ fn run_typed() -> u8 {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for arguments that are refused, and those of the verb.
+/// [`Error::Input`] for arguments that are refused, and the errors of the verb.
 pub fn report_of(words: &[String]) -> Result<Report> {
-    // Help and version are results here, and refused arguments are an error like any other.
+    // For a calling program, help and version are ordinary results, and refused arguments an
+    // ordinary error.
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
@@ -328,7 +331,7 @@ fn usage(error: &clap::Error) -> u8 {
     if !error.use_stderr() {
         return print_out(&text).map_or_else(|error| failed(&error, &[]), |()| 0);
     }
-    // clap calls a similar argument a tip, and ends with a line about --help.
+    // clap prefixes a similar argument with `tip`, and ends its message with a line about --help.
     let text = text.replace("\n  tip: ", "\nhint: ");
     let (text, has_more) = match text.split_once("\nFor more information") {
         Some((text, _)) => (text, true),
@@ -337,15 +340,16 @@ fn usage(error: &clap::Error) -> u8 {
     let text = printable(text.trim_end());
     let _ = std::io::stderr().write_all(format!("{text}\n").as_bytes());
     if has_more && !text.contains("\nhint: ") {
-        message("hint: ", "--help lists the arguments and what they take");
+        message("hint: ", "--help lists the arguments and their values");
     }
     2
 }
 
-/// Most worker threads, enough for the largest machines.
+/// Maximum number of worker threads, enough for the largest machines.
 const MAX_THREADS: usize = 1024;
 
-/// Bytes of a thread's stack. The main thread's stack may be a few pages (`ulimit -s`).
+/// Stack size of a thread in bytes, which is set because the main thread's stack may have only a
+/// few pages (`ulimit -s`).
 pub const STACK: usize = 8 << 20;
 
 /// Returns the limit of the main thread's stack in bytes, on Linux.
@@ -356,14 +360,15 @@ fn main_stack() -> Option<usize> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Runs work on a number of threads. 0 means one for each processor core, or fewer if the system
-/// starts fewer. If it starts none, the current thread does the work.
+/// Runs `work` on the given number of threads. 0 means one thread per processor core, or fewer if
+/// the system does not start as many. If it starts none, the current thread does the work.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
         return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
-    // A number that was typed is not lowered. The default is halved until the system starts them.
+    // A number that was typed is never reduced. The default number is halved until the system
+    // starts all threads.
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
     if threads > 0 {
         let pool = pool(threads).map_err(|error| {
@@ -383,7 +388,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
         }
         return pool.install(work);
     }
-    message("note: ", "the system starts no thread, so one thread does all the work");
+    message("note: ", "the system starts no threads, so a single thread does all the work");
     let present = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
     present.build_global().map_err(|error| {
         let hint = "allow more processes (ulimit -u)";
@@ -392,15 +397,15 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     work()
 }
 
-/// Runs a verb for a caller that shows its warnings and notes itself. If the verb fails, they are
-/// printed.
+/// Runs a verb for a caller that displays warnings and notes itself. If the verb fails, the
+/// messages are printed.
 fn run_quietly(verb: &Verb) -> Result<Report> {
     let report = quietly(|| run_warned(verb, true));
     warn(take_warnings());
     report
 }
 
-/// Runs a verb, and adds its printed warnings to its JSON object.
+/// Runs a verb, and adds the warnings that it printed to its JSON object.
 fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     take_warnings();
     let mut report = run(verb)?;
@@ -411,7 +416,8 @@ fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     if let Some(object) = report.json.as_object_mut().filter(|_| !warned.is_empty())
         && let Some(known) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()
     {
-        // The object has the warnings of a file without the file's name.
+        // Warnings that the object already contains, without the name of their file, are not added
+        // again.
         warned.retain(|text| !known.iter().filter_map(Value::as_str).any(|s| text.ends_with(s)));
         known.extend(warned.into_iter().map(Value::from));
     }
@@ -453,17 +459,18 @@ mod tests {
             std::iter::once(verb).chain(verb.get_subcommands()).collect::<Vec<_>>()
         });
         let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
-        // `scene` only writes a seed. `export` refuses flights that `check` stops.
+        // `scene` has a seed because it writes one, and `export` because it refuses flights that
+        // `check` stops.
         let noisy = "preview check export expose fly meter rank tune hold scene";
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
 
-    /// Finds the verb and the flags of each of the program's commands in a text.
+    /// Returns the verb and the flags of each command of the program in a text.
     fn commands(text: &str) -> Vec<(String, Vec<String>)> {
         let text = text.replace("\\\n", " ");
         let mut examples = Vec::new();
         for (begin, _) in text.match_indices("noctograph ") {
-            // A command in a sentence is between backquotes, and may be wrapped.
+            // A command within a sentence stands between backquotes, and may be wrapped.
             let ends: &[char] =
                 if text[..begin].ends_with('`') { &['`'] } else { &['`', '\n', '#'] };
             let rest = &text[begin + "noctograph ".len()..];

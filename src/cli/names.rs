@@ -1,4 +1,4 @@
-//! Values on the command line: choices by their names in scene files, and numbers.
+//! Parsers of command-line values: choices by their names in scene files, and numbers.
 
 use std::str::FromStr;
 
@@ -7,10 +7,11 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use crate::error::Error;
 use noctograph_core::settings::{Described, Shape};
 
-/// A key of the scene with its new value.
+/// A scene key with its new value.
 pub(super) type Setting = (String, String);
 
-/// A parser of a choice, which lists its names in the help and suggests the nearest one.
+/// Returns a parser of a choice, which lists the choice's names in the help and suggests the
+/// nearest name.
 pub(super) fn named<T>() -> impl TypedValueParser<Value = T>
 where
     T: Described + FromStr<Err = Error> + Clone + Send + Sync + 'static,
@@ -18,13 +19,13 @@ where
     names::<T>().try_map(|name| name.parse::<T>())
 }
 
-/// A parser of the names of a choice, which returns the name.
+/// Returns a parser that accepts the names of a choice, and yields the name.
 pub(super) fn names<T: Described>() -> PossibleValuesParser {
     let variants = match T::SHAPE {
         Shape::Names(variants) | Shape::Tagged(variants) => variants,
         Shape::Plain | Shape::Group(_) => &[],
     };
-    // The help of a name is the first paragraph of its documentation.
+    // The help text of a name is the first paragraph of the variant's documentation.
     let names = variants.iter().map(|variant| {
         let doc = variant.doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
         let doc = doc.collect::<Vec<_>>().join(" ");
@@ -33,13 +34,13 @@ pub(super) fn names<T: Described>() -> PossibleValuesParser {
     names.collect::<Vec<_>>().into()
 }
 
-/// `N` numbers, separated by any of the signs.
+/// Parses `N` numbers that are separated by any of the signs.
 pub(super) fn numbers<const N: usize>(text: &str, signs: &[char]) -> Option<[f64; N]> {
     let numbers = text.split(signs).map(|number| number.trim().parse().ok());
     numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
-/// Four corners in a photo, clockwise from the upper left.
+/// Four corners in a photo in pixels, clockwise from the upper left.
 #[derive(Clone, Debug)]
 pub(super) struct Corners(pub(super) [[f64; 2]; 4]);
 

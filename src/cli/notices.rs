@@ -1,4 +1,4 @@
-//! `noctograph notices`: licenses of the packages that are built in.
+//! `noctograph notices` prints the licenses of the built-in packages.
 
 use clap::Args;
 
@@ -6,7 +6,7 @@ use super::outcome::Report;
 use crate::error::Result;
 use serde_json::json;
 
-/// Made from the lock by `tests/notices --write`.
+/// License texts, which `tests/notices --write` generates from Cargo.lock.
 const NOTICES: &str = include_str!("notices.txt");
 
 #[derive(Debug, Args)]

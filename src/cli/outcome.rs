@@ -1,4 +1,5 @@
-//! The report of a verb: a table for people, the same as JSON for programs, and its outcome.
+//! The report of a verb, which contains its outcome, a table for people, and the same as JSON for
+//! programs.
 
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
@@ -9,40 +10,42 @@ use super::started::words;
 use noctograph_core::files::{STANDARD_OUTPUT, file_name};
 use serde_json::Value;
 
-/// Result of a verb: its product as an object, and printed for people.
+/// Result of a verb as a JSON object and as text for people.
 #[derive(Debug)]
 pub struct Report {
-    /// Text for people: a table of at most 80 columns.
+    /// Text for people, a table of at most 80 columns.
     pub text: String,
-    /// An object.
+    /// JSON object for programs.
     pub json: Value,
-    /// The word is legible, or safe to fly: the exit code.
+    /// True if the word is legible or safe to fly, which determines the exit code.
     pub(super) passed: bool,
-    /// A file was written on standard output, so that the report goes to stderr.
+    /// True if a file was written to standard output, so that the report goes to stderr.
     pub(super) aside: bool,
-    /// The photo's file, whose digest only programs are given.
+    /// Content of the photo's file, whose digest is added to the JSON object only.
     pub(super) photo: Option<Vec<u8>>,
 }
 
 impl Report {
-    /// A text, and a product that serializes as an object.
+    /// Creates a report from a text, and from a value that serializes as an object.
     pub(super) fn new(text: String, json: impl Serialize) -> Self {
         let json = serde_json::to_value(json).expect("a result is plain data");
         Self { text, json, passed: true, aside: false, photo: None }
     }
 
-    /// A product that serializes as an object, printed by a layout.
+    /// Creates a report from a value that serializes as an object, with a text formatted by a
+    /// layout.
     pub(super) fn with_layout(product: impl Serialize, layout: &str) -> Self {
         Self::with_words(product, &Value::Null, layout)
     }
 
-    /// The same with words that only people are given.
+    /// Creates a report like [`with_layout`](Self::with_layout), with words that appear only in the
+    /// text.
     pub(super) fn with_words(product: impl Serialize, words: &Value, layout: &str) -> Self {
         let report = Self::new(String::new(), product);
         Self { text: print(layout, &[&report.json, words]), ..report }
     }
 
-    /// Adds the text and the members of another report.
+    /// Appends the text of another report, and adds the members of its object.
     pub(super) fn add(&mut self, other: Self) {
         self.text += &other.text;
         if let (Some(members), Value::Object(more)) = (self.json.as_object_mut(), other.json) {
@@ -50,12 +53,12 @@ impl Report {
         }
     }
 
-    /// Adds a value for programs.
+    /// Adds a value to the JSON object.
     pub(super) fn value(&mut self, key: &str, value: impl Serialize) {
         self.json[key] = serde_json::to_value(value).expect("a figure is plain data");
     }
 
-    /// Adds a line for people.
+    /// Adds a line to the text.
     pub(super) fn line(&mut self, name: &str, text: &str) {
         self.text += &line(name, text);
     }
@@ -66,7 +69,7 @@ impl Report {
             let head = if index == 0 { "files" } else { "" };
             self.text += &format!("{head:10}{}\n", file.display());
         }
-        // Bytes of a name that are not Unicode are replaced.
+        // Bytes that are not valid Unicode are replaced in names.
         let names: Vec<_> = files.iter().map(|file| file.to_string_lossy()).collect();
         self.value("files", names);
         self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));
@@ -78,32 +81,33 @@ impl Report {
     }
 }
 
-/// A path for a shell, quoted if it has to be.
+/// Returns a path as a shell word, quoted if necessary.
 pub(super) fn shell_word(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@=".contains(c) || MAIN_SEPARATOR == c;
     if !text.is_empty() && text.chars().all(is_plain) {
         text
     } else if cfg!(windows) {
+        // A path on Windows contains no quotation marks.
         format!("\"{text}\"")
     } else {
         format!("'{}'", text.replace('\'', r"'\''"))
     }
 }
 
-/// The arguments of this process. Bytes that are not Unicode are replaced.
+/// Returns the arguments of this process, in which bytes that are not valid Unicode are replaced.
 pub(super) fn typed_words() -> impl Iterator<Item = String> {
     words().into_iter().map(|word| word.to_string_lossy().into_owned())
 }
 
-/// The command that is running, for a page. Pages are handed on, so an absolute path, which names
-/// folders of this machine, becomes the name of its file.
+/// Returns the running command for display in a page. Because pages are passed on, an absolute
+/// path, which would reveal folders of this machine, is reduced to its file name.
 pub(super) fn typed_command() -> String {
     let words = typed_words().map(|word| shell_word(Path::new(&without_folders(&word))));
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// An argument, or the value in it, without the folders of an absolute path.
+/// Returns an argument without the folders of an absolute path in it or in its value.
 pub(super) fn without_folders(word: &str) -> String {
     let value = word.rsplit_once('=').map_or(word, |(_, value)| value);
     match value.trim_matches(['"', '\'', ' ']) {

@@ -1,4 +1,4 @@
-//! Files that a verb writes.
+//! Output files of a verb.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,20 +8,20 @@ use crate::scene::{CarriedScene, Scene, SceneFiles};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 use noctograph_core::files::{WholeFile, ending, file_name, files_in};
 
-/// True if a path names an SVG drawing.
+/// True if a path has the extension of an SVG drawing.
 pub(super) fn is_svg(path: &Path) -> bool {
     ending(path) == "svg"
 }
 
-/// Name of the scene file in a folder.
+/// Name of the scene file in an output folder.
 pub(super) const SCENE: &str = "scene.toml";
 
-/// True if a path names a plan or a flight.
+/// True if a path has the extension of a plan or a flight.
 pub(super) fn is_csv(path: &Path) -> bool {
     ending(path) == "csv"
 }
 
-/// Files of one kind with their scene: one file with its scene beside it, or a folder with a
+/// Output files of one kind with their scene: one file with the scene beside it, or a folder with a
 /// numbered file for each drone.
 #[derive(Debug)]
 pub(super) enum Outputs {
@@ -30,8 +30,8 @@ pub(super) enum Outputs {
 }
 
 impl Outputs {
-    /// Opens `path` for the files of `n_drones`: for one drone a table (`kind.csv` by default) with
-    /// its scene beside it, for several a folder (`kinds` by default).
+    /// Opens `path` for the files of `n_drones`. For one drone, `path` is a table (`kind.csv` by
+    /// default) with its scene beside it, and for several drones a folder (`kinds` by default).
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n_drones: usize) -> Result<Self> {
         if let Some(path) = path.filter(|path| n_drones > 1 && is_csv(path) && !path.is_dir()) {
             let (actual, hint) = (format!("a file for {n_drones} drones"), "leave out .csv");
@@ -39,12 +39,13 @@ impl Outputs {
             return Err(Error::input(place, actual, "a folder for a file of each", hint));
         }
         let path_or = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
-        // All are opened before the long work: a path that cannot be written is refused at once.
+        // All files are opened before the long computation, so that a path that cannot be written
+        // is refused immediately.
         Ok(match n_drones {
             1 => {
                 let path = path_or(format!("{kind}.csv"));
                 let file = Output::create(&path)?;
-                // A device or a pipe has no file beside it.
+                // No scene is written beside a device or a pipe.
                 let scene =
                     file.is_staged().then(|| Output::create(&CarriedScene::path_beside(&path)));
                 Self::One(file, scene.transpose()?)
@@ -57,14 +58,14 @@ impl Outputs {
         })
     }
 
-    /// Writes the table of each drone, and keeps them with their scene.
+    /// Writes the table of each drone together with the scene.
     pub(super) fn keep<T>(
         self,
         items: &[T],
         scene: Option<&Scene>,
         write: impl Fn(&T, &mut dyn Write) -> std::io::Result<()>,
     ) -> Result<Vec<PathBuf>> {
-        // A file and its scene are renamed together, so that they cannot part.
+        // A file and its scene are renamed together, so that they always match.
         match self {
             Self::One(file, beside) => {
                 let file = file.write_with(|out| write(&items[0], out))?;
@@ -95,14 +96,14 @@ impl Outputs {
     }
 }
 
-/// The number of a drone's file of a kind, as in `plan-2.csv`.
+/// Returns the drone's number in the name of a file of a kind, such as 2 for `plan-2.csv`.
 pub(super) fn drone_number(path: &Path, kind: &str) -> Option<usize> {
     let name = file_name(path).to_lowercase();
     name.strip_prefix(kind)?.strip_prefix('-')?.strip_suffix(".csv")?.parse().ok()
 }
 
-/// The files of an earlier, larger set in a folder, which would be flown with the new files. The
-/// caller removes them.
+/// Returns the surplus files of an earlier, larger set in a folder, which would be flown together
+/// with the new files. The caller removes these files.
 ///
 /// # Errors
 ///
@@ -115,13 +116,14 @@ pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Ve
         return Ok(former);
     }
     let names: Vec<String> = others.iter().map(file_name).collect();
-    let hint = "remove them, or name another folder: they would be flown together";
+    let hint =
+        "remove them, or name another folder, because all files in a folder are flown together";
     let wanted = format!("{kind} files of at most {n_drones} drones");
     Err(Error::input(folder.display(), names.join(", "), wanted, hint))
 }
 
-/// Writes a scene into a folder, with the files that it names and the digests of its plans or
-/// flights.
+/// Writes a scene into a folder, with the digests of its plans or flights, and with copies of the
+/// files that it names.
 pub(super) fn write_scene(
     scene: &Scene,
     path: &Path,
@@ -135,12 +137,12 @@ pub(super) fn write_scene(
     folder.write_first(SCENE, CarriedScene::text(&files.toml, digests))
 }
 
-/// Writes the files that a scene beside a file names.
+/// Copies the files that a scene names beside the scene's file.
 pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf>> {
     WholeFile::keep_all(scene.write_copies(path)?)
 }
 
-/// Removes the scene beside a flight or plan whose new scene is elsewhere.
+/// Removes the scene beside a flight or plan whose new scene is written elsewhere.
 pub(super) fn forget_scene(path: &Path) {
     let _ = std::fs::remove_file(CarriedScene::path_beside(path));
 }

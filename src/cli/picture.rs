@@ -1,4 +1,4 @@
-//! Flags of the picture: camera, its place, size or paper, and the device.
+//! Flags of the picture: the camera and its position, the size or paper, and the compute device.
 
 use std::path::PathBuf;
 
@@ -12,10 +12,11 @@ use crate::photo::{Noise, taken_as};
 use crate::scene::{Preset, Scene};
 use clap::Args;
 
-/// The camera.
+/// Flags that select the camera.
 #[derive(Debug, Args)]
 pub(super) struct CameraFlags {
-    /// Camera: that of another scene, or auto (square in front of the word, framing it)
+    /// Camera: the camera of another scene, or auto (straight in front of the word, which it
+    /// frames)
     #[arg(long, value_name = "SCENE|auto")]
     camera: Option<String>,
     /// Photograph whose EXIF sets sensor, lens, aperture, shutter time, ISO and aspect
@@ -28,7 +29,7 @@ impl CameraFlags {
         self.camera.is_some() || self.camera_from.is_some()
     }
 
-    /// The scene that the camera is from, with its word.
+    /// Returns the scene from which the camera is taken, with its word.
     pub(super) fn scene(&self) -> Result<Scene> {
         let named = self.camera.as_deref().filter(|named| *named != "auto");
         let mut scene = named
@@ -37,7 +38,7 @@ impl CameraFlags {
         Ok(scene)
     }
 
-    /// Puts the camera that was typed into the scene.
+    /// Sets the camera of the scene to the one that was typed.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         match self.camera.as_deref() {
             None => {}
@@ -53,17 +54,17 @@ impl CameraFlags {
     }
 }
 
-/// The place of the camera.
+/// Flag of the camera's position.
 #[derive(Debug, Args)]
 pub(super) struct StandFlag {
-    /// Place of the camera, in m from the take-off mark: to the right, back (minus: in front) and
-    /// up, such as 1.2,-3.5,1.4. It is aimed at the word
+    /// Position of the camera, in m from the take-off mark: to the right, back (negative: in front)
+    /// and up, such as 1.2,-3.5,1.4. The camera is aimed at the word
     #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
     camera_at: Option<[f64; 3]>,
 }
 
 impl StandFlag {
-    /// Puts the camera of a scene there.
+    /// Moves the camera of a scene to the position that was typed.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         if let Some(position_m) = self.camera_at {
             let pose = FixedPose { position_m, ..FixedPose::default() };
@@ -78,36 +79,36 @@ fn place(text: &str) -> std::result::Result<[f64; 3], String> {
     numbers(text, &[',']).ok_or_else(|| "wanted X,Y,Z in meters, such as 1.2,-3.5,1.4".to_owned())
 }
 
-/// The picture: camera, size and the device that computes it.
+/// Flags of the picture: the camera, the size and the device that computes it.
 #[derive(Debug, Args)]
 pub(super) struct PictureFlags {
     #[command(flatten)]
     camera: CameraFlags,
     #[command(flatten)]
     stand: StandFlag,
-    /// Size of the picture: in pixels, such as 1920x1080, or of a print, such as A2@150 or
-    /// 600x400mm@150: its paper, across, and its dots per inch. A print has the noise of the
-    /// camera's sensor, resampled to its dots
+    /// Size of the picture in pixels, such as 1920x1080, or of a print, such as A2@150 or
+    /// 600x400mm@150, as its paper in landscape format and its dots per inch. A print has the noise
+    /// of the camera's sensor, resampled to its dots
     #[arg(long, value_name = "WxH|PAPER@DPI", value_parser = size)]
     size: Option<Size>,
-    /// Device that computes the exposure, with the same bits on each
+    /// Device that computes the exposure, with the same bits on every device
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
     pub(super) backend: BackendChoice,
 }
 
 impl PictureFlags {
-    /// Puts camera and size that were typed into the scene.
+    /// Sets the camera and the size of the scene to those that were typed.
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
         self.stand.apply(scene)?;
-        // Dots of a print are larger than photosites. Each dot collects the charge of several
+        // A dot of a print is larger than a photosite, and collects the charge of several
         // photosites.
         if let Some(Size { px: [width_px, height_px], dots_per_inch }) = self.size {
             let Scene { camera, photo, .. } = scene;
             if let Noise::Emva1288(noise) = &mut photo.noise
                 && dots_per_inch.is_some()
             {
-                // The noise of a print's scene is already the noise of its dots.
+                // If the scene already describes a print, its noise is already that of the dots.
                 let before_px = match camera.dots_per_inch {
                     Some(_) => f64::from(camera.width_px),
                     None => camera.body.figures().width_px,
@@ -127,11 +128,12 @@ impl PictureFlags {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Size {
     px: [u32; 2],
-    /// Of a print.
+    /// Dots per inch, if the size is that of a print.
     dots_per_inch: Option<f64>,
 }
 
-/// Longer side of paper A0 to A6 (ISO 216), which is the shorter side of the paper before it.
+/// Longer sides of the papers A0 to A6 in mm (ISO 216). Each is also the shorter side of the next
+/// larger paper.
 const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
 
 /// Parses a size: pixels such as `1920x1080`, or paper and dots per inch such as `A2@150`.
@@ -149,7 +151,7 @@ fn size(text: &str) -> std::result::Result<Size, String> {
     size.ok_or_else(|| wanted.to_owned())
 }
 
-/// Size of a print on a paper, at a number of dots per inch.
+/// Returns the size of a print from its paper and its dots per inch.
 fn print_size(paper: &str, dots: &str) -> Option<Size> {
     let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
     let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
@@ -170,7 +172,7 @@ mod tests {
     fn a_size_is_pixels_or_a_print() {
         let print = |px, dots| Ok(Size { px, dots_per_inch: Some(dots) });
         assert_eq!(size("1920x1080"), Ok(Size { px: [1920, 1080], dots_per_inch: None }));
-        // 594 mm by 420 mm (ISO 216), 25.4 mm an inch.
+        // A2 measures 594 mm by 420 mm (ISO 216), and an inch is 25.4 mm.
         assert_eq!(size("A2@150"), print([3508, 2480], 150.0));
         assert_eq!(size("a5@300"), print([2480, 1748], 300.0));
         assert_eq!(size("254x127mm@100"), print([1000, 500], 100.0));
@@ -197,7 +199,7 @@ mod tests {
             scene
         }
         let Noise::Emva1288(poster) = on(&["A2@150"]).photo.noise else { panic!("a sensor") };
-        // 6000 photosites across 3508 dots.
+        // The width of 6000 photosites is divided among 3508 dots.
         let n = (6000.0_f64 / 3508.0).powi(2);
         assert!((poster.full_well_e / 50_000.0 / n - 1.0).abs() < 1e-12, "{poster:?}");
         let Noise::Emva1288(twice) = on(&["A4@150", "A2@150"]).photo.noise else { panic!() };

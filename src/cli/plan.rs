@@ -1,4 +1,4 @@
-//! `noctograph plan`: setpoints and light commands of a word, or a drawing of them.
+//! `noctograph plan` writes the setpoints and light commands of a word, or draws them.
 
 use std::path::PathBuf;
 
@@ -34,8 +34,8 @@ pub(super) struct PlanArgs {
     after: Option<PathBuf>,
     #[command(flatten)]
     flight: FlightFlags,
-    /// Plan to write, with its scene beside it, a drawing of it (*.svg), or a folder for several
-    /// drones [default: plan.csv, or plans]
+    /// Plan to write with its scene beside it, or a drawing of the plan (*.svg), or a folder for
+    /// several drones [default: plan.csv, or plans]
     #[arg(short, long, value_name = "FILE|DIR")]
     output: Option<PathBuf>,
 }
@@ -52,7 +52,8 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
         set_word(&mut scene, word);
     }
     frame(&mut scene)?;
-    // The output is opened before the long work, so that a wrong path is refused at once.
+    // The output is opened before the long computation, so that a wrong path is refused
+    // immediately.
     let strokes = scene.strokes()?;
     let svg = args.output.as_deref().filter(|path| is_svg(path));
     let outputs = match svg {
@@ -97,9 +98,9 @@ fn light_s(plan: &Plan) -> f64 {
     rows.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum()
 }
 
-/// The plan of each drone, and of all.
+/// Returns the report on the plan of each drone and of all drones together.
 fn described(word: &str, planned: &[Planned]) -> Report {
-    // Streaks are light beyond the end of a stroke. The sum over all ends, and the worst.
+    // A streak is light beyond the end of a stroke. The report gives the longest streak.
     fn drone(Planned { plan, ends }: &Planned) -> Value {
         let ends = ends.iter().map(|end| {
             json!({
@@ -115,7 +116,7 @@ fn described(word: &str, planned: &[Planned]) -> Report {
             "worst_streak_mm": streaks_mm.max_by(f64::total_cmp), "stroke_ends": ends,
         })
     }
-    // Drones fly at the same time: the longest plan is the duration of the word.
+    // Drones fly at the same time, so that the longest plan determines the duration of the word.
     let durations_s = planned.iter().map(|planned| planned.plan.duration_s());
     let product = json!({
         "word": word, "duration_s": durations_s.fold(0.0, f64::max),

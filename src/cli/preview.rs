@@ -1,4 +1,4 @@
-//! `noctograph preview`: the photograph of a word and its verdict.
+//! `noctograph preview` makes the photograph of a word and its verdict.
 
 use std::path::{Path, PathBuf};
 
@@ -28,10 +28,10 @@ use crate::studies::{Remedy, remedies_for};
 use clap::Args;
 use serde_json::{Value, json};
 
-/// The verdict of a word.
+/// Name of the file with the verdict on a word.
 const VERDICT: &str = "verdict.json";
 
-/// The page of `--report`.
+/// Name of the page that `--report` writes.
 const REPORT: &str = "report.html";
 
 #[derive(Debug, Args)]
@@ -44,16 +44,16 @@ pub(super) struct PreviewArgs {
     profile: ProfileFlags,
     #[command(flatten)]
     spread: SpreadFlags,
-    /// Fly the exported trajectory of this form, decoded as on board
+    /// Fly the exported trajectory of this form, decoded as the firmware does
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
-    /// Also write report.html: one page with everything, to print or to hand in
+    /// Also write report.html, a single page with all results to print or to hand in
     #[arg(long)]
     report: bool,
-    /// Log of the flight: compare its photo with this one, letter by letter
+    /// Log of the flight, whose photo is compared with this one, letter by letter
     #[arg(long, value_name = "LOG")]
     flown: Option<PathBuf>,
-    /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, of a word, verdict.json
+    /// Folder for photo.png, flight.csv, plan.csv, scene.toml and, for a word, verdict.json
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-out")]
     output: PathBuf,
 }
@@ -62,7 +62,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     // The graphics device gets ready while the word is planned.
     let developer = Developer::start(tried(args.picture.backend)?);
     let shoot = planned(args)?;
-    // Conditions and the folder are checked before the long work, because they may be refused.
+    // Conditions and folder are checked before the long computation, because they may be refused.
     let conditions = args.spread.conditions()?;
     let flown = args.flown.as_deref().map(|log| flown::prepared(&shoot, log)).transpose()?;
     let mut folder = OutputFolder::create(&args.output)?;
@@ -79,8 +79,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
     warn(problems(false).map(sentence));
 
-    // The photograph is taken. Write its files, the spread, changes that help, and the findings of
-    // `check`.
+    // After the photograph is taken, its files, the spread, helpful changes and the findings of
+    // `check` are written.
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
     write(&shot, &json, &args.output, &mut folder)?;
@@ -93,10 +93,11 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     };
     let placement = shot.placement(&profile)?;
     warn_of_no_place(placement.as_ref());
-    // A camera behind the wall causes only a warning, and still takes its photo.
+    // A camera behind a wall is not a stop here but only causes a warning, because its photo is
+    // taken all the same.
     let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));
 
-    // The report, in the order in which it is read.
+    // The parts of the report are added in reading order.
     let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());
     let flights =
         flights.map(|((flight, sha256), known)| show::flight_report(flight, sha256, *known));
@@ -151,7 +152,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     Ok(report.with_files(&files).passes(is_read && stops.is_none()))
 }
 
-/// The shoot of the word or the plans, with the exported trajectories if they are asked for.
+/// Returns the shoot of the word or the plans, with exported trajectories if they are requested.
 fn planned(args: &PreviewArgs) -> Result<Shoot> {
     let shoot = args.subject.shoot(
         |scene| {
@@ -163,11 +164,12 @@ fn planned(args: &PreviewArgs) -> Result<Shoot> {
     let Some(form) = args.as_exported else { return Ok(shoot) };
     warn_of_trailing(&shoot);
     let shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
-    // The script of Crazyswarm2, which flies the other form, speeds the trajectory up.
+    // The slow firmware clock applies only to the compressed form, because Crazyswarm2's script,
+    // which flies the other form, compensates it by speeding up the trajectory.
     Ok(if form == Form::Compressed { shoot.by_firmware_clock() } else { shoot })
 }
 
-/// Warns of a camera that has no place in the room.
+/// Warns of a camera for which the room has no place.
 fn warn_of_no_place(placement: Option<&ShotPlan>) {
     let camera = placement.and_then(|plan| plan.cameras.first());
     warn(camera.filter(|camera| camera.tripod_m.is_none()).map(|camera| {
@@ -177,24 +179,25 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
     }));
 }
 
-/// Writes the files of the photograph and, of a word, the verdict.
+/// Writes the files of the photograph and, for a word, the verdict.
 fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -> Result<()> {
     let digests = shot.each_file(|name, write| folder.write_with(name, |out| write(out)))?;
     write_scene(&shot.shoot.scene, path, folder, digests)?;
     let former = path.join(VERDICT);
     match shot.verdict {
         Some(_) => folder.write(VERDICT, format!("{verdict:#}\n")).map(drop)?,
-        // The verdict of an earlier word would be taken for that of this photograph.
+        // The file of an earlier verdict is removed, because it would be mistaken for the verdict
+        // on this photograph.
         None if former.is_file() => folder.replaces(vec![former]),
         None => {}
     }
     Ok(())
 }
 
-/// The verdict, with the changes of settings that were flown. These are more reliable than advice
-/// on strokes, and replace it.
+/// Returns the text of the verdict. Changes of settings that were simulated replace the advice on
+/// strokes, because they are more reliable.
 fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
-    // A drawing, and a word of other letters than the reader's, have no verdict.
+    // A drawing has no verdict, and neither has a word with letters that the reader does not know.
     match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };

@@ -1,34 +1,37 @@
-//! The printer: the text of a product for people, from the product's JSON and a layout.
+//! Formats the JSON object of a report as text for people, by a layout.
 //!
-//! A layout has the lines of the text. A line begins with its name, which ends at two spaces, or at
-//! a tab for the usual column. The words after it are wrapped. A line may have
+//! A layout consists of the lines of the text. Each line begins with a name, which ends at two
+//! spaces, or at a tab if the words start at the usual column. The words after the name are
+//! wrapped. A line may contain
 //!
-//! - `{path}`: a value, such as `{rmse_m.0}`,
-//! - `{path*100:+.1}`: times a factor, with a sign and one digit (`.1e`: with an exponent),
+//! - `{path}`: the value at a path, such as `{rmse_m.0}`,
+//! - `{path*100:+.1}`: the value times a factor, with a sign and one digit (`.1e`: with an
+//!   exponent),
 //! - `{path~none}`: the value, or `none` for null,
 //! - `{path?yes:no}`: `yes` for true, a text, a number or a list with items, else `no`,
-//! - `[words {path}]`: words that are left out if a value in them is null.
+//! - `[words {path}]`: words that are omitted if a value in them is null.
 //!
-//! A null outside of brackets leaves out its line. A misspelled path is printed as it is in the
-//! layout, where tests/house and tests/it/examples.rs find it.
+//! A null outside of brackets omits the whole line. A misspelled path is printed unchanged, so that
+//! tests/house and tests/it/examples.rs detect it.
 //!
 //! `*path line` prints a line for each item of a list. Paths are looked up in the item first, and
-//! `#` is its index. `|path|head` prints a [`table`] of a list, with the cells of a row in the next
-//! line. An empty line is printed only between two parts that have lines.
+//! `#` stands for its index. `|path|head` prints a [`table`] of a list, and the next line of the
+//! layout gives the cells of a row. An empty line is printed only between two parts that are not
+//! empty.
 
 use serde_json::{Value, json};
 
-/// Most columns of tables and messages.
+/// Maximum width of tables and messages, in columns.
 const WIDTH: usize = 80;
 
-/// Columns of a line's name.
+/// Width of a line's name, in columns.
 const NAME_WIDTH: usize = 10;
 
 static NULL: Value = Value::Null;
 
-/// The text of a layout: a value is looked up in the last scope that has it.
+/// Returns the text of a layout. Each value is looked up in the last scope that contains it.
 pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
-    // Each line of the layout gives a part, which may be empty.
+    // Each line of the layout produces a part, which may be empty.
     let (mut text, mut is_apart) = (String::new(), false);
     let mut lines = layout.lines();
     while let Some(line) = lines.next() {
@@ -58,12 +61,13 @@ pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
     if layout.ends_with("\n\n") { text + "\n" } else { text }
 }
 
-/// Splits a line that begins with a sign at another sign.
+/// Splits a line that begins with the character `first` at the next character `second`.
 fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// A function's values for the items of a list, unless no scope has the list.
+/// Returns the results of a function for the items of a list, or `None` if no scope contains the
+/// list.
 fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Option<Vec<T>> {
     let items = value(path, scopes)?.as_array().into_iter().flatten().enumerate();
     let items = items.map(|(index, value)| {
@@ -73,9 +77,9 @@ fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Opti
     Some(items.collect())
 }
 
-/// A line of a layout with its values, or an empty text if it is left out.
+/// Returns a line of a layout with its values, or an empty text if the line is omitted.
 fn filled(line: &str, scopes: &[&Value]) -> String {
-    // The name ends at the first two spaces, the words begin behind them.
+    // The name ends at the first two spaces, and the words follow.
     let begin = line.find(|c| c != ' ').unwrap_or(0);
     let end = line[begin..].find("  ").map_or(begin, |end| begin + end);
     let (head, words) = line.split_at(end + line[end..].find(|c| c != ' ').unwrap_or(0));
@@ -89,7 +93,7 @@ fn filled(line: &str, scopes: &[&Value]) -> String {
     }
 }
 
-/// A name, and text that is wrapped beside it, or below a name that fills its column.
+/// Returns a name with text wrapped beside it, or below it if the name fills its column.
 fn beside(name: &str, width: usize, text: &str) -> String {
     match name.chars().count() < width.max(1) {
         true => wrapped(&format!("{name:width$}"), text),
@@ -97,12 +101,12 @@ fn beside(name: &str, width: usize, text: &str) -> String {
     }
 }
 
-/// A line: a name, and text beside it.
+/// Returns a line that consists of a name and text beside it.
 pub(super) fn line(name: &str, text: &str) -> String {
     beside(name, NAME_WIDTH, text)
 }
 
-/// A line with its values, unless one is null.
+/// Returns a line with its values, or `None` if one of them is null.
 fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     let (mut text, mut rest) = (String::new(), line);
     while let Some(begin) = rest.find(['{', '[']) {
@@ -118,7 +122,7 @@ fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     Some(text + rest)
 }
 
-/// Returns the text for a path between braces, unless its value is null.
+/// Returns the text for the path between braces, or `None` if its value is null.
 fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
     // `path?yes:no`
     if let Some((path, words)) = figure.split_once('?') {
@@ -132,7 +136,7 @@ fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
         };
         return Some(if is_set { yes } else { no }.to_owned());
     }
-    // `path*factor:digits~missing`, of which all but the path may be missing.
+    // The form is `path*factor:digits~missing`, in which every part except the path is optional.
     let (figure, missing) =
         figure.split_once('~').map_or((figure, None), |(figure, words)| (figure, Some(words)));
     let (path, digits) = figure.split_once(':').unwrap_or((figure, ""));
@@ -156,7 +160,7 @@ fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
     Some(text)
 }
 
-/// A number with digits such as `+.2` or `.3e`.
+/// Formats a number with digits such as `+.2` or `.3e`.
 fn in_digits(number: f64, digits: &str) -> String {
     let (sign, digits) = digits.strip_prefix('+').map_or(("", digits), |digits| ("+", digits));
     let (digits, is_power) = digits.strip_suffix('e').map_or((digits, false), |n| (n, true));
@@ -166,15 +170,15 @@ fn in_digits(number: f64, digits: &str) -> String {
         (None, _) => format!("{number}"),
     };
     match text.strip_prefix('-') {
-        // No minus sign before zero.
+        // A value that rounds to zero gets no minus sign.
         Some(zero) if !zero.contains(|c| matches!(c, '1'..='9')) => sign.to_owned() + zero,
         Some(_) => text,
         None => sign.to_owned() + &text,
     }
 }
 
-/// The value at a path of keys and indices, in the last scope that has it. Below null, and beyond
-/// the end of a list, everything is null.
+/// Returns the value at a path of keys and indices, from the last scope that contains it. Members
+/// of null, and items beyond the end of a list, are null.
 fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
     let index = scopes.iter().rev().find_map(|scope| scope.get("#")?.as_str());
     let step = |value: &'a Value, key: &str| {
@@ -190,15 +194,16 @@ fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
     scopes.rev().find_map(|scope| keys().try_fold(*scope, step))
 }
 
-/// A path that no scope has is printed, because otherwise its line would be missing without notice.
+/// Returns the text for a path that no scope contains. The path is printed, because its line would
+/// otherwise disappear without notice.
 fn unknown(path: &str) -> String {
     format!("{{{path}}}")
 }
 
-/// A table, or nothing without rows. `head` names the columns with their units, the side that cells
-/// are aligned to, and the width: `scene<16|time/s>7`.
+/// Returns a table, or an empty text if there are no rows. `head` gives for each column the name,
+/// the unit, the side to which cells are aligned, and the width, as in `scene<16|time/s>7`.
 pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
-    // `name/unit<width`, with the last < or > of the column.
+    // A column has the form `name/unit<width`, of which the last `<` or `>` is the alignment.
     let columns = head.split('|').map(|column| {
         let side = str::rfind(column, ['<', '>']).expect("a side for each column");
         let width: usize = column[side + 1..].parse().expect("a width for each column");
@@ -208,7 +213,7 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     let columns: Vec<(&str, &str, bool, usize)> = columns.collect();
     let names = columns.iter().map(|(name, ..)| (*name).to_owned()).collect();
     let units: Vec<String> = columns.iter().map(|(_, unit, ..)| (*unit).to_owned()).collect();
-    // If there are units, they have a separate line.
+    // Units, if there are any, have a separate line.
     let has_units = units.iter().any(|unit| !unit.is_empty());
     let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
     let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();
@@ -222,12 +227,12 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     lines.collect()
 }
 
-/// Text after a head, wrapped at 80 columns and indented as far as the head reaches. A command in
-/// backquotes stays on one line, for copying.
+/// Returns text after a head, wrapped at 80 columns and indented to the width of the head. A
+/// command in backquotes is kept on one line, so that it can be copied.
 pub(super) fn wrapped(head: &str, text: &str) -> String {
     let indent = head.chars().count();
     let mut lines = head.to_owned();
-    // Greedy: a word goes on the next line if it does not fit on this one.
+    // Lines are filled greedily: a word moves to the next line if it does not fit on this line.
     for (index, paragraph) in text.lines().enumerate() {
         if index > 0 {
             lines += &format!("\n{:indent$}", "");

@@ -1,4 +1,4 @@
-//! Progress bars of long work, if stderr is a terminal.
+//! Progress bars for long computations, shown only if stderr is a terminal.
 
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 use crate::shoot::Stage;
 
-/// A bar for work that takes longer than [`PATIENCE`].
+/// A progress bar for work that takes longer than [`PATIENCE`].
 #[derive(Debug)]
 pub(super) struct Progress {
     what: &'static str,
@@ -30,9 +30,9 @@ impl Progress {
         }
     }
 
-    /// Shows the fraction of the work that is done, 0 to 1.
+    /// Shows the fraction of the work that is done, from 0 to 1.
     pub(super) fn update(&mut self, done_frac: f64) {
-        // The bar appears late, so that short work does not flash.
+        // The bar appears only after a delay, so that short work does not make it flash.
         if self.bar.is_none() && self.start.elapsed() > PATIENCE {
             let style = ProgressStyle::with_template("{msg:10} {bar:50} {percent:>3} % {eta:>5}");
             let bar = ProgressBar::new(STEPS).with_message(self.what);
@@ -46,7 +46,7 @@ impl Progress {
     }
 }
 
-/// Shows the progress of a shoot. An exposure does not report its progress.
+/// Returns a callback that shows the progress of a shoot. An exposure reports no progress.
 pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
     let shown: Mutex<(Option<Progress>, Option<ProgressBar>)> = Mutex::default();
     move |stage, done| {
@@ -55,7 +55,8 @@ pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
             Stage::Flying => shown.0.get_or_insert_with(|| Progress::new("flying")).update(done),
             Stage::Exposing if done < 1.0 => {
                 let spinner = ProgressBar::new_spinner().with_message("exposing");
-                // Drawn once: the system may refuse a thread that turns it.
+                // The spinner is drawn once here, because the system may refuse the thread that
+                // animates it.
                 spinner.tick();
                 *shown = (None, Some(spinner.with_finish(ProgressFinish::AndClear)));
             }

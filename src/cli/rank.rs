@@ -1,4 +1,4 @@
-//! `noctograph rank`: scenes by the probability that their words are read.
+//! `noctograph rank` orders scenes by the probability that their words are read.
 
 use std::path::PathBuf;
 
@@ -31,30 +31,30 @@ use serde_json::json;
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
     /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned). With --task,
-    /// submissions: files or folders of them
+    /// these are submissions, as files or folders
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
-    /// Grade: each submission, a scene or a few of its keys, flies this scene with the keys that
-    /// --may allows. One that changes others is refused
+    /// Task for grading. Each submission, which is a scene or a few of its keys, flies this scene
+    /// with the keys that --may allows. A submission that changes other keys is refused
     #[arg(long, value_name = "SCENE")]
     task: Option<String>,
-    /// A key that a submission may change, or all of a table (may be repeated). Never one that
-    /// names a file, never the true state [default: controller.*, observer.luenberger.*,
-    /// observer.ekf.*]
+    /// Key, or all keys of a table, that a submission may change (may be repeated). Keys that name
+    /// files or select the true state are never allowed [default: controller.*,
+    /// observer.luenberger.*, observer.ekf.*]
     #[arg(long, value_name = "KEY", requires = "task")]
     may: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
-    /// Fly one part of the flights into the folder of --parts, unless it exists, without ranking:
-    /// part 3 of 20 is 3/20
+    /// Fly only one part of the flights, such as 3/20 for part 3 of 20, into the folder of --parts,
+    /// unless this part exists, and do not rank
     #[arg(long, value_name = "I/N", requires = "parts")]
     shard: Option<String>,
-    /// Folder of shards, whose flights are not flown again
+    /// Folder of the shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
-    /// Also find the smallest letters that are read: N more seeds of each word at each of seven cap
-    /// heights, 4 to 32 % of the scene's, with a narrow lamp. Above a P(read) of 0.96 this ranks,
-    /// and P(read) does not
+    /// Also find the smallest legible letters, with N more seeds of each word at each of seven cap
+    /// heights, 4 to 32 % of the scene's, with a narrow lamp. The heights distinguish controllers
+    /// with a P(read) above 0.96, which P(read) does not distinguish
     #[arg(long, value_name = "N", conflicts_with = "shard")]
     acuity: Option<u32>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png (with --task
@@ -63,15 +63,15 @@ pub(super) struct RankArgs {
     output: PathBuf,
 }
 
-/// Default seeds of a word of a task. Thirty LQRs whose mean P(read) of TEA runs from 0.68 to 0.96
-/// take eight places with 100 seeds, two with 20.
+/// Default number of seeds per word of a task. Thirty LQRs whose mean P(read) of TEA ranges from
+/// 0.68 to 0.96 occupy eight places with 100 seeds, but only two with 20.
 const GRADED_SEEDS: u32 = 100;
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
     let (contenders, unranked) = args.contenders(&conditions)?;
-    // A study may have no contender. Then all submissions were refused, and the ranking lists them.
+    // A study has no contender if all submissions were refused. The ranking then only lists them.
     let least = least_flights(contenders.len());
     let usual = if args.task.is_some() { GRADED_SEEDS } else { 50 };
     let (words, seed) = (args.study.words(usual)?, args.study.seed);
@@ -87,19 +87,20 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
         message(
             "note: ",
             &format!(
-                "{n} {of_each} {each} times each; at least {least} tell two apart; {refused} {are} \
-                 refused"
+                "{n} {of_each} {each} times each; at least {least} are needed to distinguish two; \
+                 {refused} {are} refused"
             ),
         );
     }
-    // A shard flies its part and ends here.
+    // A shard flies only its part of the flights, without a ranking.
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
         let (path, flights) = shard.fly(&study, parts, &bar)?;
         let report = Report::with_layout(json!({ "flights": flights }), "flights   {flights}");
         return Ok(report.with_files(&[path]));
     }
-    // Else all flights that no shard and no earlier run has flown are flown, and ranked.
+    // Without a shard, all flights that neither a shard nor an earlier run has flown are flown, and
+    // the scenes are ranked.
     let ready = study.prepare()?;
     let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;
     let mut store = open_store(&args.output)?;
@@ -132,22 +133,22 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     Ok(report.passes(ranking.unranked.is_empty()))
 }
 
-/// The chart of photographs of smaller and smaller letters.
+/// Name of the chart of photographs with decreasing heights of the letters.
 const ACUITY: &str = "acuity.png";
 
 impl RankArgs {
-    /// The study on each rung of the ladder of --acuity, or none.
+    /// Returns the study on each rung of the ladder of --acuity, or none without this flag.
     fn ladder(&self, study: &Study) -> Result<Vec<Study>> {
         let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
             return Ok(Vec::new());
         };
-        // Every rung has the same words at another height.
+        // Every rung has the same words at a different height.
         let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
         let ladder = Study { words, ..study.clone() }.ladder();
         ladder.iter().try_for_each(Study::check).map(|()| ladder)
     }
 
-    /// The accepted scenes or submissions, and the refused submissions.
+    /// Returns the accepted scenes or submissions, and the refused submissions.
     fn contenders(&self, conditions: &Conditions) -> Result<(Vec<NamedScene>, Vec<Unranked>)> {
         let scene = |named: &String| self.study.scene(named, conditions);
         let Some(task) = &self.task else {
@@ -155,7 +156,7 @@ impl RankArgs {
         };
         let mut task = scene(task)?.scene;
         task.settle_files()?;
-        // The task is read whole before any submission is looked at.
+        // The task is read completely before any submission is examined.
         let read = submissions(&SceneTask::new(task, &self.may)?, &self.scenes)?;
         warn(read.passed_over);
         Ok((read.scenes, read.refused))

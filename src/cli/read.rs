@@ -1,4 +1,4 @@
-//! `noctograph read`: recognizes the word in a photograph without knowing it.
+//! `noctograph read` recognizes the word in a photograph without knowing it.
 
 use std::path::PathBuf;
 
@@ -17,10 +17,10 @@ use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {
-    /// Photo to read: PNG or JPEG, a render or a camera's
+    /// Photo to read (PNG or JPEG), a render or a picture from a camera
     photo: PathBuf,
-    /// Corners of the line in the photo, clockwise from the upper left, in pixels: for a photo
-    /// taken at an angle
+    /// Corners of the line of writing in the photo, in pixels, clockwise from the upper left, for a
+    /// photo taken at an angle
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
     #[command(flatten)]
@@ -50,23 +50,24 @@ const LAYOUT: &str = "\
 ";
 
 /// Reads a photo, rotated until its writing, or `word` if one is given, is upright. Returns the
-/// rotated photo and the reading. A note names mirrored writing, which is flipped without a word.
+/// rotated photo and the reading. Prints a note on mirrored writing, which is flipped if no word is
+/// given.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_edge(&photo) {
-        message("note: ", "the photo's border is bright: cut it off, or invert dark writing");
+        message("note: ", "the photo's border is bright: crop it, or invert dark writing");
     }
-    // Smaller writing, such as a credit, is named and ignored.
+    // Smaller writing, such as a photographer's credit, is mentioned in a note and ignored.
     let (reading, quarters) = read_any_way_up(&photo, word);
     if !reading.smaller.is_empty() {
         let text = reading.smaller.replace('\n', " ");
-        message("note: ", &format!("smaller writing is passed over: {text}"));
+        message("note: ", &format!("smaller writing is ignored: {text}"));
     }
     if quarters == 0 {
         let mirrored_reading = read_mirrored(&photo, &reading, word);
         let Some((flipped, turns)) = mirrored_reading else { return (photo, reading) };
         let text = flipped.text.replace('\n', " ");
         message("note: ", &format!("the writing is mirrored: flipped, it reads {text}"));
-        // With a word, the photo is judged as it is.
+        // If a word is given, the photo is judged without flipping it.
         return if word.is_empty() {
             (quarter_turned(&mirrored(&photo), turns), flipped)
         } else {
@@ -75,13 +76,12 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     }
     let way_up = ["on its side", "upside down", "on its side"][quarters - 1];
     let angle_deg = 90 * quarters;
-    let text =
-        format!("the writing stands {way_up}: the photo is turned clockwise by {angle_deg}°");
+    let text = format!("the writing is {way_up}: the photo is turned clockwise by {angle_deg}°");
     message("note: ", &text);
     (quarter_turned(&photo, quarters), reading)
 }
 
-/// Rectifies the photo's line of writing, if corners or a camera are given.
+/// Rectifies the photo's line of writing if corners or a camera are given.
 fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Result<Photo> {
     if let Some(Corners(corners_px)) = corners {
         return View::rectified_by_corners(&photo, *corners_px);
@@ -89,7 +89,7 @@ fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Re
     if !flags.is_given() {
         return Ok(photo);
     }
-    // A fixed camera needs no bounds of a word.
+    // The scene needs no word, because a fixed camera does not depend on the bounds of a word.
     let mut scene = flags.scene()?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     let fixed = matches!(scene.camera.framing, Framing::Fixed(_)) && !scene.has_strokes();

@@ -1,4 +1,4 @@
-//! `noctograph report`: a verb's output folder as one page.
+//! `noctograph report` shows a verb's output folder as one page.
 
 use std::path::{Path, PathBuf};
 
@@ -20,22 +20,22 @@ use serde_json::{Value, json};
 pub(super) struct ReportArgs {
     /// Output folder of a verb
     folder: PathBuf,
-    /// Page (HTML)
+    /// Page to write (HTML)
     #[arg(short, long, value_name = "FILE", default_value = "noctograph-report.html")]
     output: PathBuf,
 }
 
-/// Largest drawing and table.
+/// Limit on the size of a drawing or a table.
 const LIMIT: Limit =
     Limit { bytes: 8 << 20, what: "a drawing or table", hint: "take it out of the folder" };
-/// Most files that a page shows, and most rows of a table.
+/// Maximum number of files in a page, followed by the maximum number of rows of a table.
 const MAX_FILES: usize = 40;
 const MAX_ROWS: usize = 60;
-/// A table with more columns and fewer rows is transposed.
+/// Number of columns from which a table with fewer rows than columns is transposed.
 const MAX_COLUMNS: usize = 8;
-/// Largest table that a page shows. Flights are larger.
+/// Size in bytes of the largest table that a page shows. Tables of flights are larger.
 const MAX_TABLE_BYTES: u64 = 200_000;
-/// Longest side of a photo in the page, and its JPEG quality.
+/// Longest side of a photo in the page in pixels, followed by its JPEG quality.
 const MAX_PX: u32 = 1920;
 const QUALITY: u8 = 82;
 
@@ -43,9 +43,9 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
     let title = name(std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
-    // Files that the page does not show are named.
+    // The page and the report list the files that are not shown.
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
-    // Photos first, then drawings, settings and tables.
+    // Photos come first, followed by drawings, settings and tables.
     fn rank(path: &&PathBuf) -> Option<usize> {
         let order = ["png", "svg", "toml", "csv"];
         order.iter().position(|end| *end == ending(path))
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let others = entries_in(&args.folder)?;
     let others = others.iter().filter(|path| !files.contains(path) || !shows(path)).map(name);
     let others: Vec<String> = others.collect();
-    // The page has room for a limited number of files.
+    // The number of files in a page is limited.
     let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
     files.sort_by_key(rank);
     let n_more = files.len().saturating_sub(MAX_FILES);
@@ -93,7 +93,7 @@ fn shows(path: &Path) -> bool {
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
     match &*ending(path) {
         "png" | "svg" => true,
-        // Tables of flights and time series are omitted.
+        // Large tables and time series, such as flights, are not shown.
         "csv" => {
             let is_over_time = |table: Vec<u8>| table.starts_with(b"time_s");
             name(path) != "flights.csv" && small() && !LIMIT.read(path).is_ok_and(is_over_time)
@@ -103,7 +103,8 @@ fn shows(path: &Path) -> bool {
     }
 }
 
-/// Returns the verdict on the folder's photo as a sentence, or an empty text.
+/// Returns the verdict on the folder's photo as a sentence, or an empty text if there is no
+/// verdict.
 fn lead(files: &[PathBuf]) -> Result<String> {
     let Some(path) = files.iter().find(|path| name(path).eq_ignore_ascii_case("verdict.json"))
     else {
@@ -142,7 +143,7 @@ fn table(page: Page, path: &Path) -> Result<Page> {
     fn cells(row: &csv::ByteRecord) -> Vec<String> {
         row.iter().map(|cell| shortened(&String::from_utf8_lossy(cell))).collect()
     }
-    // Only the first rows are kept, and the others counted.
+    // Only the first rows are kept, and the remaining rows are counted.
     let head = cells(reader.byte_headers().map_err(broken)?);
     let (mut rows, mut left_out) = (Vec::new(), 0);
     for row in reader.byte_records() {
@@ -150,7 +151,7 @@ fn table(page: Page, path: &Path) -> Result<Page> {
         if rows.len() < MAX_ROWS { rows.push(cells(&row)) } else { left_out += 1 }
     }
     if head.len() > MAX_COLUMNS && rows.len() < MAX_COLUMNS {
-        // The table is transposed, as it is wider than high.
+        // The table is transposed, because it has more columns than rows.
         let cells = |i| {
             let lines = std::iter::once(&head).chain(&rows);
             lines.map(|row| row.get(i).cloned().unwrap_or_default()).collect()
@@ -162,7 +163,7 @@ fn table(page: Page, path: &Path) -> Result<Page> {
     Ok(if left_out > 0 { page.text(&format!("and {left_out} rows more")) } else { page })
 }
 
-/// A number with four digits behind the point, or as it is.
+/// Returns a number rounded to four decimals, or any other cell unchanged.
 fn shortened(cell: &str) -> String {
     match cell.parse::<f64>() {
         Ok(number) if cell.len() > 7 && number.abs() >= 1e-3 => format!("{number:.4}"),

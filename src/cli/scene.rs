@@ -1,4 +1,4 @@
-//! `noctograph scene`: a complete scene file with comments.
+//! `noctograph scene` writes a complete scene file with comments.
 
 use std::path::{Path, PathBuf};
 
@@ -12,12 +12,12 @@ use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {
-    /// Word to put into it
+    /// Word of the scene
     word: Option<String>,
     /// The word, even if a file has this name
     #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
     as_word: Option<String>,
-    /// Preset to start from, as --scene
+    /// Preset to start from, like --scene
     #[arg(long, value_name = "NAME", conflicts_with = "scene")]
     preset: Option<String>,
     #[command(flatten)]
@@ -37,7 +37,8 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
         word.clone_into(&mut scene.word);
     }
     let Some(path) = &args.output else {
-        // A shell that redirects this most likely does so into the present folder.
+        // Paths are relative to the current folder, into which a shell most likely redirects this
+        // output.
         let files = scene.in_folder(Path::new(""), "")?;
         let toml = if files.copies.is_empty() { files.toml } else { scene.to_toml() };
         return Ok(Report::new(toml, &scene));

@@ -1,4 +1,4 @@
-//! `noctograph score`: is the word in a photograph legible?
+//! `noctograph score` judges whether the word in a photograph is legible.
 
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ use clap::Args;
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
-    /// Photo to judge: PNG or JPEG, a render or a camera's
+    /// Photo to judge (PNG or JPEG), a render or a picture from a camera
     photo: PathBuf,
     /// Expected word [default: the scene's]
     word: Option<String>,
@@ -41,16 +41,16 @@ pub(super) struct ScoreArgs {
     /// camera
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", allow_hyphen_values = true, conflicts_with_all = ["camera", "camera_from"])]
     corners: Option<Corners>,
-    /// Plan that was flown: refused unless it writes the word
+    /// Plan that was flown, which is refused unless it writes the word
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
-    /// Flights or logs that the photo shows: give speed, lag and contour error
+    /// Flights or logs that the photo shows, which provide speed, lag and contour error
     #[arg(long, value_name = "FILE", num_args = 1..)]
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
     /// Open the font or drawing that the photo's scene names, relative to the photo's folder. The
-    /// author of the photo chose the name
+    /// author of the photo chose this name
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones (pink),
@@ -64,8 +64,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let output = args.output.as_deref().map(Output::create).transpose()?;
     let (mut photo, notes) = photo::read_with_notes(&args.photo)?;
 
-    // The scene is the named one, or the one in the photo, whose files are opened only with
-    // --trust.
+    // The scene is the one named by --scene, or else the one in the photo, whose files are opened
+    // only with --trust.
     let inside = photo.scene_toml.clone().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
@@ -78,14 +78,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     })?;
     let foreign = foreign_file(args, &scene).filter(|_| inside.is_some());
     args.camera.apply(&mut scene)?;
-    // Without a camera the photo is rotated until its writing is upright.
+    // If no camera is given, the photo is rotated until its writing is upright.
     let mut reading = None;
     if !has_camera && args.corners.is_none() {
         let upright = read_upright(photo, word.unwrap_or_default());
         (photo, reading) = (upright.0, Some(upright.1));
     }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
-    // The camera framed the word that was flown, even if another word is searched for.
+    // The camera framed the word that was flown, even if the photo is judged for another word.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     if let Some(flown) = flown.as_ref().filter(|_| foreign.is_some()) {
         check_strokes(flown, notes.strokes_sha256.as_deref(), file)?;
@@ -103,7 +103,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
             .map_err(|error| error.in_file(path.display(), None))?;
     }
 
-    // The word is at the given corners, at the detected writing, or where the camera framed it.
+    // The word is located by the given corners, by the detected writing, or by the camera's
+    // framing.
     let located = match (&args.corners, &reading) {
         (Some(Corners(corners_px)), _) => {
             let size_px = [photo.width_px, photo.height_px];
@@ -126,7 +127,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     FLIGHTS.check_all(&args.flight)?;
     for path in &args.flight {
         let mut flight = args.flights.read(path, Some(&scene))?;
-        // Lights are inferred as `expose` does it.
+        // Lights are inferred in the same way as in `expose`.
         infer_lights_if_dark(&mut flight, &mut scene, path)?.into_iter().for_each(note);
         flights.push(flight);
     }
@@ -147,16 +148,17 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     }
     let json = show::verdict_json(Some(&verdict), flight_sha256(&flights));
     let mut report = Report::new(show::verdict_table(&verdict), json);
-    // The scene in a photo is of unknown origin, so it is not flown here.
+    // The scene in a photo is of unknown origin, so that `score` does not simulate it.
     if inside.is_some() && !verdict.legible {
         let again = format!("`noctograph preview --scene {}`", shell_word(&args.photo));
-        let text = format!("{again} flies its scene again, and names settings that help");
+        let text = format!("{again} simulates its scene again, and suggests settings that help");
         report.line("settings", &text);
     }
     Ok(report.with_files(&files).passes(verdict.legible))
 }
 
-/// Refuses a font or drawing whose digest differs from the photo's, if that has one.
+/// Refuses a font or drawing whose digest differs from the digest in the photo, if the photo has
+/// one.
 fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Result<()> {
     let Some(digest) = of_photo.filter(|digest| strokes.sha256() != **digest) else {
         return Ok(());
@@ -166,22 +168,22 @@ fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Res
     Err(Error::input(file, actual, format!("the strokes of digest {digest}"), hint))
 }
 
-/// Returns the first key of the photo's scene that names a file, if it was not typed.
+/// Returns the first key of the photo's scene that names a file and was not typed.
 fn foreign_file(args: &ScoreArgs, scene: &Scene) -> Option<&'static str> {
     scene.letters.files().map(|(key, _)| key).find(|key| !args.scene.sets(key))
 }
 
-/// Refuses the scene in a photo if it names a font or a drawing. Drops its background, which is not
-/// needed.
+/// Refuses the scene in a photo if the scene names a font or a drawing. Removes the scene's
+/// background, which a verdict does not need.
 fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     scene.photo.background.clear();
     let Some(key) = foreign_file(args, scene) else { return Ok(()) };
-    let hint = "name the scene yourself, or trust the photo's if you know who made it";
-    let wanted = "a font that comes with the program: a photo may name any file";
+    let hint = "pass a scene with --scene, or trust the photo's scene if you know who made it";
+    let wanted = "a font that comes with the program, because a photo may name any file";
     Err(Error::input(key, "the path of a file", wanted, hint).in_file(file, None))
 }
 
-/// Refuses flights that the photo does not show, by the digests in the photo, if it has any.
+/// Refuses flights whose digests are not among those in the photo, if the photo has any.
 fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> Result<()> {
     let Some(shown) = shown else { return Ok(()) };
     for (flight, path) in flights.iter().zip(&args.flight) {
@@ -196,12 +198,12 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
     Ok(())
 }
 
-/// Locates the word by its light, in a photo without a camera. Prints a note.
+/// Locates the word by its light in a photo without a camera, and prints a note.
 fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let view = find_word(photo, reading, strokes);
     let text = match view {
         Some(_) => "no camera is given: the word is located by its light",
-        None => "no camera is given and no writing found: the default camera is assumed",
+        None => "no camera is given and no writing was found: the default camera is assumed",
     };
     message("note: ", text);
     Ok(view)

@@ -1,4 +1,4 @@
-//! `noctograph serve`: a page that photographs a word while one types or draws it.
+//! `noctograph serve` serves a page that photographs a word while somebody types or draws it.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -23,33 +23,34 @@ use serde_json::{Value, json};
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
-    /// Scene that the page begins with
+    /// Scene from which the page starts
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
-    /// Port, or 0 for that of the gallery's address, or one that is free
+    /// Port, or 0 for the port of the gallery's address or else a free port
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
-    /// Folder that keeps the address and what visitors send [default: until the program ends]
+    /// Folder that stores the address and the visitors' entries [default: kept only until the
+    /// program ends]
     #[arg(long, value_name = "DIR")]
     gallery: Option<PathBuf>,
-    /// Serve the local network too: whoever has the address may write, draw and send
+    /// Also serve the local network. Whoever has the address may write, draw and send
     #[arg(long)]
     network: bool,
-    /// Print the page for a screen in a hall: no settings, no downloads, back to the start after a
-    /// minute
+    /// Print the address of the page for a screen in a hall, without settings and downloads, which
+    /// returns to the start after a minute
     #[arg(long)]
     kiosk: bool,
-    /// Show on the wall what nobody has approved yet
+    /// Show entries on the wall before they are approved
     #[arg(long)]
     open_wall: bool,
-    /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
+    /// Folder with the host's title and sentences (brand.toml) and logo (logo.svg)
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// Folder with the scripts that fly and their logs: the wall shows the light as it is written
+    /// Folder of the scripts that fly and of their logs, whose light the wall shows as it is written
     #[arg(long, value_name = "DIR")]
     flights: Option<PathBuf>,
-    /// The page's module, which `src/photo_service/build` writes: visitors' browsers make their
-    /// photos by it
+    /// WebAssembly module, which `src/photo_service/build` writes, with which visitors' browsers
+    /// make their own photos
     #[arg(long, value_name = "FILE")]
     module: Option<PathBuf>,
     /// Open the page in the browser
@@ -70,17 +71,18 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
 }
 
 fn serve(args: &ServeArgs, program: Program) -> Result<()> {
-    // The page begins with this scene, and each visitor changes a copy of it.
+    // The page starts from this scene, and each visitor changes a copy of it.
     let named = args.scene.as_deref().unwrap_or(Preset::default().name());
     let mut scene = Scene::find(named, &[])?.scene;
-    // A scene that cannot be flown is refused now, not at each visitor's photo. A typeface of
-    // another script may lack this letter.
+    // A test word detects a scene that cannot be flown here instead of at each visitor's photo. A
+    // typeface of another script may lack this letter.
     scene.set_word("A");
     match Shoot::new(scene.clone()) {
         Ok(_) | Err(Error::Letter { .. }) => {}
         Err(error) => return Err(error),
     }
-    // Browsers cannot read files of this machine, so a scene with files makes all photos here.
+    // Browsers cannot read files of this machine, so that all photos of a scene with files are made
+    // here.
     let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {
@@ -96,7 +98,8 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         flights: args.flights.clone(),
     };
     if args.module.is_some() && !is_whole {
-        warn(["the scene has files of this machine: photos are made here, not by --module"]);
+        warn(["the scene uses files of this machine, so that photos are made here and not by \
+             --module"]);
     }
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses, has_room))
 }
@@ -110,12 +113,12 @@ fn parsed_command_line() -> Option<CommandLine> {
 fn worker() -> std::io::Result<Command> {
     let mut command = program()?;
     command.args(["serve", "--worker"]);
-    // The Python package starts workers with another command.
+    // The Python package starts its workers with a different command line.
     let Some(CommandLine { verb: Verb::Serve(args), .. }) = parsed_command_line() else {
         return Ok(command);
     };
-    // The path is made absolute, as the worker may run in another folder. A name that is not a path
-    // names a preset.
+    // The path of the scene is made absolute, because the worker may run in another folder. A name
+    // that is not an existing path is that of a preset.
     if let Some(scene) = args.scene {
         let path = std::path::absolute(&scene)?;
         command.arg("--scene").arg(if path.exists() { path.into() } else { OsString::from(scene) });
@@ -128,7 +131,7 @@ fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
     Ok(remedies.filter_map(|remedy| Suggestion::new(remedy.changes, remedy.gain)).collect())
 }
 
-/// Prints the addresses, and opens the page if asked to.
+/// Prints the addresses, and opens the page in a browser if `--open` is given.
 fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<()> {
     let page = if args.kiosk { &addresses.kiosk } else { &addresses.visitors };
     match parsed_command_line().is_some_and(|typed| typed.json) {
@@ -150,7 +153,7 @@ fn object(page: &str, addresses: &Addresses) -> Value {
 
 /// Returns the addresses as text.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
-    // The address for the network comes with a line on what it allows.
+    // The address for the network is followed by a line on what it allows.
     let mut text = line("page", page);
     if args.network && addresses.network.is_none() {
         text += &line("network", "none: connect this machine to one, and start again");
@@ -174,13 +177,14 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
     if let Some([visitors, kiosk]) =
         addresses.network.as_ref().filter(|_| std::io::stdout().is_terminal())
     {
-        // The code is for the cameras of tablets. Phones scan the one on the wall.
+        // The printed QR code is meant for the cameras of tablets. Phones scan the code on the
+        // wall.
         text += &printed_code(if args.kiosk { kiosk } else { visitors });
     }
     text
 }
 
-/// Opens an address in the browser of the desktop.
+/// Opens an address in the default browser of the desktop.
 fn open(address: &str) {
     let opener = match std::env::consts::OS {
         "macos" => "open",

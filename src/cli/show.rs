@@ -1,4 +1,4 @@
-//! Tables and JSON of several verbs.
+//! Tables and JSON objects that several verbs use.
 
 use super::outcome::Report;
 use super::printer::print;
@@ -12,9 +12,9 @@ use crate::shoot::Shot;
 use crate::tracking::{Part, Tracking, track};
 use serde_json::{Value, json};
 
-/// Writes the verdict: lines for the word, a row for each letter, advice.
+/// Returns the text of a verdict: lines for the word, a row for each letter, and advice.
 pub fn verdict_table(verdict: &Verdict) -> String {
-    // The second opinion is a reading without knowledge of the word.
+    // The second opinion is the reading without knowledge of the word, shown if it is not empty.
     let second = verdict.second_opinion.as_deref().filter(|text| !text.is_empty());
     let words = json!({
         "sentence": verdict_sentence(verdict),
@@ -45,7 +45,7 @@ pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
 
-/// Writes a word, its reading and the verdict as one sentence.
+/// Returns a word, its reading and the verdict as one sentence.
 pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> String {
     let [word, read] = words.map(in_one_line);
     let legible = if legible { "legible" } else { "NOT legible" };
@@ -58,30 +58,33 @@ fn in_one_line(text: &str) -> String {
 
 fn in_words(reason: Reason, verdict: &Verdict) -> String {
     let text = match reason {
-        Reason::NotInPhoto => "the photo does not show the place of the word",
-        Reason::NoLight => "there is no light in the place of the word",
-        Reason::TooSmall => "its letters are smaller than 20 pixels",
-        Reason::OutOfRange => "it is too far from its place, or too large or too small",
+        Reason::NotInPhoto => "the photo does not show the intended place of the word",
+        Reason::NoLight => "there is no light at the intended place of the word",
+        Reason::TooSmall => "the letters are smaller than 20 pixels",
+        Reason::OutOfRange => {
+            "the word is too far from its intended place, or too large or too small"
+        }
         Reason::OtherLength => "the photo shows a word of another length",
         Reason::Misread => match verdict.rival.as_ref().filter(|rival| rival.p > 0.5) {
             Some(rival) => return format!("{} is likelier", in_one_line(&rival.word)),
-            None => "a letter looks like another letter, or like none",
+            None => "a letter looks like a different letter, or like no letter",
         },
         Reason::Unsure => {
-            "each letter is the likeliest in its place, but the readability is too low"
+            "each letter is the likeliest at its place, but the readability is too low"
         }
     };
     text.to_owned()
 }
 
-/// Reports the strokes of a drawing, and those omitted by `letters.detail`. Empty for a word.
+/// Reports the strokes of a drawing, and the strokes omitted by `letters.detail`. The report is
+/// empty for a word.
 pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
     let Some(strokes) = strokes.filter(|strokes| strokes.font.is_none()) else {
         return Report::with_layout(json!({}), "");
     };
     let left_out =
         json!({ "strokes": strokes.left_out.strokes, "share": strokes.left_out.length_fraction });
-    // The text names omitted strokes only if there are any.
+    // The text mentions omitted strokes only if there are any.
     let mut drawing = json!({
         "strokes": strokes.n_strokes(), "length_m": strokes.length_m(), "left_out": left_out,
     });
@@ -95,9 +98,10 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
     Report::with_words(json!({ "drawing": drawing }), &words, layout)
 }
 
-/// Reports a flight: its duration, its tracking error over the letters, or in the air if there are
-/// none, final values of the simulator's columns, and its digest. The tracking error is null if the
-/// drone never left the floor. `known` is the tracking if it has been computed already.
+/// Reports the duration of a flight, its tracking error over the letters (or in the air if there
+/// are no letters), the final values of the simulator's columns, and its digest. The tracking error
+/// is null if the drone never left the floor. `known` is the tracking error if it has already been
+/// computed.
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
     let (mut figures, mut words) = match &tracking {
@@ -118,7 +122,7 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
             )
         }
     };
-    // A flight has a separate clock, so its duration counts from its first sample.
+    // The duration is measured from the first sample, because each flight has its own clock.
     let begins_s = flight.samples.first().map_or(0.0, |first| first.time_s);
     let lasts_s = flight.samples.last().map_or(0.0, |last| on_grid(last.time_s - begins_s));
     figures["duration_s"] = lasts_s.into();
@@ -128,14 +132,14 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
         }
     }
     figures["sha256"] = sha256.into();
-    // Not every flight has these figures. The layout omits those that are null.
+    // Figures that a flight does not have are set to null, so that the layout omits them.
     for key in ["rmse_after_lag_m", "least_cap_height_m", BATTERY_V, ENERGY_J] {
         words[key] = json!(figures.get(key));
     }
     Report::with_words(figures, &words, FLIGHT)
 }
 
-/// A lag below this, 4 mm of a stroke, is called a lead.
+/// Lag, in s, below which it is called a lead, which corresponds to 4 mm of a stroke.
 pub(super) const LEAD_S: f64 = -0.02;
 
 const FLIGHT: &str = "\
@@ -147,7 +151,7 @@ battery   {battery_v:.2} V at the end, {energy_j:.0} J used
 digest    {sha256}
 ";
 
-/// Reports aperture and sensitivity, with the meter's readings if it set them.
+/// Reports the aperture and the ISO, with the light meter's readings if the meter set them.
 pub(super) fn camera(shot: &Shot) -> Report {
     let Camera { f_number, iso, .. } = shot.camera;
     let why = "so that a long exposure leaves the room dark";
@@ -178,8 +182,8 @@ pub(super) fn tracking_json(tracking: &Tracking) -> Value {
     json
 }
 
-/// Converts a verdict to JSON, as in verdict.json (docs/reference/verdict.md). A drawing has no
-/// verdict and none of its keys.
+/// Converts a verdict to JSON, as in verdict.json (docs/reference/verdict.md). For a drawing, which
+/// has no verdict, the keys of a verdict are missing.
 pub(super) fn verdict_json(verdict: Option<&Verdict>, flight_sha256: Option<String>) -> Value {
     let mut json = serde_json::to_value(verdict).expect("a verdict is plain data");
     json["flight_sha256"] = flight_sha256.into();

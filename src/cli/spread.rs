@@ -1,4 +1,4 @@
-//! The ensemble of a preview: many flights under conditions, their photos and bands.
+//! The ensemble of a preview: many flights under varied conditions, their photos and their bands.
 
 use super::outcome::Report;
 use super::output::OutputFolder;
@@ -15,12 +15,13 @@ use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct SpreadFlags {
-    /// Fly N more times under --conditions: the band that holds 90 % of the flights (of fewer than
-    /// 19, all of them), and the photos with their verdicts (spread.svg, spread-xz.svg, spread.png)
+    /// Fly N more times under --conditions, and draw the band that contains 90 % of the flights
+    /// (all of them if they are fewer than 19), and the photos with their verdicts (spread.svg,
+    /// spread-xz.svg, spread.png)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000))]
     spread: Option<u16>,
-    /// How the flights of --spread differ: room (the scene's drone, another room and evening),
-    /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
+    /// How the flights of --spread vary: room (the scene's drone in varied rooms and evenings),
+    /// drone (also varied drones of its make), evening (like room, with faults of radio, heading,
     /// propeller and battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room", requires = "spread")]
     conditions: String,
@@ -29,24 +30,24 @@ pub(super) struct SpreadFlags {
 /// Results that a spread adds to a preview.
 pub(super) struct Shown {
     pub(super) report: Report,
-    /// The band, from the front and over time (SVG).
+    /// Drawings (SVG) of the band from the front and over time.
     pub(super) drawings: Vec<String>,
 }
 
 impl SpreadFlags {
-    /// Reads the conditions, before the long work.
+    /// Reads the conditions. Callers do this before the long computation, because it may fail.
     pub(super) fn conditions(&self) -> Result<Conditions> {
         Conditions::find(&self.conditions)
     }
 
-    /// Flies the spread of a shoot, if one is asked for, and writes its pictures.
+    /// Simulates the spread of a shoot if `--spread` is given, and writes its pictures.
     pub(super) fn run(
         &self,
         shoot: &Shoot,
         conditions: &Conditions,
         folder: &mut OutputFolder,
     ) -> Result<Option<Shown>> {
-        // Pictures: the bands from the front and over time, and the photos of all flights.
+        // The pictures show the bands from the front and over time, and the photos of all flights.
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
@@ -79,7 +80,7 @@ impl SpreadFlags {
 }
 
 fn described(spread: &Spread, title: &str) -> Report {
-    // A flight that lost its drone has no photo. A drawing has no verdict.
+    // There is no photo of a flight that lost its drone, and no verdict on a drawing.
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
         Err(lost) => json!({ "seed": seed, "lost": lost }),
         Ok(shot) => {
@@ -92,7 +93,7 @@ fn described(spread: &Spread, title: &str) -> Report {
         }
     });
     let flights: Vec<Value> = flights.collect();
-    // Lost flights are counted separately, not in the quantiles.
+    // Lost flights are counted separately and excluded from the quantiles.
     let mut readability: Vec<f64> =
         flights.iter().filter_map(|flight| flight["readability"].as_f64()).collect();
     readability.sort_by(f64::total_cmp);
@@ -116,7 +117,7 @@ spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, medi
 *bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
 ";
 
-/// Describes how many flights a band holds.
+/// Returns a phrase for the fraction of flights that a band contains.
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
     match band.holds_frac() < BAND_FRAC {

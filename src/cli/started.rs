@@ -1,4 +1,4 @@
-//! How this process was started: as the program, or by the Python package.
+//! Records how this process was started, as the program or by the Python package.
 
 use std::ffi::OsString;
 use std::process::Command;
@@ -7,13 +7,13 @@ use std::sync::OnceLock;
 static PROGRAM: OnceLock<Vec<OsString>> = OnceLock::new();
 static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
 
-/// Sets the command that starts this program again, if it is not the file of this process: an
-/// interpreter with its arguments.
+/// Sets the command that starts this program again, if it is not the executable of this process but
+/// an interpreter with arguments.
 pub fn starts_as(program: Vec<OsString>) {
     let _ = PROGRAM.set(program);
 }
 
-/// Sets the arguments that were typed, if they are not those of this process.
+/// Sets the arguments that were typed, if they differ from those of this process.
 pub fn typed_as(words: Vec<OsString>) {
     let _ = WORDS.set(words);
 }

@@ -1,4 +1,4 @@
-//! Flags and tables of `rank` and `tune`.
+//! Flags and tables of both `rank` and `tune`.
 
 use crate::photo;
 use std::collections::HashSet;
@@ -23,24 +23,25 @@ use clap::Args;
 use noctograph_core::files::{Limit, is_file_name};
 use serde_json::json;
 
-/// Words, seeds and conditions of a study.
+/// Flags for the words, seeds and conditions of a study.
 #[derive(Debug, Args)]
 pub(super) struct StudyFlags {
     #[command(flatten)]
     set: SetFlag,
-    /// Words, some with a number of seeds of their own: NOOR:200,LOG,WAX. Or a file with one on
-    /// each line
+    /// Words, optionally with a number of seeds, such as NOOR:200,LOG,WAX, or a file with one word
+    /// per line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word [default: rank 50, or 100 with --task, tune 6]
+    /// Number of seeds of each word [default: rank 50, or 100 with --task, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
-    /// Seed that all seeds are drawn from. From one of 2^32 and above, nobody finds them by trial
+    /// Seed from which the seeds of all flights are derived. If it is 2^32 or above, nobody can
+    /// find them by trial
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// How flights differ from their scene: room (the scene's drone, another room and evening),
-    /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
-    /// propeller and battery), still (only noise), or a TOML file
+    /// How flights vary: room (the scene's drone in varied rooms and evenings), drone (also varied
+    /// drones of its make), evening (like room, with faults of radio, heading, propeller and
+    /// battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room")]
     conditions: String,
 }
@@ -49,7 +50,7 @@ impl StudyFlags {
     /// Finds a scene, applies `--set`, and warns of keys without effect.
     pub(super) fn scene(&self, named: &str, conditions: &Conditions) -> Result<NamedScene> {
         let named = find_scene(named, &self.set.set)?;
-        // The conditions may add packet loss, with which radio keys have an effect.
+        // If the conditions add packet loss, radio keys have an effect.
         let radio = conditions.draw(&named.scene, 0, 0).sim.radio;
         warn_of_unused_keys(&Scene { radio, ..named.scene.clone() }, &[]);
         Ok(named)
@@ -59,9 +60,10 @@ impl StudyFlags {
         Conditions::find(&self.conditions)
     }
 
-    /// Returns the words with their numbers of seeds, `usual` by default.
+    /// Returns the words with their numbers of seeds, which is `usual` by default.
     pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
-        // The name of an existing file is a list of words. The name of a missing file is an error.
+        // The name of an existing file stands for the list of words in it, and the name of a
+        // missing file is an error.
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
@@ -102,23 +104,28 @@ const LIST: Limit = Limit {
     hint: "split it, or shorten it",
 };
 
-/// Opens the store of flights in a folder. Prints a note if it has some already.
+/// Opens the store of flights in a folder, and prints a note if it already contains flights.
 pub(super) fn open_store(folder: &Path) -> Result<Store> {
     let store = Store::open(folder)?;
     if store.n_known() > 0 {
-        let text = format!("{}: {} flights are there already", folder.display(), store.n_known());
+        let text = format!(
+            "{}: the folder already contains {} flights",
+            folder.display(),
+            store.n_known()
+        );
         message("note: ", &text);
     }
     Ok(store)
 }
 
-/// Opens the folder of a study for the files that are written at its end.
+/// Opens the folder of a study for the files that are written at the end of the study.
 pub(super) fn open_results(folder: &Path, names: &[impl AsRef<Path>]) -> Result<OutputFolder> {
     let results = OutputFolder::create(folder)?;
     results.check_writable(names).map(|()| results)
 }
 
-/// Returns a progress bar as a function, which any thread may call with the number that is done.
+/// Returns a progress bar as a function, which any thread may call with the number of finished
+/// items.
 pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync {
     let progress = Mutex::new(Progress::new(what));
     move |done| {
@@ -128,9 +135,9 @@ pub(super) fn counter(what: &'static str, total: usize) -> impl Fn(usize) + Sync
     }
 }
 
-/// Files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
+/// Names of the files of a ranking: both tables, the ranking as JSON, and a sheet of photos.
 pub(super) const RANKING: [&str; 4] = ["ranking.csv", "ranking.json", "flights.csv", "photos.png"];
-/// The same, and the marks of submissions.
+/// Names of the files of a ranking of submissions, which include their marks.
 pub(super) const GRADED: [&str; 5] =
     ["marks.csv", "ranking.csv", "ranking.json", "flights.csv", "photos.png"];
 
@@ -164,7 +171,7 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
         "least_flights": ranking.least_flights, "unranked": ranking.unranked,
         "acuity": ranking.acuity,
     });
-    // The text names the first pairs that cannot be told apart.
+    // The text lists the first pairs that cannot be distinguished.
     let n_words = study.words.len();
     let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
     let pairs = &ranking.pairs;
@@ -180,20 +187,20 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let has_lead = flown.any(|flown| flown.lag_s.value < LEAD_S);
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
-    // With --acuity: each scene's smallest legible letters, beside its contour error.
+    // With --acuity, the smallest legible letters of each scene are shown beside its contour error.
     let acuity = ranking.acuity.as_ref();
     let contour = |limit: &HeightLimit| {
         let measures = ranking.measures.iter().find(|it| it.contender == limit.contender)?;
         measures.flown.map(|flown| flown.contour_m.value)
     };
-    let limit = |limit: &HeightLimit| {
+    let limit_row = |limit: &HeightLimit| {
         json!({
             "name": named(&limit.contender), "contour_m": contour(limit),
             "place": limit.place.map_or("-".into(), |place| place.to_string()),
             "height": limit.cap_height_m,
         })
     };
-    let limits = acuity.map(|acuity| acuity.limits.iter().map(limit).collect::<Vec<_>>());
+    let limits = acuity.map(|acuity| acuity.limits.iter().map(limit_row).collect::<Vec<_>>());
     let words = json!({
         "limits": limits,
         "n_ladder": acuity.and_then(|acuity| acuity.limits.first()).map(|limit| limit.n_flights),
@@ -241,17 +248,17 @@ NOT distinguishable ({differ} in P(read), interval for all pairs together):
 
 ";
 
-/// Most pairs that the text names: thirty scenes have 435.
+/// Maximum number of pairs in the text. Thirty scenes have 435 pairs.
 const MOST_PAIRS: usize = 30;
 
-/// Shortens the names of scenes to a column of `width`, so that no two are alike.
+/// Shortens the names of scenes to a column of `width` characters, and keeps them distinct.
 fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
-    // One column stays free as a gap.
+    // One character of the column stays free as a gap.
     let names: Vec<&str> = ranking.measures.iter().map(|m| m.contender.as_str()).collect();
     shortened(&names, width - 1)
 }
 
-/// Shortens names to at most `n` characters: to their ends, with numbers if two ends are equal.
+/// Shortens names to their last `n` characters, with numbers if two shortened names are equal.
 pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     let ends: Vec<String> = names.iter().map(|name| end_of(name, "…", n)).collect();
     if ends.iter().collect::<HashSet<_>>().len() == ends.len() {
@@ -260,7 +267,7 @@ pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     (1..).zip(names).map(|(number, name)| end_of(name, &format!("{number}…"), n)).collect()
 }
 
-/// Returns the name, or `head` and the end of a name of more than `n` characters.
+/// Returns the name, or `head` followed by the end of a name that has more than `n` characters.
 fn end_of(name: &str, head: &str, n: usize) -> String {
     match name.chars().count() {
         all if all <= n => name.to_owned(),

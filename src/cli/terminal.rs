@@ -1,5 +1,5 @@
-//! The terminal: results on stdout, messages on stderr. Warnings are also kept for the JSON object
-//! of the running verb.
+//! Prints results on stdout and messages on stderr. Warnings are also kept for the JSON object of
+//! the running verb.
 
 use std::cell::{Cell, RefCell};
 use std::io::Write;
@@ -7,10 +7,11 @@ use std::io::Write;
 use super::printer::wrapped;
 use crate::error::{Error, Result};
 
-/// Prints a result on stdout. It is not an error if the reader went away, as `head` does.
+/// Prints a result on stdout. A closed pipe is not an error, because programs like `head` stop
+/// reading early.
 pub(super) fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    // Flushed here, as an error on exit would be lost.
+    // Stdout is flushed here, because an error during exit would be lost.
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::write("standard output".as_ref(), source))
@@ -19,13 +20,13 @@ pub(super) fn print_out(text: &str) -> Result<()> {
     }
 }
 
-/// Escapes the control characters of a text.
+/// Escapes the control characters in a text.
 pub(super) fn printable(text: &str) -> String {
     escaped(text, |code| format!("\\u{{{code:x}}}"))
 }
 
-/// Escapes control characters, and characters that change the direction of writing, by `escape`:
-/// names from foreign files must not control a terminal. Line ends and tabs stay.
+/// Escapes control characters, and characters that change the direction of text, by `escape`,
+/// because names from foreign files must not control a terminal. Line ends and tabs are kept.
 pub(super) fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
     let steers = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')
@@ -34,22 +35,22 @@ pub(super) fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
     text.chars().map(|c| if steers(c) { escape(c.into()) } else { c.to_string() }).collect()
 }
 
-/// Prefix of a warning.
+/// Prefix of a warning on stderr.
 const WARNING: &str = "warning: ";
 
 thread_local! {
-    /// Warnings of the running verb.
+    /// Warnings that the running verb has printed so far.
     static WARNED: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
-    /// True if messages are kept and not printed, for a caller that shows them.
+    /// True if messages are kept instead of printed, for a caller that displays them.
     static IS_QUIET: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Returns the warnings so far, and forgets them.
+/// Returns the warnings printed so far, and clears them.
 pub(super) fn take_warnings() -> Vec<String> {
     WARNED.take()
 }
 
-/// Runs work whose messages are kept, not printed.
+/// Runs `work` and keeps its messages instead of printing them.
 pub(super) fn quietly<T>(work: impl FnOnce() -> T) -> T {
     IS_QUIET.set(true);
     let product = work();
@@ -57,7 +58,8 @@ pub(super) fn quietly<T>(work: impl FnOnce() -> T) -> T {
     product
 }
 
-/// Prints a message on stderr within 80 columns. A failure to do so cannot be reported anywhere.
+/// Prints a message on stderr, wrapped at 80 columns. A failure to print is ignored, because it
+/// cannot be reported anywhere.
 pub(super) fn message(head: &str, text: &str) {
     if head == WARNING || IS_QUIET.get() {
         WARNED.with_borrow_mut(|warned| warned.push(text.to_owned()));
@@ -68,7 +70,7 @@ pub(super) fn message(head: &str, text: &str) {
     let _ = std::io::stderr().write_all(wrapped(head, &printable(text)).as_bytes());
 }
 
-/// Prints warnings.
+/// Prints warnings on stderr, and keeps them for the JSON object.
 pub(super) fn warn(warnings: impl IntoIterator<Item: ToString>) {
     warnings.into_iter().for_each(|warning| message(WARNING, &warning.to_string()));
 }

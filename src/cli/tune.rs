@@ -1,4 +1,4 @@
-//! `noctograph tune`: tunes gains, observer and speed of a scene for legible words.
+//! `noctograph tune` tunes gains, observer and speed of a scene for legible words.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -19,7 +19,7 @@ use crate::studies::{
 use clap::Args;
 use serde_json::json;
 
-/// Files that are written once the best scene is found.
+/// Names of the files that are written once the best scene is found.
 const FILES: [&str; 3] = ["scene.toml", "candidates.csv", "pareto.svg"];
 
 #[derive(Debug, Args)]
@@ -38,16 +38,16 @@ pub(super) struct TuneArgs {
     /// Budget: a number of flights, or minutes such as 5min
     #[arg(long, value_name = "N", default_value = "2000")]
     budget: String,
-    /// Key of the scene to turn (may be repeated) [default: the usual keys of its controller]
+    /// Scene key to tune (may be repeated) [default: the usual keys of its controller]
     #[arg(long, value_name = "KEY=...")]
     knob: Vec<String>,
-    /// Longest flight, in seconds [default: that of the scene]
+    /// Longest allowed flight, in seconds [default: that of the scene]
     #[arg(long, value_name = "S")]
     longest: Option<f64>,
-    /// Cap height in meters. Other lengths of the letters are scaled with it
+    /// Cap height in meters. The other lengths of the letters are scaled with it
     #[arg(long, value_name = "M")]
     cap_height: Option<f64>,
-    /// Words that the result is tested on and not trained on
+    /// Words on which the result is tested but not trained
     #[arg(
         long,
         value_name = "WORD,...",
@@ -55,8 +55,9 @@ pub(super) struct TuneArgs {
         default_value = "LOG,WAX,HELLO,QUIZ,SKY"
     )]
     test_words: Vec<String>,
-    /// Seeds of each test word. Training words get four times as many new seeds, at least six. This
-    /// test decides whether the tuned or the original scene is written
+    /// Number of seeds of each test word. Training words get four times as many new seeds, and at
+    /// least six. The test on training words decides whether the tuned or the original scene is
+    /// written
     #[arg(long, value_name = "N", default_value_t = 10)]
     test_seeds: u32,
     /// Folder for scene.toml, candidates.csv, pareto.svg and flights.jsonl
@@ -64,7 +65,7 @@ pub(super) struct TuneArgs {
     output: PathBuf,
 }
 
-/// Parses a budget: a number of flights, or a time.
+/// Parses a budget, which is a number of flights or a time.
 fn budget(text: &str) -> Result<(usize, Option<Duration>)> {
     let budget = match text.strip_suffix("min") {
         Some(minutes) => {
@@ -90,7 +91,8 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     if let Some(longest_s) = args.longest {
         crate::error::within("longest", longest_s, 1.0, 3600.0)?;
     }
-    // The best candidate on the training seeds must also win on four times as many new seeds.
+    // The best candidate on the training seeds also has to win on new seeds, four times as many as
+    // each test word gets.
     let options = TuneOptions {
         knobs: match args.knob.as_slice() {
             [] => Knob::usual(&base.scene),
@@ -107,13 +109,14 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let store = open_store(&args.output)?;
     let mut results = open_results(&args.output, &FILES)?;
 
-    // A budget in minutes is checked by the clock, one in flights by counting.
+    // A budget in minutes is checked against the clock, and a budget in flights by counting
+    // flights.
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
     let mut watch = |n_flights: usize, best: &Candidate| {
         let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            // The first flights show how long the smallest study takes.
+            // The duration of the first flights shows how long the smallest study takes.
             let least_flights = options.least_budget();
             let needed = spent * least_flights as f64 / n_flights as f64;
             if needed > 1.0 {
@@ -146,7 +149,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))
 }
 
-/// Returns comment lines with the origin of the tuned scene, for its top.
+/// Returns comment lines for the top of the tuned scene, which describe its origin.
 fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     let what = if tuned.helped() { "Tuned from" } else { "Nothing better was found than" };
     format!(
@@ -163,7 +166,7 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
 }
 
 fn plot(tuned: &Tuned) -> String {
-    // A candidate that lost every drone has no duration, and is drawn at 0 s.
+    // A candidate that lost every drone has no flight time, and is drawn at 0 s.
     let pace_and_legibility = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
     let (start, candidates) = tuned.candidates.split_first().expect("the scene as it was is one");
     let (within, others): (Vec<_>, Vec<_>) =
@@ -175,8 +178,8 @@ fn plot(tuned: &Tuned) -> String {
     pareto(&within, &others, &front, Some(pace_and_legibility(start)))
 }
 
-/// Reports the Pareto front of time and legibility, the best candidate's changes, and its tests on
-/// new seeds and, in `others`, on new words.
+/// Reports the Pareto front of flight time and P(read), the best candidate's changes, and its tests
+/// on new seeds and, in `others`, on new words.
 pub fn tuning_report(
     options: &TuneOptions,
     tuned: &Tuned,
@@ -187,7 +190,7 @@ pub fn tuning_report(
         "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
         "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
-    // The changes are shown only if the best candidate beat the original scene.
+    // The changes are shown only if the best candidate was better than the original scene.
     let changes = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
         let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
         json!({ "key": key, "before": before, "after": after })
@@ -199,7 +202,8 @@ pub fn tuning_report(
         "kept": (tuned.test.is_some() && !tuned.helped()).then_some("the scene as it was"),
     });
     let mut report = Report::with_words(product, &words, LAYOUT);
-    // The training seeds favor the best candidate, so the tests use new seeds and new words.
+    // The training seeds are biased toward the best candidate, so that the tests use new seeds and
+    // new words.
     let mut tests = Vec::new();
     for (new, test) in [("seeds", tuned.test.as_ref()), ("words and seeds", others)] {
         let Some((study, ranking)) = test else { continue };
@@ -212,20 +216,20 @@ pub fn tuning_report(
 }
 
 const LAYOUT: &str = "\
-tuned     {candidates} candidates ({given_up} given up halfway), {flights} flights
+evaluated {candidates} candidates ({given_up} abandoned early) in {flights} flights
 
 Pareto front of flight time and P(read):
 |front|s>7|P(read)>10|legible/%>9|interval/%>12
 {duration_s:.1}|{legibility:.3}|{legible.value*100:.1}|{legible.low*100:.0} to {legible.high*100:.0}
 
-best      {best}: no candidate did better in the finals than the scene as it was, which scene.toml holds; try a larger budget, other knobs, or wider ranges
+best      {best}: no candidate did better in the finals than the original scene, which scene.toml contains; try a larger budget, other knobs, or wider ranges
 best      not better on new seeds: scene.toml holds {kept}; try a larger budget, other knobs, or wider ranges
 |changes|best candidate<44|before>16|after>16
   {key}|{before}|{after}
 
 ";
 
-/// Formats the value of a scene's key, a number with four digits.
+/// Formats the value of a scene key, with numbers rounded to four digits.
 fn shown(value: &toml::Value) -> String {
     match value.as_float() {
         Some(number) if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) => {
@@ -245,7 +249,7 @@ fn other_words(
     tuned: &Tuned,
     store: &Store,
 ) -> Result<Option<(Study, Ranking)>> {
-    // Training words are not test words.
+    // Words of the training are excluded from the test words.
     let words =
         args.test_words.iter().filter(|word| options.words.iter().all(|(known, _)| known != *word));
     let words: Vec<_> = words.map(|word| (word.clone(), args.test_seeds)).collect();

@@ -1,11 +1,11 @@
-//! Finds a typeface on this machine that has the letters which a font lacks.
+//! Finds a typeface on this machine that contains the letters which a font lacks.
 
 use std::path::{Path, PathBuf};
 
 use crate::letters::has_outline;
 use noctograph_core::files::{Limit, ending, entries_in};
 
-/// Folders of typefaces. `~` is the user's home folder.
+/// Folders that are searched for typefaces. `~` stands for the user's home folder.
 const FOLDERS: &[&str] = if cfg!(windows) {
     &["C:\\Windows\\Fonts", "~\\AppData\\Local\\Microsoft\\Windows\\Fonts"]
 } else if cfg!(target_vendor = "apple") {
@@ -14,17 +14,18 @@ const FOLDERS: &[&str] = if cfg!(windows) {
     &["/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts"]
 };
 
-/// Limits of the search: depth of folders, number of files, bytes of all files together.
+/// Maximum depth of folders, followed by the maximum number of files and of bytes of all files
+/// together.
 const DEEPEST: usize = 5;
 const MAX_FILES: usize = 2000;
 const MAX_BYTES: usize = 1 << 30;
 
-/// Largest file that is read.
+/// Limit on the size of a file that is read.
 const LIMIT: Limit =
     Limit { bytes: 64 << 20, what: "a typeface", hint: "name a smaller font file" };
 
-/// Finds a typeface file on this machine that has all the characters. Upright and light typefaces
-/// come first, as their center lines are nearest to their strokes.
+/// Returns a typeface file on this machine that contains all of the characters. Upright and light
+/// typefaces are preferred, because their center lines are closest to handwritten strokes.
 pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     let home = std::env::home_dir().unwrap_or_default();
     let folders = FOLDERS.iter().map(|folder| match folder.strip_prefix('~') {
@@ -34,24 +35,25 @@ pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     first_with(&folders.collect::<Vec<PathBuf>>(), characters)
 }
 
-/// Finds the first file in the folders that has all the characters, in the order of [`rank`].
+/// Returns the first file in the folders, in the order of [`rank`], that contains all of the
+/// characters.
 fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     let mut files = Vec::new();
     for folder in folders {
         gather(folder, DEEPEST, &mut files);
     }
-    // The files may be gigabytes together, so the best files are read first.
+    // All files together may take gigabytes, so that the best ranked files are read first.
     files.sort_by_cached_key(|path| (rank(path), path.clone()));
     let mut n_bytes = 0;
     files.into_iter().find(|path| {
-        // Unreadable files are skipped, as this is only for a hint.
+        // Unreadable files are skipped, because the result is only used for a hint.
         let file = if n_bytes < MAX_BYTES { LIMIT.read(path).ok() } else { None };
         n_bytes += file.as_ref().map_or(0, Vec::len);
         file.is_some_and(|file| characters.iter().all(|c| has_outline(&file, *c)))
     })
 }
 
-/// Adds the typeface files of a folder and of those below it.
+/// Adds the typeface files of a folder and of its subfolders.
 fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     let known = |path: &Path| ["ttf", "otf", "ttc"].contains(&&*ending(path));
     for path in entries_in(folder).unwrap_or_default() {
@@ -66,7 +68,8 @@ fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Sort key of a typeface by its file name: upright before slanted, light before heavy.
+/// Returns the sort key of a typeface by its file name, which puts upright before slanted and light
+/// before heavy.
 fn rank(path: &Path) -> (bool, usize) {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let any = |words: &[&str]| words.iter().any(|word| name.contains(word));

@@ -1,4 +1,4 @@
-//! Facts that a page needs before its first request.
+//! Facts that a page receives before its first request.
 
 use std::collections::BTreeMap;
 
@@ -6,38 +6,38 @@ use noctograph_picture::light::{Deck, LightOptions, color_led_wrgb, ring_rgb};
 use noctograph_pipeline::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// The user of a page.
+/// Role of a page's user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
-    /// Writes and draws.
+    /// Visitor, who writes and draws.
     Visitor,
-    /// Flies.
+    /// Operator, who flies the entries.
     Operator,
-    /// Looks at one photo, to take home.
+    /// Owner of one entry, who looks at its photo to take it home.
     Entry,
 }
 
-/// Which photos the wall shows.
+/// Rule for which photos the wall shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WallRule {
-    /// The photos that the operator approved.
+    /// Only the photos that the operator approved.
     Approved,
-    /// All photos that are sent.
+    /// All photos that visitors sent.
     Open,
 }
 
 /// Facts for the pages of all roles.
 #[derive(Debug, Serialize)]
 pub struct Host<'a> {
-    /// The user of the page.
+    /// Role of the page's user.
     pub role: Role,
-    /// Name of this run of the program.
+    /// Random name of this run of the program.
     pub boot: &'a str,
-    /// The host's words.
+    /// The host's own texts.
     pub brand: &'a Brand,
-    /// True if other machines are served, and can reach this machine.
+    /// True if the server accepts other machines, and they can reach it.
     pub network: bool,
 }
 
@@ -45,23 +45,23 @@ pub struct Host<'a> {
 #[derive(Debug, Serialize)]
 #[expect(clippy::struct_excessive_bools, reason = "facts that do not exclude each other")]
 pub struct About<'a> {
-    /// Facts for all pages.
+    /// Facts for the pages of all roles.
     #[serde(flatten)]
     pub host: Host<'a>,
-    /// True if the page has no server.
+    /// True if the page works without a server.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub alone: bool,
-    /// True on the host's machine.
+    /// True if the page runs on the host's machine.
     pub home: bool,
-    /// True on a public screen in the hall.
+    /// True if the page runs on a public screen in the hall.
     pub kiosk: bool,
-    /// True if no entries are accepted at the moment.
+    /// True if the operator has paused the acceptance of entries.
     pub paused: bool,
-    /// Which photos the wall shows.
+    /// Rule for which photos the wall shows.
     pub wall: WallRule,
     /// Limits of requests.
     pub limits: Limits,
-    /// Colors that the page offers.
+    /// Colors that the page offers for writing.
     pub colors: Vec<OfferedColor>,
     /// The scene's deck of lights.
     pub deck: Deck,
@@ -76,13 +76,13 @@ pub struct About<'a> {
 /// Limits of a page's requests.
 #[derive(Debug, Serialize)]
 pub struct Limits {
-    /// Greatest number of characters in a word.
+    /// Maximum number of characters in a word.
     pub letters: usize,
-    /// Greatest number of bytes in a request.
+    /// Maximum number of bytes in the body of a request.
     pub body_bytes: usize,
 }
 
-/// The words of a host.
+/// Texts that the host of an evening provides.
 #[derive(Debug, Default, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Brand {
@@ -92,22 +92,22 @@ pub struct Brand {
     pub sentence: BTreeMap<String, String>,
     /// Terms that a visitor accepts by sending a photo, by language.
     pub consent: BTreeMap<String, String>,
-    /// True if there is a logo.
+    /// True if the host provides a logo.
     #[serde(skip_deserializing)]
     pub logo: bool,
 }
 
-/// A color that the page offers, on the screen and for each lamp.
+/// A color that the page offers, with its values on the screen and for each lamp.
 #[derive(Debug, Serialize)]
 pub struct OfferedColor {
-    /// Its name.
+    /// Name of the color.
     pub name: &'static str,
     /// Red, green and blue on the screen (sRGB).
     pub screen: [u8; 3],
-    /// White, red, green and blue for the color deck.
+    /// Levels of white, red, green and blue for the color LED deck.
     #[serde(rename = "color-led")]
     pub color_led: [u8; 4],
-    /// White, red, green and blue for the ring.
+    /// Levels of white, red, green and blue for the LED ring.
     pub ring: [u8; 4],
 }
 
@@ -123,7 +123,7 @@ pub fn colors() -> Vec<OfferedColor> {
         ("blue", [0, 0, 255]),
         ("magenta", [255, 0, 255]),
     ];
-    // A lamp needs other bytes than a screen for the same color.
+    // A lamp needs different bytes from a screen to show the same color.
     let offered = colors.map(|(name, screen)| {
         let color_led = color_led_wrgb(screen, LightOptions::default().color_led_levels);
         let [r, g, b] = ring_rgb(screen);

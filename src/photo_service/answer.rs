@@ -1,5 +1,5 @@
-//! Answers to a page: a photograph with its verdict, the path of the light in time, and the boxes
-//! of letters. Facts have types. Files are bytes beside them.
+//! Makes the answers to a page: a photograph with its verdict, the path of the light over time, and
+//! the boxes of letters. Facts are typed, and files are bytes beside them.
 
 use std::collections::BTreeMap;
 
@@ -31,19 +31,19 @@ use noctograph_pipeline::shoot::{
 use noctograph_score::Verdict;
 use noctograph_sim::ControllerOptions;
 
-/// Number of pixels of the photo while a visitor types.
+/// Approximate number of pixels of the photo that is shown while a visitor types.
 const LIVE_PIXELS: f64 = 960.0 * 540.0;
-/// Number of pixels of the large photo.
+/// Approximate number of pixels of the large photo.
 const LARGE_PIXELS: f64 = 1920.0 * 1080.0;
-/// JPEG quality of the photo while a visitor types.
+/// JPEG quality, out of 100, of the photo that is shown while a visitor types.
 const LIVE_QUALITY: u8 = 85;
-/// JPEG quality of the large photo.
+/// JPEG quality, out of 100, of the large photo.
 const LARGE_QUALITY: u8 = 92;
 
-/// Name of the photo's file that every page shows.
+/// File name of the photo that every page shows.
 pub const JPEG: &str = "photo.jpg";
 
-/// An answer, or the message why there is none.
+/// An answer, or the message with the reason why there is none.
 pub type Made = std::result::Result<Answer, Message>;
 
 /// The answer to a request.
@@ -63,26 +63,26 @@ pub enum Facts {
     Live(Box<LiveFacts>),
     /// Facts about the large photo.
     Large(Box<LargeFacts>),
-    /// Facts about scripts, and about the photo of a flight that has not ended: none.
+    /// Empty facts about the scripts, as for the photo of a flight that has not ended.
     Script {},
 }
 
 /// Facts about a photo of either size.
 #[derive(Debug, Serialize)]
 pub struct PhotoFacts {
-    /// A box for each letter. A drawing has none.
+    /// Box of each letter, or an empty list for a drawing.
     pub boxes: Vec<Option<LetterBox>>,
-    /// Seconds of the longest flight.
+    /// Duration of the longest flight, in s.
     pub flight_s: f64,
-    /// Height in pixels.
+    /// Height of the photo, in pixels.
     pub height: u32,
     /// Problems that make any word unreadable.
     pub obstacles: Vec<Message>,
-    /// The path of the light in time.
+    /// The path of the light over time.
     pub replay: LightMap,
-    /// Other problems.
+    /// Problems that do not make every word unreadable.
     pub warnings: Vec<Message>,
-    /// Width in pixels.
+    /// Width of the photo, in pixels.
     pub width: u32,
 }
 
@@ -92,30 +92,31 @@ pub struct LiveFacts {
     /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The drawing. Null for a word.
+    /// The drawing, or null for a word.
     pub source: Option<DrawnSource>,
-    /// The verdict. Null for a drawing.
+    /// The verdict, or null for a drawing.
     pub verdict: Option<Verdict>,
 }
 
-/// Facts about the large photo: the members of `preview --json`, and others for the page.
+/// Facts about the large photo, which are the members of `preview --json` and further facts for the
+/// page.
 #[derive(Debug, Serialize)]
 pub struct LargeFacts {
     /// Facts about a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The explained verdict. For a drawing all of its members are omitted.
+    /// The verdict with its causes, whose members are all omitted for a drawing.
     #[serde(flatten)]
     pub verdict: Option<Verdict>,
     /// The controller that flew.
     pub controller: ControllerOptions,
     /// Number of drones.
     pub drones: usize,
-    /// SHA-256 of the flights.
+    /// SHA-256 digests of the flights.
     pub flight_sha256: Option<String>,
     /// Changes that make an unreadable word easier to read.
     pub remedies: Vec<Suggestion>,
-    /// Checks that stop its flight.
+    /// Checks that stop the flight.
     pub stops: Vec<Message>,
 }
 
@@ -124,9 +125,9 @@ pub struct LargeFacts {
 pub struct Suggestion {
     /// Increase of the probability that the word is read.
     pub gain: f64,
-    /// The changes in words.
+    /// Sentence that describes the changes.
     pub message: Message,
-    /// The keys with their values.
+    /// The changed keys with their values.
     pub set: Vec<Change>,
 }
 
@@ -143,17 +144,17 @@ pub struct DrawnSource {
 /// A stroke of a drawing's file.
 #[derive(Debug, Serialize)]
 pub struct DrawnStroke {
-    /// Points: x, y, x, y …
+    /// Coordinates of the points in the order x, y, x, y … …
     #[serde(rename = "at")]
     pub coordinates: Vec<i64>,
-    /// Its color by name.
+    /// Name of the stroke's color.
     pub color: Option<&'static str>,
 }
 
-/// The members of a request that its page gets back with the answer.
+/// The members of a request that the page receives back with the answer.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Asked {
-    /// The request for a large photo, which is sent again to have the photo flown.
+    /// Name of the stored request for a large photo, by which the page has the photo flown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
     /// Number of the request.
@@ -169,19 +170,19 @@ pub struct PageAnswer {
     /// Facts about the product.
     #[serde(flatten)]
     facts: Option<Facts>,
-    /// The reason if there is no answer.
+    /// The reason why there is no answer.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<Message>,
     /// The photo as a data URL.
     #[serde(skip_serializing_if = "Option::is_none")]
     photo: Option<String>,
-    /// Files by their names.
+    /// Contents of the files by file name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     files: BTreeMap<String, String>,
 }
 
 impl PageAnswer {
-    /// Makes the answer for a page. Scripts become one archive.
+    /// Makes the answer for a page, with all scripts in one archive.
     pub fn new(asked: Asked, made: Made) -> Self {
         let Answer { facts, mut files } = match made {
             Ok(answer) => answer,
@@ -190,7 +191,7 @@ impl PageAnswer {
         if matches!(facts, Facts::Script {}) {
             files = vec![File { name: "flight.zip".into(), bytes: zip(&files) }];
         }
-        // The page shows the photo, and saves other files.
+        // The page shows the photo, and lets the visitor save all other files.
         let mut answer = Self { asked, facts: Some(facts), ..Self::default() };
         for File { name, bytes } in files {
             let text = BASE64_STANDARD.encode(bytes);
@@ -209,16 +210,17 @@ impl PageAnswer {
     }
 }
 
-/// Returns the scene that the page's controls show at the start, with settings over its keys.
+/// Function that returns the scene which the page's controls show at the start, with settings that
+/// override its keys.
 pub type Base<'a> = dyn Fn(&[(&str, &str)]) -> Result<Scene> + 'a;
 
 /// Makes the products that pages request.
 #[expect(missing_debug_implementations, reason = "its fields are functions")]
 pub struct Studio<'a> {
-    /// Returns the page's scene, with settings over its keys.
+    /// Returns the page's scene, with settings that override its keys.
     pub scene: &'a Base<'a>,
-    /// Finds a typeface file that contains all letters of a word, for letters that the scene's font
-    /// lacks.
+    /// Finds a typeface file that contains all letters of a word, for a word with letters that the
+    /// scene's font lacks.
     pub typeface: &'a dyn Fn(&str) -> Result<Option<String>>,
     /// Finds changes that make an unreadable word easier to read.
     pub advice: &'a dyn Fn(&Shot) -> Result<Vec<Suggestion>>,
@@ -242,7 +244,7 @@ struct Ready {
     shoot: Shoot,
     profile: Profile,
     source: Option<DrawnSource>,
-    /// Warnings of the subject's log.
+    /// Warnings about the subject's log.
     notes: Vec<Message>,
 }
 
@@ -288,7 +290,7 @@ impl Studio<'_> {
             }
             (strokes, _) => strokes?,
         };
-        // This has no effect on the strokes.
+        // The shape of the photo has no effect on the strokes.
         if self.has_audience {
             prepared.scene.for_audience();
         }
@@ -314,7 +316,8 @@ impl Studio<'_> {
         let source = drawn_source(&strokes);
         match Shoot::of_strokes(scene, strokes, &|_| Ok(())) {
             Ok(shoot) => Ok(Ready { shoot, profile, source, notes: Vec::new() }),
-            // With the strokes of a drawing that is too large, a visitor can omit some on the page.
+            // The answer about a drawing that is too large contains its strokes, so that the
+            // visitor can leave some out on the page.
             Err(error) => {
                 let mut message = refusal_message(&error, subject);
                 message.values["source"] = json!(source);
@@ -403,7 +406,7 @@ impl Studio<'_> {
         format: Option<Format>,
     ) -> Attempt<Answer> {
         let shot = self.take(shoot, Judging::Explained, format)?;
-        // The flight of a log has ended, so it needs no check.
+        // The flight of a log is over, so that it needs no check.
         let findings = match shot.shoot.is_planned {
             true => shot.findings(&profile)?,
             false => Vec::new(),
@@ -412,7 +415,7 @@ impl Studio<'_> {
         let mut files = vec![jpeg_file(&shot, LARGE_QUALITY)];
         if format.is_some() {
             files.extend(photo_files(&shot)?);
-            // The scene names the file of the drawing.
+            // The drawing's file is added, because the scene refers to it.
             if let Some((name, bytes)) = subject.drawing()? {
                 files.push(File { name: name.into(), bytes });
             }
@@ -450,13 +453,14 @@ impl Studio<'_> {
     }
 }
 
-/// Returns photo, plans and scene as files, without flights, which the scene can make again.
+/// Returns photo, plans and scene as files. Flights are left out, because the scene reproduces
+/// them.
 fn photo_files(shot: &Shot) -> Result<Vec<File>> {
     let mut files = Vec::new();
     let digests = shot.each_file(|name, write| {
         let mut bytes = Vec::new();
         write(&mut bytes).expect("memory takes it");
-        // The scene has the digests of all files, including flights.
+        // The scene contains the digests of all files, including the flights that are left out.
         let digest = sha256(&bytes);
         if !name.starts_with("flight") {
             files.push(File { name: name.into(), bytes });
@@ -487,7 +491,7 @@ impl PhotoFacts {
     fn new(shot: &Shot, notes: Vec<Message>) -> Self {
         let (obstacles, others): (Vec<&Diagnostic>, Vec<_>) =
             shot.problems.iter().partition(|problem| problem.is_stop());
-        // Only flaws of the picture concern a visitor, not the flight's warnings.
+        // Only flaws of the picture concern a visitor, whereas warnings about the flight do not.
         let flaws =
             others.into_iter().filter(|problem| FLAWS.contains(&code_on_page(problem.code)));
         Self {
@@ -503,25 +507,27 @@ impl PhotoFacts {
 }
 
 impl Suggestion {
-    /// Makes a suggestion of changes and their gain. `None` without a change.
+    /// Makes a suggestion of changes and their gain, or returns `None` if there is no change.
     pub fn new(set: Vec<Change>, gain: f64) -> Option<Self> {
         Some(Self { gain, message: Message::of_changes(&set)?, set })
     }
 }
 
-/// Returns the drawing as its file contains it. `None` for a word.
+/// Returns the strokes of the drawing as its file contains them, or `None` for a word.
 fn drawn_source(strokes: &Strokes) -> Option<DrawnSource> {
     let Source { corners_px, is_bitmap, strokes } = &strokes.source;
     let points = strokes.iter().flat_map(|stroke| stroke.points.iter().copied());
     let [left, top, right, bottom] = bounds(points);
-    // Other drawings begin at 0, 0 and have a larger side of 1000 units.
+    // The strokes of a drawing that is not a picture are shifted to 0, 0 and scaled to a larger
+    // side of 1000 units.
     let ([x, y], scale) = match is_bitmap {
         true => ([0.0; 2], 1.0),
         false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
     };
     let mut drawn = Vec::new();
     for SourceStroke { points, color } in strokes {
-        // Whole units are enough. Points nearer than a unit to the line between others are omitted.
+        // Whole units are accurate enough. Points closer than a unit to the line between their
+        // neighbors are omitted.
         let points: Vec<[f64; 2]> =
             points.iter().map(|point| [scale * (point[0] - x), scale * (point[1] - y)]).collect();
         let kept = simplify(&points, 1.0).into_iter().flat_map(|index| points[index]);

@@ -1,10 +1,10 @@
-//! Photo service: the request of a page becomes a photograph with its verdict, as typed facts with
-//! files as bytes beside them.
+//! The photo service answers the request of a page with a photograph and its verdict, as typed
+//! facts with files as bytes beside them.
 //!
-//! A [`request`] is read and checked, and its subject is prepared as a scene, flown and
-//! photographed ([`answer`]). If it is refused, a message says why ([`messages`]). The crate
-//! `serve` answers the requests of its visitors with it. Compiled to WebAssembly (`wasm`,
-//! `src/photo_service/build`), it answers them in the browser.
+//! A [`request`] is parsed and checked, and its subject is prepared as a scene, simulated and
+//! photographed ([`answer`]). If the request is refused, a message gives the reason ([`messages`]).
+//! The crate `serve` uses this crate to answer its visitors. Compiled to WebAssembly (`wasm`,
+//! `src/photo_service/build`), this crate answers requests in the browser.
 
 #![deny(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

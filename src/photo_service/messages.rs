@@ -1,6 +1,6 @@
 //! Messages to visitors as data: a key with its values, for which the page has a sentence in the
-//! visitor's language, and an English sentence for a page without the key. They contain no path of
-//! this machine.
+//! visitor's language, and an English sentence for a page without the key. Messages contain no
+//! paths of this machine.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -8,12 +8,12 @@ use serde_json::{Value, json};
 use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::error::{Error, Place, Segment};
 
-/// A message.
+/// A message to a visitor.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Message {
-    /// Name of the sentence: `word-long`.
+    /// Name of the sentence, such as `word-long`.
     pub key: String,
-    /// Values in the sentence. Their names have units.
+    /// Values in the sentence, whose names end in their units.
     pub values: Value,
     /// An English sentence, for a page that lacks the key.
     pub text: String,
@@ -29,10 +29,10 @@ macro_rules! keys {
         pub enum Key { $(#[doc = $text] $key,)+ }
 
         impl Key {
-            /// All keys.
+            /// All keys in the order of declaration.
             pub const ALL: &[Self] = &[$(Self::$key,)+];
 
-            /// Returns the key's name: `word-long`.
+            /// Returns the key's name, such as `word-long`.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$key => $name,)+ }
             }
@@ -51,31 +51,32 @@ macro_rules! keys {
 }
 
 keys! {
-    PageOld "page-old" 400 "the page asks for something else" "reload the page";
+    PageOld "page-old" 400 "the page sent an outdated request" "reload the page";
     WordLong "word-long" 422 "the word is too long" "write a shorter word";
     WordEmpty "word-empty" 422 "there is no word" "type or draw something";
     LetterMissing "letter-missing" 422 "a letter cannot be written" "write it with another letter";
     LettersMany "letters-many" 422 "too many of these letters in a row" "write fewer";
     DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
     DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
-    DrawingText "drawing-text" 422 "a text is no path" "convert it to paths";
+    DrawingText "drawing-text" 422 "the drawing contains text" "convert the text to paths";
     DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
-    PictureNone "picture-none" 422 "no lines are found in the picture" "choose a picture of lines on paper";
+    PictureNone "picture-none" 422 "no lines were found in the picture" "choose a picture of lines on paper";
     FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
     FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
-    TooSlow "too-slow" 422 "it took too long" "write or draw less";
-    TooLarge "too-large" 422 "it took too much memory" "write or draw less";
-    NotSafe "not-safe" 409 "not safe to fly" "change something: the report says what";
+    TooSlow "too-slow" 422 "making it took too long" "write or draw less";
+    TooLarge "too-large" 422 "making it took too much memory" "write or draw less";
+    NotSafe "not-safe" 409 "the flight is not safe" "change what the report names";
     NotPossible "not-possible" 422 "this is not possible" "change something and try again";
     Broken "broken" 500 "the program failed on this" "change something and try again";
-    Busy "busy" 503 "many visitors wait" "try again";
+    Busy "busy" 503 "many visitors are waiting" "try again";
     Closed "gone" 404 "this is no longer stored" "take the photo again";
-    DiskFull "disk-full" 507 "it could not be saved" "ask the host: the disk may be full";
-    EntriesMany "entries-many" 429 "too many are sent from here at once" "try again in a moment";
-    QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
-    Paused "paused" 503 "nothing is taken at the moment" "try again later";
-    NotHere "not-here" 403 "this is for the machine of the host only" "ask the host";
-    Conflict "conflict" 409 "somebody else was faster" "look again";
+    DiskFull "disk-full" 507 "a file could not be saved" "ask the host: the disk may be full";
+    NotRemoved "not-removed" 500 "the entry could not be removed" "ask the host to take it down";
+    EntriesMany "entries-many" 429 "too many entries were sent from here at once" "try again in a moment";
+    QueueFull "queue-full" 503 "the queue is full" "come again later";
+    Paused "paused" 503 "no entries are accepted at the moment" "try again later";
+    NotHere "not-here" 403 "this is available only on the host's machine" "ask the host";
+    Conflict "conflict" 409 "somebody else has already answered" "look again";
 }
 
 /// A result, or the key of a refusal.
@@ -90,14 +91,15 @@ const STOPS: &str = "stop-acceleration stop-altitude-hold stop-baseline stop-bat
     stop-speed stop-sunlight stop-tail stop-thrust stop-tilt stop-volume stop-wake stop-weight \
     stop-wind stop-other";
 
-/// Keys of advice: the settings that a remedy changes first.
+/// Keys of advice, each named after the first setting that a remedy changes.
 const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering set-camera.shutter_open_s \
     set-camera.width_px set-controller.kind set-letters.cap_height_m set-letters.font \
     set-letters.spacing_m set-light.led_bitmask set-light.ring set-photo.ambient_cd_m2 \
     set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
     set-plan.style set-other";
 
-/// Returns the key if it is in the list, or else the last key of the list, which is for all others.
+/// Returns the key if it is in the list, or else the last key of the list, which stands for all
+/// unlisted keys.
 fn key_or_last(keys: &str, key: &str) -> String {
     let listed = keys.split(' ').find(|listed| *listed == key);
     listed.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
@@ -138,7 +140,8 @@ impl Message {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
             }
-            // The page names the setting, whose values may differ in another version.
+            // The page mentions the setting, because its allowed values may differ between
+            // versions.
             Error::Input { place, .. } if key == Key::NotPossible => {
                 json!({ "setting": dotted(place) })
             }
@@ -147,8 +150,8 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// Returns the message about an error of a log, always in English, since it names parts of the
-    /// log.
+    /// Returns a message about an error of a log, which is always in English, because it names parts
+    /// of the log.
     pub fn of_log_error(error: &Error) -> Self {
         let text = format!("{error}: {}", error.hint());
         let (text, hint) = (without_paths(&text), String::new());
@@ -162,7 +165,8 @@ impl Message {
         Self { key: code_on_page(diagnostic.code).into(), values, text, hint: String::new() }
     }
 
-    /// Returns the message about a check that stops a flight. `None` if it does not stop it.
+    /// Returns the message about a check that stops a flight, or `None` if the check does not stop
+    /// it.
     pub fn of_stop(stop: &Diagnostic) -> Option<Self> {
         let key =
             key_or_last(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
@@ -175,7 +179,8 @@ impl Message {
         stop.is_stop().then_some(message)
     }
 
-    /// Returns the message that suggests changes, with the key of the first. `None` if none.
+    /// Returns the message that suggests changes, with the key of the first change, or `None` if
+    /// there are no changes.
     pub fn of_changes(changes: &[Change]) -> Option<Self> {
         let first = changes.first()?;
         let key = key_or_last(ADVICE, &format!("set-{}", first.key));
@@ -183,7 +188,7 @@ impl Message {
         Some(Self { key, values: json!({ "value": first.value }), text, hint: String::new() })
     }
 
-    /// Returns the message with other values.
+    /// Returns the message with its values replaced.
     #[must_use]
     pub fn with_values(self, values: Value) -> Self {
         Self { values, ..self }
@@ -202,7 +207,7 @@ impl From<Key> for Message {
     }
 }
 
-/// Returns the keys of a place, joined by dots.
+/// Returns the keys of a place in a file, joined by dots.
 fn dotted(place: &Place) -> String {
     let keys = place.0.iter().filter_map(|segment| match segment {
         Segment::Key(key) => Some(&**key),
@@ -211,8 +216,8 @@ fn dotted(place: &Place) -> String {
     keys.collect::<Vec<_>>().join(".")
 }
 
-/// Returns the key for an error: the key with the name of its code, unless there is a more precise
-/// one.
+/// Returns the key for an error, which is the key named like the error's code, unless there is a
+/// more precise one.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {
@@ -221,7 +226,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
             code => key_named(code).unwrap_or(Key::NotPossible),
         };
     };
-    // The place of an error is the drawing's file, the word or a setting.
+    // The place of an error tells whether it concerns the drawing's file, the word or a setting.
     let is_drawing = place.key() == "drawing"
         || place
             .0
@@ -236,7 +241,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
     }
 }
 
-/// Returns the key with a name. `None` if there is no such key.
+/// Returns the key with a name, or `None` if there is no such key.
 fn key_named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
@@ -268,7 +273,7 @@ mod tests {
         assert_eq!(without_paths(text), "drawing.svg:3: (`b.png`) and 1/2 m/s");
     }
 
-    /// A check that is new goes into `STOPS`, or here.
+    /// A new check has to be added to `STOPS`, or to the exceptions in this test.
     #[test]
     fn the_page_has_a_key_for_every_check_that_can_stop() {
         let never_stop = ["lamps", "room"];
@@ -296,7 +301,7 @@ mod tests {
             "advice": ADVICE.split(' ').collect::<Vec<_>>(),
             "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
-        // Codes that tests/exhibit.py compares with the tables of words.
+        // keys.json lists the codes that tests/exhibit.py compares with the tables of words.
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../serve/page/keys.json");
         if crate::bless::is_blessed(file) {
             std::fs::write(file, format!("{keys:#}\n")).unwrap();

@@ -1,7 +1,8 @@
-//! The path of the light in time: a small map, from which a page exposes its photo again.
+//! The path of the light over time as a small map, from which a page exposes its photo again.
 //!
-//! Times are in hundredths of a second from the start of the flight, coordinates in ten-thousandths
-//! of the photo's width and height, y down. The whole numbers of a word take some kilobytes.
+//! Times are in hundredths of a second from the start of the flight, and coordinates in
+//! ten-thousandths of the photo's width and height, with y down. Because all values are integers,
+//! the map of a word takes only a few kilobytes.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -12,13 +13,14 @@ use noctograph_core::strokes::Glyph;
 use noctograph_picture::light::{Lamp, LightSample};
 use noctograph_pipeline::shoot::{Shot, writing};
 
-/// Time between two points of a stroke.
+/// Time between two points of a stroke, in s.
 const STEP_S: f64 = 0.08;
-/// Level above which a lamp is lit: even a red die that is set to 2 of 255 writes.
+/// Level above which a lamp counts as lit, which is 0 because even a red die that is set to 2 of
+/// 255 leaves a visible line.
 const LIT: f64 = 0.0;
-/// Longest darkness within a stroke, when a lamp changes its color.
+/// Longest dark interval within a stroke, in s, which occurs when a lamp changes its color.
 const BLINK_S: f64 = 0.05;
-/// Units of a coordinate across the width or the height of the photo.
+/// Number of coordinate units across the width or the height of the photo.
 const UNITS: f64 = 1e4;
 
 /// A stroke of light of one drone.
@@ -28,28 +30,29 @@ struct Stroke<'a> {
     rgb: [f64; 3],
 }
 
-/// The path of the light in time.
+/// The path of the light over time.
 #[derive(Debug, Serialize)]
 pub struct LightMap {
-    /// Seconds of the longest flight.
+    /// Duration of the longest flight, in s.
     pub seconds: f64,
     /// Strokes of light in the order of their first times.
     pub strokes: Vec<MappedStroke>,
 }
 
-/// A stroke of light.
+/// A stroke of light as the page receives it.
 #[derive(Debug, Serialize)]
 pub struct MappedStroke {
-    /// Points: t in 1/100 s, x and y in 1/10000 of the photo, t, x, y …
+    /// Points in the order t, x, y, t, x, y …, with t in 1/100 s, and x and y in 1/10000 of the
+    /// photo. …
     #[serde(rename = "at")]
     pub points: Vec<i64>,
-    /// Index of the letter. Null in a drawing.
+    /// Index of the letter that the stroke is part of, or null in a drawing.
     pub letter: Option<usize>,
-    /// Color of the light.
+    /// Color of the light on a screen (sRGB).
     pub rgb: [u8; 3],
 }
 
-/// A letter's box in 1/10000 of the photo: left, top, right, bottom.
+/// A letter's box in 1/10000 of the photo, in the order left, top, right, bottom.
 pub type LetterBox = [i64; 4];
 
 impl LightMap {
@@ -83,7 +86,8 @@ fn lamp_strokes(lamp: &Lamp) -> Vec<Stroke<'_>> {
     for sample in lit {
         let intensity_cd = lamp.emitter.intensity_cd;
         let rgb = lamp.emitter.rgb.map(|part| part * intensity_cd * sample.level);
-        // A short gap is a change of color. The stroke has the color of its brightest level.
+        // A short gap is a change of color and does not end the stroke. The stroke takes the color
+        // of its brightest level.
         match strokes.last_mut() {
             Some(stroke) if sample.time_s - span_s(stroke)[1] < BLINK_S => {
                 stroke.samples.push(sample);
@@ -95,7 +99,7 @@ fn lamp_strokes(lamp: &Lamp) -> Vec<Stroke<'_>> {
     strokes
 }
 
-/// True if two strokes of one drone have a time in common.
+/// True if two strokes of one drone overlap in time.
 fn overlap(a: &Stroke<'_>, b: &Stroke<'_>) -> bool {
     let ([a_s, b_s], is_same) = ([span_s(a), span_s(b)], a.drone == b.drone);
     is_same && a_s[0] < b_s[1] && b_s[0] < a_s[1]
@@ -108,15 +112,15 @@ fn span_s(stroke: &Stroke<'_>) -> [f64; 2] {
 }
 
 impl MappedStroke {
-    /// Returns a stroke as the page gets it. `None` if one of its points is behind the camera, or
-    /// none is while the shutter is open.
+    /// Returns a stroke in the form that the page receives. `None` if one of its points is behind
+    /// the camera, or if the shutter is closed during the whole stroke.
     fn new(stroke: &Stroke<'_>, shot: &Shot) -> Option<Self> {
         let mut points = Vec::new();
         let mut next_s = f64::NEG_INFINITY;
         let [_, end_s] = span_s(stroke);
         let open = shot.camera.shutter_open_s..=shot.camera.shutter_close_s;
         for sample in stroke.samples.iter().filter(|sample| open.contains(&sample.time_s)) {
-            // One point for each step of time, and the last point of the stroke.
+            // A stroke gets one point per time step, and its last point.
             if sample.time_s < next_s && sample.time_s < end_s {
                 continue;
             }
@@ -125,7 +129,8 @@ impl MappedStroke {
             #[expect(clippy::cast_possible_truncation, reason = "an hour")]
             points.extend([(100.0 * sample.time_s).round() as i64, x, y]);
         }
-        // The color at full brightness, approximately as a screen shows it (gamma 2).
+        // The color is scaled to full brightness and converted approximately to screen values
+        // (gamma 2).
         let brightest = stroke.rgb.into_iter().fold(f64::MIN_POSITIVE, f64::max);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         let rgb = stroke.rgb.map(|light| (255.0 * (light / brightest).sqrt()).round() as u8);
@@ -144,7 +149,8 @@ fn letter_at(flight: &Flight, time_s: f64) -> Option<usize> {
     flight.samples.get(next)?.letter
 }
 
-/// Returns the coordinates of a point in ten-thousandths of the photo. `None` behind the camera.
+/// Returns the coordinates of a point in ten-thousandths of the photo, or `None` if it is behind
+/// the camera.
 fn photo_coordinates(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 2]> {
     let point = camera.image_from_world(position_m)?;
     let fractions = [(point.x_px, camera.width_px), (point.y_px, camera.height_px)];
@@ -152,8 +158,8 @@ fn photo_coordinates(camera: &Camera, position_m: Vector3<f64>) -> Option<[i64; 
     Some(fractions.map(|(px, side_px)| (UNITS * px / f64::from(side_px)).round() as i64))
 }
 
-/// Returns the boxes of letters in the photo. `None` for a letter behind the camera. Empty for a
-/// drawing.
+/// Returns the boxes of letters in the photo, with `None` for a letter behind the camera. The list
+/// is empty for a drawing.
 pub(crate) fn boxes(shot: &Shot) -> Vec<Option<LetterBox>> {
     let Some(strokes) = shot.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return Vec::new();

@@ -1,7 +1,7 @@
 //! The request for a photo: a word or a drawing, and settings.
 //!
-//! No path comes from the network: a drawing is text, whose file gets a fixed name, and keys that
-//! name a file cannot be set.
+//! No file path is taken from the network: a drawing arrives as text and is stored under a fixed
+//! name, and keys that name a file cannot be set.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -15,21 +15,22 @@ use super::messages::{Key, Message};
 use noctograph_core::error::{Error, Result};
 use noctograph_letters::plain;
 
-/// Greatest number of characters in a word.
+/// Maximum number of characters in a word.
 pub const MAX_WORD: usize = 24;
-/// Greatest number of characters in the name of a visitor.
+/// Maximum number of characters in the name of a visitor.
 const MAX_VISITOR: usize = 40;
 
-/// Greatest number of bytes in a setting's value. The longest value lists the omitted strokes.
+/// Maximum number of bytes in a setting's value. The longest value is the list of omitted strokes.
 const MAX_VALUE: usize = 4096;
 
-/// Name of a log's file.
+/// Name of the file in which a log is stored.
 pub(crate) const LOG: &str = "log";
 
 /// Longest side of a picture, in pixels.
 const MAX_SIDE: u32 = 2000;
 
-/// Keys that the page's controls and advice can set. A table ends with a dot.
+/// Keys that the page's controls and advice can set. An entry that ends with a dot stands for all
+/// keys of a table.
 const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing camera.framing.fill_frac \
     camera.iso camera.lens camera.metering camera.shutter_close_s camera.shutter_open_s \
     controller. letters.canvas_m letters.cap_height_m letters.corners_px \
@@ -38,21 +39,21 @@ const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing ca
     light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
     plan.lights plan.reference plan.stroke_speed_m_s plan.style preset seed";
 
-/// Keys that the page of a kiosk sets: the color of the lamp, and the pad.
+/// Keys that the page of a kiosk can set, which concern the color of the lamp and the pad.
 const KIOSK_KEYS: &str = "camera.framing.fill_frac letters.canvas_m letters.pace light.deck \
     light.letters_wrgb plan.lights";
 
-/// Proportions of a photo that a page may ask for, width by height.
+/// Ratios of width to height that a page may request for a photo.
 const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 
-/// The page that asks for a photo.
+/// Kind of page that requests a photo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asker {
-    /// A page without a server. It also photographs the logs of flights.
+    /// Page without a server, which also photographs the logs of flights.
     Alone,
-    /// A page of a server, to which photos can be sent to be flown.
+    /// Page of a server, to which visitors can send photos to be flown.
     Served,
-    /// The page of a kiosk, with only the settings of its controls.
+    /// Page of a kiosk, which can set only the keys of its controls.
     Kiosk,
 }
 
@@ -79,13 +80,13 @@ struct Posted {
 /// A checked request.
 #[derive(Debug)]
 pub struct PhotoRequest {
-    /// Random name of the page that asks.
+    /// Random name of the page that sends the request.
     pub visitor: String,
-    /// Increases with each change, so that a late answer is recognized.
+    /// Number that increases with each change, so that the page recognizes a late answer.
     pub number: Option<u64>,
-    /// True if changes are tried for an unreadable word.
+    /// True if changes are to be tried for an unreadable word.
     pub advice: bool,
-    /// True if the large photo comes with its files.
+    /// True if the large photo is to be accompanied by its files.
     pub files: bool,
     /// The word or drawing.
     pub subject: Subject,
@@ -94,10 +95,10 @@ pub struct PhotoRequest {
 /// A word or drawing with its settings. Equal subjects make equal photos.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Subject {
-    /// The word. Empty for a drawing.
+    /// The word to write, or an empty text for a drawing.
     pub word: String,
     drawing: Option<Drawing>,
-    /// The log of a flight, in base64. The word is then the flown one, or empty.
+    /// The log of a flight, in base64. The word is then the word that was flown, or empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) log: Option<String>,
     /// Width, depth and height of the room in meters, as `--room` accepts them.
@@ -108,11 +109,11 @@ pub struct Subject {
     aspect: Option<f64>,
 }
 
-/// A product of a subject.
+/// A product that can be made from a subject.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Product {
-    /// The photo while a visitor types, with its verdict.
+    /// The photo that is shown while a visitor types, with its verdict.
     Live,
     /// The large photo, with its verdict explained and the checks that stop its flight.
     Large {
@@ -148,7 +149,8 @@ impl Drawing {
             return Ok(self.text.clone().into_bytes());
         }
         let bytes = BASE64_STANDARD.decode(&self.text).map_err(not_a_picture)?;
-        // The page makes pictures smaller, but a small file may contain a huge picture.
+        // The page scales pictures down, but a small file of another sender may contain a huge
+        // picture.
         let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
         let (width, height) = reader.into_dimensions().map_err(not_a_picture)?;
         if width.max(height) > MAX_SIDE {
@@ -174,7 +176,7 @@ impl PhotoRequest {
         if log.is_some() && (asker != Asker::Alone || drawing.is_some()) {
             return Err(Message::of_old_page("the log of a flight"));
         }
-        // 1. The subject. A visitor can correct these errors.
+        // 1. The subject is checked first, because a visitor can correct errors in it.
         let word = plain(&word);
         let n_letters = word.chars().count();
         if n_letters > MAX_WORD {
@@ -192,7 +194,7 @@ impl PhotoRequest {
         if !is_name(&visitor) {
             return Err(Message::of_old_page(&format!("a visitor of {} bytes", visitor.len())));
         }
-        // 2. The settings. No page of this version makes these errors.
+        // 2. The settings are checked. No page of this version sends invalid settings.
         if let Some(key) = unlisted(&settings, KEYS) {
             let values = json!({ "setting": key });
             return Err(Message::of_old_page(&format!("the setting {key}")).with_values(values));
@@ -216,7 +218,7 @@ fn check_values(settings: &BTreeMap<String, String>) -> std::result::Result<(), 
         let actual = format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len());
         return Err(Message::of_old_page(&actual));
     }
-    // A font with a dot or a slash would be a file.
+    // A font name with a dot or a slash would be a file path.
     let font = settings.get("letters.font");
     match font.filter(|font| font.contains(['.', '/', '\\'])) {
         Some(font) => Err(Message::of_old_page(&format!("letters.font={font}"))),
@@ -224,8 +226,8 @@ fn check_values(settings: &BTreeMap<String, String>) -> std::result::Result<(), 
     }
 }
 
-/// Returns a key that is neither in the list `keys` nor in a table of the list. `None` if all
-/// settings are.
+/// Returns a key of the settings that is neither in the list `keys` nor in a table of the list, or
+/// `None` if there is no such key.
 fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'a String> {
     settings.keys().find(|key| {
         !keys
@@ -234,19 +236,19 @@ fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'
     })
 }
 
-/// True if a text may be the name of a visitor.
+/// True if a text is a valid name of a visitor.
 pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
 impl Subject {
-    /// Returns the word. `None` for a drawing.
+    /// Returns the word, or `None` for a drawing.
     pub fn title(&self) -> Option<&str> {
         self.drawing.is_none().then_some(&*self.word)
     }
 
-    /// True for a picture (JPEG), in which lines are searched.
+    /// True for a picture (JPEG), in which lines have to be detected.
     pub fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
@@ -259,7 +261,7 @@ impl Subject {
         [width, width / aspect].map(|side| 2 * (side / 2.0).round() as u32)
     }
 
-    /// Returns name and content of the drawing's file. `None` for a word.
+    /// Returns the name and the content of the drawing's file, or `None` for a word.
     ///
     /// # Errors
     ///

@@ -24,11 +24,11 @@ impl Subject {
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
-    /// Returns width, depth and height of the room. `None` if the subject names no room.
+    /// Returns width, depth and height of the room in m, or `None` if the subject names no room.
     fn room_m(&self) -> Result<Option<[f64; 3]>> {
         let Some(text) = &self.room else { return Ok(None) };
         let room_m = parse_room(text).map_err(|wanted| {
-            // The message of the command line begins with this word.
+            // The parser's message begins with "wanted ", which the error adds itself.
             let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
             Error::input("room", text, wanted, "reload the page")
         })?;
@@ -66,7 +66,7 @@ impl Subject {
         // 2. The word, or the drawing's file, which the settings name.
         match drawing {
             Some((name, bytes)) => write_file(name, bytes)?,
-            // Without a word, the scene of a log keeps the flown one.
+            // If the word is empty, the scene of a log keeps the word that was flown.
             None if self.word.is_empty() => {}
             None => scene.set_word(&self.word.replace("\\n", "\n")),
         }
@@ -87,7 +87,7 @@ impl Subject {
     }
 }
 
-/// Writes a file into the current folder. In a page, files are only in memory.
+/// Writes a file into the current folder. In a browser, files are kept in memory only.
 pub(crate) fn write_file(name: &str, bytes: Vec<u8>) -> Result<()> {
     #[cfg(target_family = "wasm")]
     noctograph_core::files::bring(name, bytes);

@@ -1,8 +1,8 @@
 //! The entry points of the WebAssembly module. A request and its answer are JSON in the memory of
 //! the module.
 //!
-//! The worker reserves the bytes of a request, writes them there, and calls a function, which
-//! returns the number of bytes of the answer at [`output`].
+//! The worker reserves memory for a request, writes the request there, and calls a function. The
+//! function returns the number of bytes of the answer, which is at [`output`].
 
 #![allow(unsafe_code, reason = "functions are exported by their names")]
 
@@ -17,7 +17,7 @@ use serde_json::json;
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
-    /// Reports the fraction of a stage that is done: of the flight (0) or of the exposure (1).
+    /// Reports which fraction of a stage is done. The stage is the flight (0) or the exposure (1).
     safe fn progress(stage: u32, fraction: f64);
 }
 
@@ -47,8 +47,8 @@ extern "C" fn base() -> usize {
     put("{}".to_owned())
 }
 
-/// Answers with facts for a page without a server: colors, limits, and the scene that its controls
-/// show at the start.
+/// Answers with the facts for a page without a server: colors, limits, and the scene that its
+/// controls show at the start.
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
@@ -69,7 +69,7 @@ extern "C" fn about() -> usize {
     put(json!(about).to_string())
 }
 
-/// Answers with the photo while a visitor types.
+/// Answers with the photo that is shown while a visitor types.
 #[unsafe(no_mangle)]
 extern "C" fn live() -> usize {
     answered(|_| Product::Live)
@@ -87,7 +87,8 @@ extern "C" fn script() -> usize {
     answered(|_| Product::Script)
 }
 
-/// Reads the request, makes its product, and puts the answer. Returns its number of bytes.
+/// Reads the request, makes its product, and stores the answer. Returns the answer's number of
+/// bytes.
 fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
     let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
         Ok(photo) => photo,
@@ -110,7 +111,7 @@ fn input() -> Vec<u8> {
     std::mem::take(&mut *INPUT.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Stores an answer for the page to read at [`output`]. Returns its number of bytes.
+/// Stores an answer for the page to read at [`output`]. Returns the answer's number of bytes.
 fn put(answer: String) -> usize {
     let bytes = answer.len();
     *OUTPUT.lock().unwrap_or_else(PoisonError::into_inner) = answer.into_bytes();

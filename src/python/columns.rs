@@ -1,4 +1,4 @@
-//! Reads numpy arrays as the columns of one table, with a row for each time.
+//! Reads numpy arrays as the columns of one table, with one row per time.
 
 use std::collections::BTreeMap;
 
@@ -9,8 +9,8 @@ use pyo3::types::PyDict;
 use super::{numbers, refused};
 use noctograph::plan::HEADLIGHTS;
 
-/// Reads the columns of a plan or a flight, all as long as `times_s`. Their values are checked
-/// later, by `Plan::new` and `Flight::new`.
+/// Reader of the columns of a plan or a flight, which all have the length of `times_s`. `Plan::new`
+/// and `Flight::new` check the values later.
 pub(super) struct Columns {
     pub(super) times_s: Vec<f64>,
 }
@@ -20,7 +20,8 @@ impl Columns {
         Ok(Self { times_s: numbers(time_s, "time_s", 1)? })
     }
 
-    /// Returns `width` numbers for each time, row by row. All are `default` if `array` is `None`.
+    /// Returns `width` numbers for each time, row by row. If `array` is `None`, all numbers are
+    /// `default`.
     pub(super) fn column(
         &self,
         name: &str,
@@ -39,7 +40,7 @@ impl Columns {
         Err(refused(array.py(), name, actual, format!("{n} rows, as time_s"), hint))
     }
 
-    /// Returns a vector for each time. All are zero if `array` is `None`.
+    /// Returns a vector for each time. If `array` is `None`, all vectors are zero.
     pub(super) fn points(
         &self,
         name: &str,
@@ -49,13 +50,14 @@ impl Columns {
         Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
     }
 
-    /// Returns the lamps' levels by channel. An array in place of a dict is that of the headlights.
+    /// Returns the lamps' levels by channel. An array in place of a dict contains the levels of the
+    /// headlights.
     pub(super) fn lights(
         &self,
         light: Option<&Bound<'_, PyAny>>,
         default: f64,
     ) -> PyResult<BTreeMap<String, Vec<f64>>> {
-        // Not a dict: one array, or no array at all.
+        // A value that is not a dict is a single array, or missing.
         let Some(Ok(channels)) = light.map(|light| light.cast::<PyDict>()) else {
             return Ok([(HEADLIGHTS.to_owned(), self.column("light", light, 1, default)?)].into());
         };

@@ -1,4 +1,4 @@
-//! Estimators written in Python, in place of the scene's.
+//! Estimators written in Python, which replace the scene's.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -21,7 +21,8 @@ impl PyEstimator {
         Self { factory: Arc::new(factory), exception: Arc::default() }
     }
 
-    /// Replaces a drone's estimator by one of Python. After an exception the drone is lost at once.
+    /// Replaces a drone's estimator by the Python estimator. If the estimator raises an exception,
+    /// the drone is lost immediately.
     pub(super) fn install(&self, avionics: &mut Avionics) {
         avionics.estimate_by(|start| {
             let created = Python::attach(|py| self.factory.call1(py, (array(py, &start, 1)?,)));
@@ -44,20 +45,21 @@ impl PyEstimator {
         self.exception.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// Keeps an exception for [`Self::take_exception`], unless there is an earlier one.
+    /// Stores an exception for [`Self::take_exception`], unless an earlier one is stored.
     fn keep(&self, error: PyErr) {
         self.exception.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
     }
 }
 
-/// Calls an estimator with a tick's readings. Returns the twelve states, or refuses its answer.
+/// Calls an estimator with a tick's readings. Returns the twelve states, or an exception if the
+/// result has another form.
 fn call_update(
     py: Python<'_>,
     update: &Py<PyAny>,
     readings: &Readings<'_>,
     tick_s: f64,
 ) -> PyResult<[f64; 12]> {
-    // The dict has a key only for a sensor that reading_by_name in this tick.
+    // The dict has a key only for sensors with a reading in this tick.
     let reading_by_name = PyDict::new(py);
     let vectors = [
         ("rate_rad_s", Some(readings.rate_rad_s)),
@@ -91,6 +93,6 @@ fn call_update(
         (Some(not_finite), _) => not_finite,
         (None, Err(state)) => format!("{} numbers", Vec::len(&state)),
     };
-    let hint = "return position, yaw pitch roll, velocity and rate of the body";
+    let hint = "return position, yaw, pitch, roll, velocity and body rate";
     Err(refused(py, "estimator", actual, "twelve states", hint))
 }

@@ -1,4 +1,4 @@
-//! Flights: simulated, imported from logs, or made from arrays.
+//! Flights, which are simulated, imported from logs, or made from arrays.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -49,9 +49,9 @@ use noctograph::sim::Session;
 ///
 /// Notes
 /// -----
-/// The times may begin anywhere: a photograph's exposure begins with the flight. The arrays of a flight are copies.
-/// A quantity that it lacks is NaN. Numbers that look like other units or axes are asked about in ``warnings``, and
-/// as `NoctographWarning`.
+/// The times may begin at any value, because the exposure of a photograph begins with the flight.
+/// The arrays of a flight are copies. A quantity that the flight lacks is NaN. ``warnings`` and
+/// `NoctographWarning` ask about numbers that look like other units or axes.
 #[pyclass(frozen, name = "Flight", module = "noctograph")]
 #[derive(Debug)]
 pub(super) struct PyFlight {
@@ -89,7 +89,7 @@ impl PyFlight {
         let columns = Columns::new(time_s)?;
         let times_s = &columns.times_s;
         if times_s.len() < 2 {
-            let hint = "hand over what was flown, a row for each time";
+            let hint = "pass the samples of the flight, one row per time";
             let actual = format!("{} times", times_s.len());
             return Err(refused(py, "time_s", actual, "two or more", hint));
         }
@@ -109,24 +109,24 @@ impl PyFlight {
         let samples = (0..times_s.len()).map(|row| {
             let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
             FlightSample {
-                // Rounded as in a file, so that the clock's start has no effect.
+                // Times are rounded as in a file, so that the start of the clock has no effect.
                 time_s: on_grid(times_s[row]),
                 position_m: positions_m[row],
                 attitude: Attitude { yaw_rad, pitch_rad, roll_rad },
                 design_m: designs_m[row],
-                // A sample with light belongs to a letter: the number does not matter.
+                // A sample with light has to belong to some letter, whose number does not matter.
                 letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
                 ..FlightSample::default()
             }
         });
         let samples = samples.collect();
-        // The arrays lack these quantities: they are NaN, and there is no warning.
+        // Quantities that the arrays lack become NaN without a warning.
         let mut unlogged: BTreeSet<Quantity> =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
         unlogged.extend(design_m.is_none().then_some(Quantity::Design));
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
         let mut flight = flight.map_err(|error| raised(py, &error))?;
-        // Warnings about numbers that look like other units or axes.
+        // Numbers that look like other units or axes cause warnings.
         let doubts = doubts(&flight);
         flight.edit(|flight| flight.warnings.extend(doubts.iter().cloned()));
         warn(py, doubts.iter().map(ToString::to_string))?;
@@ -146,7 +146,7 @@ impl PyFlight {
         flight.map(Self::new).map_err(|error| raised(py, &error))
     }
 
-    /// list of str: A sentence for each thing that was guessed or ignored in a log.
+    /// list of str: Sentences about everything that was guessed or ignored in a log.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.flight.warnings.iter().map(ToString::to_string).collect()
@@ -238,7 +238,7 @@ impl PyFlight {
         arrays(py, &self.flight.extra)
     }
 
-    /// str: SHA-256 of the flight, as the command line prints it.
+    /// str: SHA-256 digest of the flight, as the command line prints it.
     #[getter]
     fn sha256(&self) -> String {
         self.flight.sha256()
@@ -282,17 +282,20 @@ impl PyFlight {
     }
 }
 
-/// Longest mean time between the samples of a flight: a stroke takes a second or two.
+/// Longest mean time between the samples of a flight, in s. Longer steps would miss strokes, which
+/// take a second or two.
 const LONGEST_STEP_S: f64 = 2.0;
 
-/// Returns the scene without feedforward and light timing, which fit only its own controller.
+/// Returns the scene without setpoint lead and light timing, which fit only the scene's own
+/// controller.
 pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene.plan.reference = ReferenceKind::Design;
     scene.plan.light_clock = LightClock::Setpoint;
     scene
 }
 
-/// Flies a session with a Python controller. `Ok(Err)` is an exception that it raised.
+/// Flies a session with a Python controller. `Ok(Err)` contains an exception that the controller
+/// raised.
 fn fly_with_controller(
     function: &Py<PyAny>,
     takes_time: bool,
@@ -322,7 +325,8 @@ fn call_controller(
             true => function.bind(py).call1((state, reference, time_s))?,
             false => function.bind(py).call1((state, reference))?,
         };
-        // The answer has to be four numbers. The simulator limits them.
+        // The result has to be four numbers, which the simulator limits to the range of motor
+        // commands.
         let motors = numbers(&motors, "controller", 1)?;
         let actual = match (motors.iter().position(|motor| motor.is_nan()), motors.try_into()) {
             (None, Ok(motors)) => return Ok(motors),
@@ -338,18 +342,17 @@ fn call_controller(
 ///
 /// Parameters
 /// ----------
-/// scene : Scene
-///     Its drone, controller, estimator, air and seed.
-/// plans : list of Plan, optional
-///     The scene's own by default. With a controller, those of ``plan.reference = "design"`` and
-///     ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller.
-/// controller : callable, optional
-///     ``controller(state, reference)``, or ``controller(state, reference, time_s)``, returns the motor commands m1 to m4, 0 to 65535, in place of the
-///     scene's controller, for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
-///     pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y
-///     left, z up). ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
-///     acceleration (m/s²), in the world. ``time_s`` is that of the flight, in s, as in ``Flight.time_s``. It is
-///     called ``rates.attitude_hz`` times a second (500 by default) while the motors are on.
+/// scene : Scene Its drone, controller, estimator, air and seed. plans : list of Plan, optional The
+/// scene's own by default. With a controller, those of ``plan.reference = "design"`` and
+/// ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller. controller
+/// : callable, optional ``controller(state, reference)``, or ``controller(state, reference,
+/// time_s)``, returns the motor commands m1 to m4, 0 to 65535, in place of the scene's controller,
+/// for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw, pitch and roll
+/// (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y left, z up).
+/// ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
+/// acceleration (m/s²), in the world. ``time_s`` is that of the flight, in s, as in
+/// ``Flight.time_s``. The controller is called ``rates.attitude_hz`` times a second (500 by
+/// default) while the motors are on.
 ///
 /// estimator : callable, optional
 ///     In place of the scene's estimator, for one drone: ``estimator(state)``, a class or a function, is given the state
@@ -388,7 +391,8 @@ pub(super) fn fly(
     let inner_stop = stop.clone();
     let stage = move || fly_plans(scene, plans, &functions, covariance, &inner_stop);
     let flights = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
-    // The exception of an estimator is the cause of the loss of its drone.
+    // If an estimator raised an exception, it is reported instead of the loss of the drone that it
+    // caused.
     if let Some(exception) = estimator.and_then(|estimator| estimator.take_exception()) {
         return Err(exception);
     }
@@ -404,7 +408,8 @@ struct PyFunctions {
     estimator: Option<PyEstimator>,
 }
 
-/// Flies plans, those of the scene if `plans` is `None`. `Ok(Err)` is an exception of the controller.
+/// Flies plans, which are those of the scene if `plans` is `None`. `Ok(Err)` contains an exception
+/// of the controller.
 fn fly_plans(
     scene: Scene,
     plans: Option<Vec<Plan>>,
@@ -426,7 +431,7 @@ fn fly_plans(
         let (what, hint) = ("controller or estimator", "fly each plan by itself");
         return Err(Error::input(what, format!("{n} plans"), "one plan", hint));
     }
-    // A session is the flight of one drone.
+    // With Python functions or covariances, a session flies a single drone.
     let mut session = shoot.session(|avionics| {
         estimator.iter().for_each(|estimator| estimator.install(avionics));
         if covariance {
@@ -462,7 +467,7 @@ pub(super) fn import_log(
 ) -> PyResult<PyFlight> {
     let scene = scene.map(|scene| scene.0.clone());
     let flight = run(py, &Stop::default(), move || {
-        // Used for a log that names no firmware.
+        // The scene's firmware applies to a log that names none.
         let firmware = scene.as_ref().map(|scene| scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
         let mut flight = import(&path, &options)?;

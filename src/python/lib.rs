@@ -1,7 +1,7 @@
 //! The Python package `noctograph` (crate `noctograph-python`): stages as functions, products as
 //! objects with numpy arrays. `examples/python` builds and documents it.
 //!
-//! The interpreter is released while a stage runs, and asked for Ctrl-C meanwhile.
+//! While a stage runs, the interpreter is released, and polled for Ctrl-C.
 #![expect(clippy::doc_markdown, reason = "docstrings of Python are in numpydoc's format")]
 
 mod columns;
@@ -59,7 +59,8 @@ mod _noctograph {
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint, .. } => {
-            // Of a scene without a file only the key is named: nobody has seen its lines.
+            // The place in a scene without a file contains only the key, because nobody has seen
+            // its lines.
             let mut place = (**place).clone();
             if place.0.first() == Some(&Segment::File("scene".into())) {
                 place.0.retain(|part| matches!(part, Segment::Key(_) | Segment::Index(_)));
@@ -101,7 +102,7 @@ fn refused(
     raised(py, &Error::input(place, found, wanted, hint))
 }
 
-/// Issues each text as a warning at the line of the user's call: see `noctograph/errors.py`.
+/// Issues each text as a warning at the line of the user's call, see `noctograph/errors.py`.
 fn warn(py: Python<'_>, texts: impl IntoIterator<Item = String>) -> PyResult<()> {
     let warn = py.import("noctograph.errors")?.getattr("warn")?;
     texts.into_iter().try_for_each(|text| warn.call1((text,)).map(drop))
@@ -141,7 +142,7 @@ fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Redu
     Ok((object.get_type().getattr(read)?.unbind(), (text,)))
 }
 
-/// Writes a file, which appears when it is complete.
+/// Writes a file, which appears only when it is complete.
 fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
     let written = Output::create(path).and_then(|file| file.keep(bytes));
     written.map(|_path| ()).map_err(|error| raised(py, &error))
@@ -173,16 +174,17 @@ fn run<T: Send + 'static>(
     run_showing(py, stop, |_| Ok(()), Ends::ByItself, stage)
 }
 
-/// How a stage ends after it was stopped.
+/// Way in which a stage ends after it was stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ends {
-    /// It calls no Python: it ends by itself when it checks for the stop.
+    /// The stage calls no Python code, and ends by itself when it checks for the stop.
     ByItself,
-    /// It calls Python, which it must not while the interpreter ends: it is waited for.
+    /// The stage calls Python code, which is forbidden while the interpreter exits, so that the
+    /// caller waits for its end.
     Joined,
 }
 
-/// Runs a stage as [`run`] does, and calls `show` now and then and at the end. An exception of `show`
+/// Runs a stage like [`run`], and calls `show` repeatedly and at the end. An exception of `show`
 /// stops the stage.
 fn run_showing<T: Send + 'static>(
     py: Python<'_>,
@@ -257,7 +259,7 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if !"biufO".contains(&*kind) {
         let actual = if kind == "c" { "complex numbers" } else { "no numbers" };
-        return Err(refused(py, name, actual, "numbers", "look at what is handed over"));
+        return Err(refused(py, name, actual, "numbers", "check the values that are passed"));
     }
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
@@ -265,17 +267,17 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
         if columns == 1 { shape.len() == 1 } else { shape.len() == 2 && shape[1] == columns };
     if !fits {
         let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
-        // The usual mistakes: quaternions, a column of one number a row, a transposed array.
+        // The hint covers common mistakes: quaternions, a column vector, and a transposed array.
         let hint = match name {
             "attitude_rad" if shape.last() == Some(&4) => {
-                "yaw, pitch, roll: nc.attitude_rad makes them of quaternions"
+                "pass yaw, pitch and roll, which nc.attitude_rad computes from quaternions"
             }
             _ if columns == 1 && shape.iter().filter(|n| **n != 1).count() == 1 => {
-                &*format!("hand over {name}.ravel()")
+                &*format!("pass {name}.ravel()")
             }
             _ if shape.len() == 2 && shape[0] == columns => &*format!("hand over {name}.T"),
             _ => {
-                "one row for each time: the axes of a batch or of several drones are taken one by one"
+                "pass one row per time, and the flights of a batch or of several drones one by one"
             }
         };
         return Err(refused(py, name, format!("shape {shape:?}"), wanted, hint));

@@ -1,4 +1,4 @@
-//! Plans: what is sent to a drone.
+//! Plans, which contain what is sent to a drone.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -43,7 +43,7 @@ impl PyPlan {
     fn design(&self, time_s: f64, row: usize) -> [Vector3<f64>; 4] {
         let (from, next) = (&self.0.setpoints[row], self.0.setpoints.get(row + 1));
         let Some(next) = next.filter(|_| time_s >= from.time_s) else {
-            // Before the plan and after it the design rests.
+            // Before the start and after the end of the plan, the design is at rest.
             let moving = if time_s == from.time_s { 1.0 } else { 0.0 };
             let [v, a] = [from.velocity_m_s * moving, from.acceleration_m_s2 * moving];
             return [from.position_m, v, a, self.0.jerk_m_s3(row) * moving];
@@ -100,7 +100,8 @@ impl PyPlan {
         let setpoints = setpoints.collect();
         let plan =
             Plan::new(PlanData { setpoints, lights, sent_m, yaw_rad, ..PlanData::default() });
-        // Written and read once, so that a plan from a file is equal, to the last digit.
+        // The plan is converted to text and back, so that it equals a plan from a file to the last
+        // digit.
         Self::from_csv(py, &Self(plan.map_err(|error| raised(py, &error))?).to_csv())
     }
 
@@ -185,11 +186,12 @@ impl PyPlan {
         py: Python<'py>,
         time_s: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        // One number gives arrays without the axis of times.
+        // A single time gives arrays without the axis of times.
         let numpy = py.import("numpy")?;
         let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
         let times = numpy.call_method1("atleast_1d", (time_s,))?;
-        // Rounded as setpoints are, so that a rounding error does not select the setpoint before.
+        // Times are rounded like those of setpoints, so that a rounding error does not select the
+        // previous setpoint.
         let times_s = numbers(&times, "time_s", 1)?;
         let times_s: Vec<f64> = times_s.into_iter().map(on_grid).collect();
         if let Some(row) = times_s.iter().position(|time_s| !time_s.is_finite()) {
@@ -200,7 +202,8 @@ impl PyPlan {
             return Err(refused(py, "plan", "no setpoint", "one or more", "plan a word"));
         }
         let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
-        // Arrays with a row for each time: position, velocity, acceleration, jerk, yaw, light.
+        // Position, velocity, acceleration, jerk, yaw and light become arrays with one row per
+        // time.
         let mut arguments = Vec::new();
         let times = times_s.iter().zip(&rows);
         let designs: Vec<_> = times.map(|(time_s, row)| self.design(*time_s, *row)).collect();

@@ -1,4 +1,4 @@
-//! Scenes: everything that a photo depends on.
+//! Scenes, which contain everything that a photo depends on.
 
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ impl PyScene {
                 Scene::find(&name, &borrowed).map(|named| named.scene)
             }
         };
-        // The word comes last, since its letters depend on the font.
+        // The word is set last, because its letters depend on the font.
         let mut loaded = loaded.map_err(|error| raised(py, &error))?;
         if let Some(word) = word {
             loaded.set_word(word);
@@ -65,13 +65,13 @@ impl PyScene {
         Ok(Self(loaded))
     }
 
-    /// str: The word. Empty for a drawing.
+    /// str: The word, or an empty text for a drawing.
     #[getter]
     fn word(&self) -> &str {
         &self.0.word
     }
 
-    /// int: Seed of all noise.
+    /// int: Seed of the noise.
     #[getter]
     fn seed(&self) -> u64 {
         self.0.seed
@@ -90,10 +90,10 @@ impl PyScene {
         array(py, Mixer::new(&self.0.vehicle).motors_from_wrench().transpose().as_slice(), 4)
     }
 
-    /// Returns the gain matrix K of the scene's linear-quadratic regulator,
-    /// ``u = u_hover - K (x - x_ref)``, from the weights ``controller.lqr.q`` and ``.r``. Its rows are
-    /// torques about x, y and z (N m) and thrust (N). Its columns are the twelve states of a
-    /// controller, then integrals and rotors. None if the scene's controller has another law.
+    /// Returns the gain matrix K of the scene's linear-quadratic regulator, ``u = u_hover - K (x -
+    /// x_ref)``, from the weights ``controller.lqr.q`` and ``.r``. The rows of K are torques about
+    /// x, y and z (N m) and thrust (N). The columns are the twelve states of a controller, then
+    /// integrals and rotors. None if the scene's controller has another law.
     fn gain<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let sim = self.0.sim();
         let design = run(py, &Stop::default(), move || design(&sim, MOTOR_LAG_S))?;
@@ -108,7 +108,7 @@ impl PyScene {
     ///     For example ``"vehicle.mass_kg"``. A table's name returns a dict of its keys.
     fn get<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
         let scene = serde_json::to_value(&self.0).expect("a scene is a table");
-        // Keys of tables and indices of lists, one after the other.
+        // The parts are followed one after another, as keys of tables or indices of lists.
         let value = key.split('.').try_fold(&scene, |value, part| {
             value.get(part).or_else(|| value.get(part.parse::<usize>().ok()?))
         });
@@ -133,7 +133,7 @@ impl PyScene {
     /// Writes ``to_toml`` to a file, which appears when it is complete. ``Scene(FILE)`` reads it.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let scene = self.0.beside(&path).map_err(|error| raised(py, &error))?;
-        // Files that the scene names are copied beside it.
+        // Files that the scene refers to are copied beside it.
         for (name, bytes) in &scene.copies {
             save(py, &path.with_file_name(name), bytes)?;
         }
@@ -168,7 +168,8 @@ fn flatten(
     Ok(())
 }
 
-/// Returns a value as the command line reads it: a text unchanged, everything else as TOML.
+/// Returns a value in the form that the command line reads, which is a text unchanged, and anything
+/// else as TOML.
 #[pyfunction]
 pub(super) fn setting(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.extract::<String>().or_else(|_not_text| toml(value))
@@ -176,7 +177,7 @@ pub(super) fn setting(value: &Bound<'_, PyAny>) -> PyResult<String> {
 
 /// Converts a Python value or numpy array to TOML. Refuses other types, such as None.
 fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
-    // Booleans before integers: a bool of Python is an int.
+    // Booleans are tested before integers, because a Python bool is also an int.
     if let Ok(flag) = value.cast::<PyBool>() {
         return Ok(flag.is_true().to_string());
     }
@@ -190,7 +191,7 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
     if let Ok(text) = value.extract::<String>() {
         return Ok(serde_json::json!(text).to_string());
     }
-    // Arrays and scalars of numpy become lists and numbers of Python.
+    // numpy arrays and scalars become Python lists and numbers.
     if value.hasattr("tolist")? {
         return toml(&value.call_method0("tolist")?);
     }
@@ -198,7 +199,7 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         return value.str()?.extract();
     }
     if let Ok(number) = value.cast::<PyFloat>() {
-        // TOML has Rust's inf and -inf. Its nan is in lower case.
+        // TOML writes inf and -inf like Rust, but nan in lower case.
         return Ok(format!("{:?}", number.value()).to_lowercase());
     }
     if value.cast::<PyList>().is_ok() || value.cast::<PyTuple>().is_ok() {

@@ -1,4 +1,4 @@
-//! Flights that are stepped together, for reinforcement learning and slow controllers.
+//! Flights that advance together step by step, for reinforcement learning and slow controllers.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,22 +18,23 @@ use noctograph::shoot::Stop;
 use noctograph::sim::{Avionics, Session};
 use noctograph::studies::{Conditions, Outcome, Prepared};
 
-/// Fewest commands that are flown on several threads. Each takes 5 µs, and a thread's start more.
+/// Minimum number of commands that are flown on several threads. A command takes 5 µs, and starting
+/// a thread takes longer.
 const LEAST_PARALLEL_COMMANDS: u32 = 16;
 
-/// One of the flights.
+/// One of the flights that are stepped together.
 #[derive(Debug, Default)]
 struct SeededFlight {
     seed: u64,
     /// `None` before [`PySessions::reset`] and after the outcome.
     session: Option<Session>,
-    /// How the drone was lost.
+    /// Reason why the drone was lost.
     lost: Option<String>,
 }
 
 impl SeededFlight {
-    /// Holds `motors`, or flies with the scene's controller if they are `None`, for `n` commands. A
-    /// lost drone does not move.
+    /// Applies `motors` for `n` command intervals, or flies with the scene's controller if `motors`
+    /// is `None`. A lost drone does not move.
     fn hold(&mut self, motors: Option<[f64; 4]>, n: u32) {
         if let Some(session) = self.session.as_mut().filter(|_| self.lost.is_none()) {
             let result = (0..n).try_for_each(|_| match motors {
@@ -54,14 +55,14 @@ impl SeededFlight {
                 Ok((prepared.judge(Ok(vec![flight]), self.seed)?, grounded))
             }
             (lost, _) => {
-                let how = lost.unwrap_or_else(|| "it was never flown".into());
+                let how = lost.unwrap_or_else(|| "the flight was never started".into());
                 Ok((Outcome::lost(prepared.word(), how), None))
             }
         }
     }
 }
 
-/// N flights of a scene that wait for motor commands: see `VectorEnv` in `noctograph/learning.py`.
+/// N flights of a scene that wait for motor commands, see `VectorEnv` in `noctograph/learning.py`.
 #[pyclass(frozen, name = "Sessions", module = "noctograph._noctograph")]
 #[derive(Debug)]
 pub(super) struct PySessions {
@@ -75,8 +76,9 @@ impl PySessions {
         self.flights.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the least number of flights that a thread begins: all of them with a Python estimator,
-    /// so that one that draws random numbers always draws the same.
+    /// Returns the minimum number of flights that one thread starts. With a Python estimator one
+    /// thread starts all flights, so that an estimator which draws random numbers always draws them
+    /// in the same order.
     fn least_flights_per_thread(&self) -> usize {
         if self.estimator.is_some() { usize::MAX } else { 1 }
     }
@@ -100,10 +102,10 @@ impl PySessions {
         by_itself: bool,
     ) -> PyResult<Self> {
         let scene = scene.0.clone();
-        // The plan of the scene's own controller does not fit another one.
+        // A plan that is adapted to the scene's own controller does not fit another controller.
         let scene = if by_itself { scene } else { for_any_controller(scene) };
         let conditions = conditions.to_owned();
-        // The plan is made once for all flights.
+        // The plan is computed once for all flights.
         let prepared = run(py, &Stop::default(), move || {
             let word = scene.word.clone();
             let named = NamedScene::new("scene", scene);
@@ -131,7 +133,7 @@ impl PySessions {
         self.prepared.plans().first().map_or(0.0, |plan| plan.duration_s())
     }
 
-    /// Begins each flight again whose entry in `seeds` is not None, with that seed.
+    /// Restarts each flight whose entry in `seeds` is not None, with that seed.
     fn reset(&self, py: Python<'_>, seeds: Vec<Option<u64>>) -> PyResult<()> {
         let result: Result<()> = py.detach(|| {
             let mut flights = self.all();
@@ -150,15 +152,15 @@ impl PySessions {
         result.map_err(|error| raised(py, &error))
     }
 
-    /// Holds motor commands (N, 4) for `n_commands` (N) commands, or flies with the scene's controller
-    /// if `motors` is None. Drones that have landed or are lost do not move.
+    /// Applies motor commands (N, 4) for `n_commands` (N) command intervals, or flies with the
+    /// scene's controller if `motors` is None. Drones that have landed or are lost do not move.
     fn step(
         &self,
         py: Python<'_>,
         motors: Option<&Bound<'_, PyAny>>,
         n_commands: Vec<u32>,
     ) -> PyResult<()> {
-        // Checked before anything moves, so that a refused call changes nothing.
+        // The arguments are checked before anything moves, so that a refused call changes nothing.
         let n = self.all().len();
         let motors = match motors {
             None => vec![None; n],
@@ -178,7 +180,7 @@ impl PySessions {
         }
         py.detach(|| {
             let (mut flights, n_all) = (self.all(), n_commands.iter().sum::<u32>());
-            // On this thread if there is little to fly, or if the order of the flights counts.
+            // The flights run on this thread if there are few commands, or if their order matters.
             if n_all < LEAST_PARALLEL_COMMANDS || self.estimator.is_some() {
                 let commanded = flights.iter_mut().zip(motors).zip(n_commands);
                 commanded.for_each(|((flight, motors), n)| flight.hold(motors, n));
@@ -196,7 +198,8 @@ impl PySessions {
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (flights, columns) = (self.all(), PyDict::new(py));
         let sessions: Vec<_> = flights.iter().map(|flight| flight.session.as_ref()).collect();
-        // State and reference where a command is awaited, `None` after the landing.
+        // State and reference exist while a flight waits for a command, and are `None` after the
+        // landing.
         let awaiting: Vec<_> =
             sessions.iter().map(|s| s.and_then(Session::command_inputs)).collect();
         let numbers: [(&str, usize, Vec<f64>); 5] = [
@@ -247,9 +250,9 @@ impl PySessions {
         Ok((columns(py, &outcomes, [1, n])?, json, warnings.collect()))
     }
 
-    /// Ends a flight. Returns the outcome of its photo, None if the flight has ended before.
+    /// Ends a flight. Returns the outcome of its photo, or None if the flight had already ended.
     fn outcome<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
-        // The flight's flag of a lost drone stays for `observations`.
+        // The flag of a lost drone is kept for `observations`.
         let ended = self.all().get_mut(index).and_then(|flight| {
             let (seed, lost) = (flight.seed, flight.lost.clone());
             Some(SeededFlight { seed, lost, session: Some(flight.session.take()?) })
@@ -261,7 +264,7 @@ impl PySessions {
     }
 }
 
-/// Returns `vector` of each session one after the other, zeros for those that have ended.
+/// Returns the `vector` of each session one after another, with zeros for sessions that have ended.
 fn vectors(sessions: &[Option<&Session>], vector: fn(&Session) -> [f64; 3]) -> Vec<f64> {
     sessions.iter().flat_map(|session| session.map_or([0.0; 3], vector)).collect()
 }

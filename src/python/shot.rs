@@ -1,4 +1,4 @@
-//! Shots: photographs, each with its flights and verdict.
+//! Shots, which are photographs with their flights and verdict.
 
 use std::path::PathBuf;
 
@@ -27,11 +27,12 @@ use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop, infer_lights_if_da
 pub(super) struct PyShot {
     shot: Shot,
     image: Py<PyAny>,
-    /// Warnings about its flights and their files.
+    /// Warnings about the flights and their files.
     warnings: Vec<Diagnostic>,
 }
 
-/// Largest picture in a notebook, in bytes. Base64 adds a third: 200 kB.
+/// Maximum size of a picture in a notebook, in bytes. The base64 encoding is a third larger, 200
+/// kB.
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
@@ -44,7 +45,8 @@ impl PyShot {
     fn small_jpeg(&self) -> Vec<u8> {
         let mut photo = self.shot.photo.clone();
         loop {
-            // With less quality than 60 blocks would show: the sides are halved.
+            // Below a quality of 60, JPEG blocks would become visible. The sides are halved
+            // instead.
             for quality in [90, 75, 60] {
                 let bytes = photo::jpeg(&photo, quality);
                 if bytes.len() <= MOST_BYTES || photo.width_px.min(photo.height_px) < 2 {
@@ -79,7 +81,7 @@ impl PyShot {
     }
 
     /// list of str: The warnings of the flights, and those of ``noctograph expose``: light outside the picture,
-    /// lamps that are dark or face away, a shutter that misses the word. A sentence each.
+    /// lamps that are dark or face away, a shutter that misses the word. Each is one sentence.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         let of_flights = self.warnings.iter().map(ToString::to_string);
@@ -98,14 +100,14 @@ impl PyShot {
         PyScene(self.shot.shoot.scene.clone())
     }
 
-    /// str: SHA-256 of the film's sums of light, as the command line prints it.
+    /// str: SHA-256 digest of the film's sums of light, as the command line prints it.
     #[getter]
     fn film_sha256(&self) -> String {
         self.film().sha256()
     }
 
-    /// numpy.ndarray: Luminous exposure from the lamps in lx s, linear sRGB, shape (height, width, 3),
-    /// float32. Without the room's light and the sensor's noise and limits.
+    /// numpy.ndarray: Luminous exposure from the lamps in lx s, linear sRGB, shape (height, width,
+    /// 3), float32. The values exclude the room's light and the sensor's noise and limits.
     #[getter]
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let film = self.film();
@@ -128,7 +130,7 @@ impl PyShot {
         save(py, &path, self.shot.file.as_deref().unwrap_or_default())
     }
 
-    /// For pickle: the photo is taken again from the same flights.
+    /// Supports pickle, by which the photo is taken again from the same flights.
     fn __reduce__(&self, py: Python<'_>) -> PyResult<Reduced<(PyScene, Vec<PyFlight>)>> {
         let photograph = py.import("noctograph")?.getattr("photograph")?;
         Ok((photograph.unbind(), (self.scene(), self.flights())))
@@ -205,28 +207,29 @@ pub(super) fn photograph(
     warn(py, problems(&shot))?;
     let shape = [shot.photo.height_px as usize, shot.photo.width_px as usize, 3];
     let image = array_of(py, &shot.photo.rgb8, "u1", &shape)?;
-    // Read-only, since every caller gets the same array.
+    // The array is read-only, because every caller gets the same array.
     image.call_method1("setflags", (false,))?;
     Ok(PyShot { image: image.unbind(), shot, warnings })
 }
 
-/// Returns the problems of a shot, a sentence each.
+/// Returns the problems of a shot, each as a sentence.
 fn problems(shot: &Shot) -> impl Iterator<Item = String> {
     shot.problems.iter().map(|problem| problem.sentence(Change::to_string))
 }
 
 /// Returns the recordings in `flights`, one or an iterable of them, with all their warnings. Issues
-/// the warnings about files: those about flights were issued when the flights were made.
+/// only the warnings about files, because those about flights were issued when the flights were
+/// made.
 fn recordings_of(
     py: Python<'_>,
     flights: &Bound<'_, PyAny>,
     scene: &Scene,
 ) -> PyResult<Warned<Vec<Recording>>> {
-    // A path may be a text, which is iterable, too.
+    // A single path has to be recognized first, because a text is also iterable.
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
     let flights: Vec<Bound<'_, PyAny>> = match flights.try_iter() {
         Ok(each) if !is_one => each.collect::<PyResult<_>>()?,
-        // What is neither a flight nor several is refused below.
+        // A value that is neither a flight nor an iterable of flights is refused below.
         _ => vec![flights.clone()],
     };
     if flights.is_empty() {
@@ -243,10 +246,10 @@ fn recordings_of(
             recordings.product.push(Recording::Flight(flight.clone()));
             continue;
         }
-        // Everything else has to be the path of a file.
+        // Any other value has to be the path of a file.
         let path = flight.extract::<PathBuf>().map_err(|_no_path| {
             let actual = flight.get_type().to_string();
-            let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
+            let hint = "make a Flight from its columns: nc.Flight(time_s, position_m, light=on)";
             raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
         })?;
         let read = Recording::read(&path, &options);
@@ -283,7 +286,7 @@ pub(super) fn score<'py>(
     let (width_px, height_px) = (photo.width_px, photo.height_px);
     let mut scene = scene.0.clone();
     (scene.camera.width_px, scene.camera.height_px) = (width_px, height_px);
-    // The camera tells where the word is in the photo.
+    // The scene's camera determines where the word is in the photo.
     let stage = move || {
         let strokes = scene.strokes()?;
         let camera = scene.camera.camera(strokes.bounds_m(), 0.0)?;
@@ -297,8 +300,8 @@ pub(super) fn score<'py>(
     to_python(py, &run(py, &Stop::default(), stage)?)
 }
 
-/// Returns the mean FLIP difference between a photo and that of a file, and the difference as PNG: 1
-/// and nothing if their sizes differ. See `noctograph/testing.py`.
+/// Returns the mean FLIP difference between a photo and the photo in a file, and the difference as
+/// PNG. If their sizes differ, returns 1 and no picture. See `noctograph/testing.py`.
 #[pyfunction]
 pub(super) fn flip<'py>(
     py: Python<'py>,
@@ -333,7 +336,7 @@ pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String>
         false => Err(photo.extract::<PathBuf>()?),
     };
     run(py, &Stop::default(), move || {
-        // The photo may be rotated: the likeliest of the four readings counts.
+        // The photo may be rotated, so that the likeliest of the four readings counts.
         let photo = photo.or_else(|path| photo::read(&path))?;
         Ok(noctograph::score::read_any_way_up(&photo, "").0.of_writing().text)
     })

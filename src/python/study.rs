@@ -1,4 +1,4 @@
-//! Studies: many flights and their outcomes.
+//! Studies, which consist of many flights and their outcomes.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -21,8 +21,8 @@ use noctograph::studies::{
     TuneOptions, Unranked, acuity, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
 };
 
-/// Runs a stage that counts its flights, and calls the Python function `progress(done, total)`
-/// meanwhile. Returns the stage's result.
+/// Runs a stage that counts its flights, and repeatedly calls the Python function `progress(done,
+/// total)` during the stage. Returns the stage's result.
 fn counted<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -38,7 +38,7 @@ fn counted<T: Send + 'static>(
     run_showing(py, &stop, show, Ends::ByItself, move || stage(&inner_stop, &counter))
 }
 
-/// Flies every scene with every seed and returns the outcomes: see `fly_many` in
+/// Flies every scene with every seed and returns the outcomes, see `fly_many` in
 /// `noctograph/studies.py`.
 #[pyfunction]
 pub(super) fn outcomes<'py>(
@@ -52,7 +52,7 @@ pub(super) fn outcomes<'py>(
     let (shape, conditions) = ([scenes.len(), seeds.len()], conditions.to_owned());
     let outcomes = counted(py, progress, shape[0] * shape[1], move |stop, counter| {
         let conditions = Conditions::find(&conditions)?;
-        // A row for each scene, with an outcome for each seed.
+        // Each scene has a row with an outcome for each seed.
         let rows = scenes.into_par_iter().map(|scene| {
             stop.check()?;
             let word = scene.word.clone();
@@ -78,7 +78,7 @@ pub(super) fn columns<'py>(
     shape: [usize; 2],
 ) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
-    // The figures of a lost drone are NaN.
+    // If the drone was lost, its figures are NaN.
     let figures = Flown::<f64>::NAMES.into_iter().enumerate().map(|(index, name)| {
         let values = outcomes.iter().map(|outcome| outcome.flown.map(|it| it.values()[index]));
         (name, values.map(|value| value.unwrap_or(f64::NAN)).collect())
@@ -90,7 +90,7 @@ pub(super) fn columns<'py>(
     for (name, values) in numbers.into_iter().chain(figures) {
         columns.set_item(name, array_of(py, bytemuck::cast_slice(&values), "f8", &shape)?)?;
     }
-    // numpy stores a flag as a byte.
+    // The flags are stored as bytes, as numpy does.
     let flags: [(&str, Vec<u8>); 2] = [
         ("legible", outcomes.iter().map(|outcome| outcome.legible.into()).collect()),
         ("lost", outcomes.iter().map(|outcome| outcome.lost.is_some().into()).collect()),
@@ -132,8 +132,8 @@ fn trials_of(study: &Study) -> Trials {
     study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect()
 }
 
-/// Returns the rungs of a ladder, with `n` seeds for each word: on each the scenes with their
-/// letters, and the trials.
+/// Returns the rungs of a ladder with `n` seeds for each word. Each rung contains the scenes with
+/// the height of their letters, and the trials.
 #[pyfunction]
 pub(super) fn ladder(
     py: Python<'_>,
@@ -170,7 +170,7 @@ fn records(
     let unflown = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
     let unflown: Vec<Trial> = unflown.map(|(_, trial)| *trial).collect();
     let evaluated = evaluate(study, &study.prepare()?, &unflown, store, stop, done)?;
-    // The two lists are merged in the order of the trials.
+    // Trials flown here and in Python are merged in the order of the trials.
     let mut evaluated = evaluated.into_iter();
     let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
         None => evaluated.next().expect("a record for each trial"),
@@ -217,7 +217,7 @@ pub(super) fn ranking<'py>(
             study.check()?;
         }
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        // The study itself, then the rungs of its ladder, under one count of flights.
+        // The study itself and then the rungs of its ladder are flown under one count of flights.
         let rungs = ladder.iter().zip(&flown_on_rungs).map(|(rung, flown)| {
             (Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
         });
@@ -233,7 +233,7 @@ pub(super) fn ranking<'py>(
         ranking.acuity = (!ladder.is_empty()).then(|| acuity(&ladder, &records_by_study));
         let unranked = unranked.into_iter();
         ranking.unranked = unranked.map(|(contender, note)| Unranked { contender, note }).collect();
-        // The keys that the command line prints, and all flights and tables.
+        // The result contains the keys that the command line prints, and all flights and tables.
         let report = ranking_report(&study, &ranking, records.len());
         let mut json = report.json;
         json["flights"] = json!(records);
@@ -259,7 +259,7 @@ pub(super) fn submission(
     task.submission(&path).map(PyScene).map_err(|error| raised(py, &error))
 }
 
-/// Returns the least number of flights per contender with which any two can be told apart.
+/// Returns the smallest number of flights per contender with which any two can be distinguished.
 #[pyfunction]
 pub(super) fn least_flights(n_contenders: usize) -> u32 {
     noctograph::studies::least_flights(n_contenders)
@@ -301,7 +301,7 @@ pub(super) fn tuning<'py>(
             let tuned =
                 tune(&base, &options, store.as_ref(), &inner_stop, &mut |n_flights, best| {
                     let Some(callback) = &callback else { return true };
-                    // An exception of the callback ends the search.
+                    // An exception in the callback ends the search.
                     call_back(callback, n_flights, best).unwrap_or_else(|error| {
                         *inner_exception.lock().unwrap_or_else(PoisonError::into_inner) =
                             Some(error);
@@ -315,16 +315,18 @@ pub(super) fn tuning<'py>(
             Ok((report, tuned.scene))
         },
     );
-    // The exception is the cause of the end. The search itself only says that it was stopped.
+    // The exception is reported as the cause of the end, because the search itself reports only
+    // that it was stopped.
     let exception = exception.lock().unwrap_or_else(PoisonError::into_inner).take();
     let (report, scene) = exception.map_or(result, Err)?;
     Ok((report.text, to_python(py, &report.json)?, PyScene(scene)))
 }
 
-/// Seeds of each word in the test of a tuned scene.
+/// Number of seeds per word in the test of a tuned scene.
 const TEST_SEEDS: u32 = 40;
 
-/// Calls a Python callback after a candidate. Returns true to go on: its answer is true or None.
+/// Calls a Python callback after a candidate. Returns true, which continues the search, if the
+/// callback returns true or None.
 fn call_back(callback: &Py<PyAny>, n_flights: usize, best: &Candidate) -> PyResult<bool> {
     Python::attach(|py| {
         let best = to_python(py, best)?;

@@ -103,14 +103,16 @@ impl Access {
         Some((base, route))
     }
 
-    /// True if a `Host` is an IP address of this server or `localhost`, with its port. Anybody may
-    /// define another name for this machine.
+    /// True if a `Host` is `localhost` or a literal IP address, and has the port of this server.
+    /// Without `--network` the address has to be a loopback address. Any other name is refused,
+    /// because a foreign page could make its own name resolve to this machine (DNS rebinding),
+    /// but it cannot do so with a literal address.
     fn is_this_server(&self, host: &str) -> bool {
         let Some((name, port)) = host.rsplit_once(':') else { return false };
         let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
-        let ip = name.parse::<IpAddr>();
+        let address = name.parse::<IpAddr>();
         port == self.address.port.to_string()
-            && (name == "localhost" || ip.is_ok_and(|ip| self.network || ip.is_loopback()))
+            && (name == "localhost" || address.is_ok_and(|ip| self.network || ip.is_loopback()))
     }
 }
 

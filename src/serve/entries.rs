@@ -292,11 +292,11 @@ impl Entries {
         Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
     }
 
-    /// Removes an entry for its visitor, as long as it waits for approval.
+    /// Removes a visitor's own entry, provided that it still waits for approval.
     pub(crate) fn withdraw(&self, id: &str, visitor: &str) -> KeyResult<()> {
         let mut list = self.list();
         let index = list.index(id)?;
-        // The name of an entry is not enough, since others may have seen it on a screen.
+        // An id does not prove who sent the entry, because others may have seen it on a screen.
         let entry = &list.entries[index].entry;
         if entry.visitor != visitor {
             return Err(Key::Closed);
@@ -304,7 +304,8 @@ impl Entries {
         if entry.state != State::Waiting {
             return Err(Key::Conflict);
         }
-        gallery::remove(&list.entries[index].folder).map_err(|_cause| Key::DiskFull)?;
+        // The folder is removed first. If this fails, the entry stays in the operator's list.
+        gallery::remove(&list.entries[index].folder).map_err(|_cause| Key::NotRemoved)?;
         list.entries.remove(index);
         self.announce_change();
         Ok(())

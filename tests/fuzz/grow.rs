@@ -1,9 +1,9 @@
-//! Growth: elements of good files repeated, nested and lengthened until a file is as large as its
-//! reader takes.
+//! Growth of files: elements of valid files are repeated, nested and lengthened until the file is
+//! as large as its reader accepts.
 //!
-//! [`crate::mutate`] changes small files in few places, and never asks for more than a few times the
-//! work of a seed. Here one kind of element comes to a thousand or a million, alone or with a second
-//! kind, each copy numbered or all alike.
+//! [`crate::mutate`] changes small files in few places, which never requires more than a few times
+//! the work of a seed. In contrast, this module makes a thousand or a million elements of one kind,
+//! with or without a second kind, with numbered or identical copies.
 
 use crate::heavy;
 use crate::mutate::Random;
@@ -12,11 +12,11 @@ use crate::readers::Seed;
 /// Brackets of the text formats.
 const BRACKETS: [(u8, u8); 4] = [(b'{', b'}'), (b'[', b']'), (b'(', b')'), (b'<', b'>')];
 
-/// Signs between elements.
+/// Separators between elements.
 const SIGNS: [&[u8]; 7] = [b"", b",", b" ", b"\n", b";", b", ", b"}{"];
 
-/// The largest file of a reader that is grown, and what grows it: its text, or the program's own
-/// writer of such files.
+/// Returns the size of the largest file that is grown for a reader, and the function that grows it,
+/// which repeats parts of its text or writes such files itself.
 pub(crate) fn grower(reader: &str) -> Option<(usize, Grower)> {
     const KIB: usize = 1 << 10;
     const MIB: usize = 1 << 20;
@@ -36,21 +36,23 @@ pub(crate) fn grower(reader: &str) -> Option<(usize, Grower)> {
     })
 }
 
-/// Grows a file of a reader up to so many bytes.
+/// Function that grows a file of a reader up to a number of bytes.
 pub(crate) type Grower = fn(&[Seed], usize, &mut Random) -> Vec<u8>;
 
-/// A seed in which one or two elements have grown up to `most` bytes.
+/// Returns a seed in which one or two elements have grown, with at most `most` bytes.
 pub(crate) fn grown(seeds: &[Seed], most: usize, random: &mut Random) -> Vec<u8> {
     let good: Vec<&Seed> = seeds.iter().filter(|seed| seed.good).collect();
     let mut bytes = good[random.below(good.len())].bytes.clone();
-    // As often near a kilobyte as near the largest.
+    // The target size is logarithmically distributed, so that small files are as frequent as large
+    // ones.
     let target = |random: &mut Random| {
         let doublings = most.ilog2().saturating_sub(10) as usize;
         (most >> random.below(doublings + 1)).max(1 << 10)
     };
     let total = target(random);
     if random.below(2) == 0 {
-        // A second kind, which the first then multiplies or stands beside.
+        // An element of a second kind grows first, which the first kind then multiplies or
+        // accompanies.
         let part = (total >> (1 + random.below(10))).max(64);
         grow(&mut bytes, part, random);
     }
@@ -59,7 +61,7 @@ pub(crate) fn grown(seeds: &[Seed], most: usize, random: &mut Random) -> Vec<u8>
     bytes
 }
 
-/// Lets an element grow until the file has so many bytes.
+/// Grows an element until the file has `target` bytes.
 fn grow(bytes: &mut Vec<u8>, target: usize, random: &mut Random) {
     let room = target.saturating_sub(bytes.len());
     match random.below(8) {
@@ -83,10 +85,10 @@ fn grow(bytes: &mut Vec<u8>, target: usize, random: &mut Random) {
     }
 }
 
-/// A piece of a file.
+/// Start and end of a piece of a file, in bytes.
 type Span = (usize, usize);
 
-/// The line at a random place.
+/// Returns the line at a random position.
 fn line(bytes: &[u8], random: &mut Random) -> Span {
     let at = random.below(bytes.len());
     let begin = bytes[..at].iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
@@ -94,7 +96,7 @@ fn line(bytes: &[u8], random: &mut Random) -> Span {
     (begin, end.map_or(bytes.len(), |n| at + n + 1))
 }
 
-/// The name or number next to a random place.
+/// Returns the name or number next to a random position.
 fn token(bytes: &[u8], random: &mut Random) -> Span {
     let is_part = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_' | b'-');
     let at = random.below(bytes.len());
@@ -104,7 +106,8 @@ fn token(bytes: &[u8], random: &mut Random) -> Span {
     (begin, end.map_or(bytes.len(), |n| begin + n))
 }
 
-/// What a bracket holds, from one to the other; an element of XML from its first tag to its last.
+/// Returns a pair of brackets with its content, or an XML element from its start tag to its end
+/// tag.
 fn element(bytes: &[u8], random: &mut Random) -> Option<Span> {
     let at = random.below(bytes.len());
     let is_open = |byte: &u8| BRACKETS.iter().any(|(open, _)| open == byte);
@@ -125,7 +128,8 @@ fn element(bytes: &[u8], random: &mut Random) -> Option<Span> {
     Some((begin, end + last + closing.len()))
 }
 
-/// Puts copies of a piece behind it, in half of the cases each with its number in one of its names.
+/// Inserts copies of a piece behind it. In half of the cases, each copy contains a number in one of
+/// its names.
 fn repeat(bytes: &mut Vec<u8>, span: Span, sign: &[u8], room: usize, random: &mut Random) {
     let piece = bytes[span.0..span.1].to_vec();
     if piece.is_empty() {
@@ -149,7 +153,7 @@ fn repeat(bytes: &mut Vec<u8>, span: Span, sign: &[u8], room: usize, random: &mu
     bytes.splice(span.1..span.1, copies);
 }
 
-/// Puts an element into itself, again and again, around an element of its own.
+/// Nests an element in itself repeatedly, around one of its inner elements.
 fn nest(bytes: &mut Vec<u8>, room: usize, random: &mut Random) {
     let Some((begin, end)) = element(bytes, random) else { return };
     let outer = &bytes[begin..end];
@@ -160,7 +164,8 @@ fn nest(bytes: &mut Vec<u8>, room: usize, random: &mut Random) {
         element(&outer[1..], random).unwrap_or_else(|| token(&outer[1..outer.len() - 1], random));
     let (head, tail) = (outer[..=from].to_vec(), outer[to + 1..].to_vec());
     let times = room / (head.len() + tail.len()).max(1);
-    // Readers have limits of depth: as often a few times as to the full.
+    // Because readers limit the depth, half of the cases nest only a few times, and half to the
+    // full size.
     let times = if random.below(2) == 0 { times.min(1 + random.below(200)) } else { times };
     bytes.splice(begin + to + 1..begin + to + 1, tail.repeat(times));
     bytes.splice(begin..begin, head.repeat(times));

@@ -1,17 +1,18 @@
-//! Heavy files of formats that are not text, built from the smallest on: typefaces of many glyphs
-//! with many points each, flight logs of the µSD card, photos.
+//! Generators of large binary files: typefaces of many glyphs with many points each, flight logs of
+//! the µSD card, and photos.
 
 use crate::mutate::Random;
 
-/// A typeface in which every letter has an outline of its own, up to so many bytes.
+/// Returns a typeface of at most `most` bytes in which every letter has a different outline.
 pub(crate) fn typeface(most: usize, random: &mut Random) -> Vec<u8> {
     let n_points = (4 << random.below(12)).min(7900);
-    // From ! on, so that the letters of a word are among them.
+    // The glyphs start at `!`, so that they include the letters of a word.
     let n_glyphs = (most / (n_points * 5 + 24)).clamp(96, 1000);
     typeface_of(n_glyphs, n_points, random.below(4), random)
 }
 
-/// A typeface of the characters from ! on, each of so many points in one of four shapes.
+/// Returns a typeface of the characters from `!` on, each with a number of points in one of four
+/// shapes.
 pub(crate) fn typeface_of(
     n_glyphs: usize,
     n_points: usize,
@@ -36,7 +37,7 @@ pub(crate) fn typeface_of(
     hhea[35] = 1;
     let maxp = vec![0, 0, 0x50, 0, n_high, n_low];
     let hmtx = [vec![2, 88, 0, 0], vec![0; 2 * usize::from(n)]].concat();
-    // Characters from ! on, one after the other (format 12).
+    // The table maps consecutive characters from `!` on (format 12).
     let groups = [1_u32, 0x21, 0x21 + u32::from(n) - 2, 1];
     let mut cmap = [0_u16, 1, 3, 10, 0, 12].map(u16::to_be_bytes).concat();
     cmap.extend([0, 12, 0, 0].into_iter().chain(28_u32.to_be_bytes()).chain([0; 4]));
@@ -53,11 +54,11 @@ pub(crate) fn typeface_of(
     ])
 }
 
-/// A glyph of one contour of straight lines within 1000 × 1000 units.
+/// Returns a glyph with one contour of straight lines within 1000 × 1000 units.
 fn outline(shape: usize, n_points: usize, random: &mut Random) -> Vec<u8> {
     let n = i32::try_from(n_points).unwrap();
     let at = |k: i32, random: &mut Random| match shape {
-        // A tangle, a comb, a star, and a staircase.
+        // The shapes are a tangle, a comb, a star, and a staircase.
         0 => [random.below(1000), random.below(1000)].map(|x| i32::try_from(x).unwrap()),
         1 => [1000 * k / n, if k % 2 == 0 { 0 } else { 1000 }],
         2 => {
@@ -83,7 +84,7 @@ fn outline(shape: usize, n_points: usize, random: &mut Random) -> Vec<u8> {
     glyph
 }
 
-/// A file of these tables.
+/// Returns a typeface file with the given tables.
 fn face(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     let number = |n: usize| u32::try_from(n).unwrap().to_be_bytes();
     let n_tables = u16::try_from(tables.len()).unwrap().to_be_bytes();
@@ -97,7 +98,7 @@ fn face(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     file
 }
 
-/// A whole log of the µSD card up to so many bytes, of few or many variables.
+/// Returns a complete log of the µSD card of at most `most` bytes, with few or many variables.
 pub(crate) fn log_usd(most: usize, random: &mut Random) -> Vec<u8> {
     let most_variables = 1 << random.below(11);
     let n_variables = 1 + random.below(most_variables);
@@ -124,7 +125,7 @@ pub(crate) fn log_usd(most: usize, random: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// A picture of as many pixels as so many bytes hold, of one color.
+/// Returns a picture of one color with as many pixels as its reader could hold in `most` bytes.
 pub(crate) fn png(most: usize, random: &mut Random) -> Vec<u8> {
     let wide = 1 << random.below(14);
     let high = (most / wide).clamp(1, 65_535);

@@ -1,13 +1,13 @@
-//! Damaged and hostile files for every reader of the program: a mutator, which changes good files in
-//! few places, and growth, which repeats, nests and lengthens their elements. None of them is a panic
-//! or endless, and each stays within a budget of memory. Time is printed and never judged: a busy
-//! machine stretches it. `tests/it/limits.rs` grows the inputs of whole verbs.
+//! Tests every reader of the program with damaged and hostile files: a mutator changes valid files
+//! in few places, and growth repeats, nests and lengthens their elements. No file may cause a panic
+//! or an endless loop, and each stays within a memory budget. Times are printed but not judged,
+//! because a busy machine stretches them. `tests/it/limits.rs` grows the inputs of whole verbs.
 //!
-//! `cargo test --release --test fuzz` takes some 15 s of a processor. Environment variables take it further:
-//! `NOCTOGRAPH_FUZZ_CASES` damaged and `NOCTOGRAPH_GROW_CASES` grown files of each reader instead,
-//! the latter up to the largest that it takes, and `NOCTOGRAPH_FUZZ_ONLY` one reader. Case `n` of a
-//! reader is the same bytes on every machine. A failure leaves its input under `target/`; give it a
-//! name in `tests/fuzz/seeds/READER/` when the fault is mended.
+//! `cargo test --release --test fuzz` takes about 15 s of processor time. `NOCTOGRAPH_FUZZ_CASES`
+//! sets the number of damaged files for each reader, and `NOCTOGRAPH_GROW_CASES` the number of
+//! grown files, which are then as large as the reader accepts. `NOCTOGRAPH_FUZZ_ONLY` selects one
+//! reader. Case `n` of a reader has the same bytes on every machine. A failure writes its input
+//! under `target/`. When the fault is fixed, add this input to `tests/fuzz/seeds/READER/`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
@@ -27,27 +27,28 @@ mod words;
 use noctograph::letters::{Font, Trace};
 use readers::Reader;
 
-/// Most memory of a damaged file, which is small, in bytes.
+/// Maximum memory to read a damaged file, which is small, in bytes.
 const DAMAGED: usize = 256 << 20;
-/// Most memory of a file as large as its reader takes, and of a word of up to 256 letters, whose photo
-/// is read blind twice and scored once.
+/// Maximum memory, in bytes, to read a file as large as its reader accepts, or a word of up to 256
+/// letters, whose photo is read blind twice and scored once.
 const GROWN: usize = 300_000_000;
-/// Grown files of each reader where no number is asked for, and their largest size in bytes.
+/// Default number of grown files for each reader, followed by their maximum size in bytes.
 const GROWN_CASES: u64 = 16;
 const GROWN_BYTES: usize = 1 << 20;
-/// Damaged files of each reader where no number is asked for, and of those that take milliseconds.
+/// Default number of damaged files for each reader, followed by that for readers that take
+/// milliseconds.
 const DAMAGED_CASES: u64 = 3000;
 const SLOW_CASES: u64 = 200;
 const SLOW: [&str; 3] = ["typeface", "svg", "picture"];
 /// Time after which a case counts as endless.
 const ENDLESS: Duration = Duration::from_secs(120);
 
-/// What is being read now, for the watchdog.
+/// Name and content of the file that is being read, for the watchdog.
 static NOW: Mutex<Option<(String, Vec<u8>)>> = Mutex::new(None);
-/// Number of cases begun.
+/// Number of cases that have begun.
 static BEGUN: AtomicU64 = AtomicU64::new(0);
 
-/// What was measured of a reader.
+/// Measurements of a reader.
 #[derive(Default)]
 struct Tally {
     cases: u64,
@@ -83,7 +84,7 @@ fn no_growth_hurts_its_reader() {
     });
 }
 
-/// A tangle takes some milliseconds, and a sheet shows a thousand characters.
+/// Tracing one tangled glyph takes several milliseconds, and a sheet shows a thousand characters.
 #[test]
 fn a_face_has_one_budget_for_all_its_characters() {
     let mut random = mutate::Random::new("face", 1);
@@ -98,8 +99,8 @@ fn a_face_has_one_budget_for_all_its_characters() {
     assert!(error.contains("heavy.ttf: found more work than an input may take"), "{error}");
 }
 
-/// Equal and alternating letters, written, told to photos of themselves and of each other, read
-/// blind, and brought by a photo with its scene.
+/// Words of equal and alternating letters are written, scored in photos of themselves and of each
+/// other, read blind, and taken from a photo with its scene.
 #[test]
 fn no_word_takes_much_memory() {
     let reader = Reader { name: "words", file: "word.txt", read: words::read, good: || vec![] };
@@ -114,14 +115,14 @@ fn no_word_takes_much_memory() {
     });
 }
 
-/// The number in an environment variable.
+/// Returns the number in an environment variable.
 fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok().map(|n| n.parse().unwrap())
 }
 
-/// Measures readers one after the other, and prints what was found.
+/// Measures readers one after another, and prints the results.
 fn each_reader(kind: &str, measure: impl Fn(&Reader, &std::path::Path) -> Option<Tally>) {
-    // Memory is counted over all threads.
+    // The measurement takes a lock, because memory is counted over all threads.
     static ALONE: Mutex<()> = Mutex::new(());
     let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     std::panic::set_hook(Box::new(|_| {}));
@@ -155,7 +156,7 @@ fn each_reader(kind: &str, measure: impl Fn(&Reader, &std::path::Path) -> Option
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// Reads a reader's seeds and then what mutation makes of them.
+/// Reads a reader's seeds, and then mutations of them.
 fn fuzz(reader: &Reader, cases: Option<u64>, path: &std::path::Path) -> Tally {
     let seeds = reader.seeds();
     let good = seeds.iter().filter(|seed| seed.good).count();
@@ -179,7 +180,7 @@ fn fuzz(reader: &Reader, cases: Option<u64>, path: &std::path::Path) -> Tally {
     tally
 }
 
-/// One case; whether the file was accepted.
+/// Runs one case, and returns true if the file was accepted.
 fn case(
     reader: &Reader,
     bytes: &[u8],
@@ -212,7 +213,7 @@ fn case(
     accepted
 }
 
-/// Ends the test where a case has no end.
+/// Aborts the test if a case does not end.
 fn watch() {
     std::thread::spawn(|| {
         let mut last = 0;

@@ -1,4 +1,4 @@
-//! Memory that is taken at a time, counted in the allocator.
+//! Counts the memory in use at any time in the allocator.
 #![expect(unsafe_code, reason = "an allocator is unsafe; this one hands on to the system's")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 static NOW: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-/// Bytes from which on an allocation fails, so that a bomb does not take the machine with it.
+/// Size in bytes above which an allocation fails, so that a decompression bomb does not bring down
+/// the machine.
 const REFUSED: usize = 8 << 30;
 
 struct Counting;
@@ -20,14 +21,14 @@ fn took(bytes: usize) {
     PEAK.fetch_max(now, Ordering::Relaxed);
 }
 
-// SAFETY: every call goes to the system's allocator unchanged, or fails as it may.
+// SAFETY: every call is forwarded to the system's allocator unchanged, or fails, which is allowed.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if NOW.load(Ordering::Relaxed) + layout.size() > REFUSED {
             return std::ptr::null_mut();
         }
         took(layout.size());
-        // SAFETY: the caller's promises are those of `GlobalAlloc`.
+        // SAFETY: the caller fulfills the contract of `GlobalAlloc`.
         unsafe { System.alloc(layout) }
     }
 
@@ -41,7 +42,8 @@ unsafe impl GlobalAlloc for Counting {
         if NOW.load(Ordering::Relaxed) + size > REFUSED {
             return std::ptr::null_mut();
         }
-        // A large block is moved by its pages, not copied: old and new are not there at a time.
+        // The system moves a large block by remapping its pages instead of copying it, so that the
+        // old and the new block never exist at the same time.
         NOW.fetch_sub(layout.size(), Ordering::Relaxed);
         took(size);
         // SAFETY: as above.
@@ -49,14 +51,14 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Memory in use, from which the peak is counted anew.
+/// Resets the peak, and returns the memory in use in bytes.
 pub(crate) fn begin() -> usize {
     let now = NOW.load(Ordering::Relaxed);
     PEAK.store(now, Ordering::Relaxed);
     now
 }
 
-/// Most memory in use since then, beyond what was in use.
+/// Returns the peak memory in use since [`begin`], in excess of `before`, in bytes.
 pub(crate) fn peak_since(before: usize) -> usize {
     PEAK.load(Ordering::Relaxed).saturating_sub(before)
 }

@@ -1,12 +1,12 @@
-//! Mutations: bytes, numbers in text, lines, pieces of other seeds.
+//! Mutations of files: bytes, numbers in text, lines, and pieces of other seeds.
 
 use crate::readers::Seed;
 
-/// Random numbers of a case (splitmix64, Steele and others, 2014).
+/// Generator of a case's random numbers (splitmix64, Steele and others, 2014).
 pub(crate) struct Random(u64);
 
 impl Random {
-    /// Those of a reader's case.
+    /// Creates the generator for a reader's case.
     pub(crate) fn new(reader: &str, case: u64) -> Self {
         let name =
             reader.bytes().fold(0, |hash: u64, byte| hash.wrapping_mul(31) + u64::from(byte));
@@ -20,7 +20,7 @@ impl Random {
         x ^ (x >> 31)
     }
 
-    /// A number below `n`, which is at least 1.
+    /// Returns a number below `n`, which is at least 1.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         usize::try_from(self.next() % n.max(1) as u64).unwrap()
     }
@@ -30,7 +30,7 @@ impl Random {
     }
 }
 
-/// Numbers at the edges of types and of a drone's world.
+/// Numbers at the limits of types and of a drone's physical range.
 const NUMBERS: [&str; 24] = [
     "0",
     "-1",
@@ -58,7 +58,7 @@ const NUMBERS: [&str; 24] = [
     "1e-9",
 ];
 
-/// Words that mean something in one format or another.
+/// Words that have a meaning in at least one of the formats.
 const WORDS: [&[u8]; 24] = [
     b"\"",
     b"'",
@@ -86,10 +86,10 @@ const WORDS: [&[u8]; 24] = [
     b"null",
 ];
 
-/// Largest case: lines repeated again and again would otherwise fill the memory by themselves.
+/// Maximum size of a case in bytes, because repeated lines would otherwise fill the memory.
 const MAX_BYTES: usize = 1 << 20;
 
-/// A seed, changed in one to eight places.
+/// Returns a seed that is changed in one to eight places.
 pub(crate) fn mutated(seeds: &[Seed], random: &mut Random) -> Vec<u8> {
     let mut bytes = seeds[random.below(seeds.len())].bytes.clone();
     for _ in 0..=random.below(8) {
@@ -134,7 +134,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     }
 }
 
-/// Puts an integer of 2, 4 or 8 bytes at a place.
+/// Writes an integer of 2, 4 or 8 bytes at a position.
 fn integer(bytes: &mut [u8], at: usize, random: &mut Random) {
     let values = [0, 1, 0x7f, 0xff, 0x7fff, 0xffff, 0x7fff_ffff, 0xffff_ffff, u64::MAX];
     let value = values[random.below(values.len())];
@@ -146,7 +146,7 @@ fn integer(bytes: &mut [u8], at: usize, random: &mut Random) {
     }
 }
 
-/// Repeats or leaves out the line at a place.
+/// Repeats or removes the line at a position.
 fn line(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
     let begin = bytes[..at].iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
     let end =
@@ -160,7 +160,7 @@ fn line(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
     }
 }
 
-/// Replaces the number nearest after a place.
+/// Replaces the first number after a position.
 fn number(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
     let is_part = |byte: &u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+');
     let Some(begin) = bytes[at..].iter().position(is_part).map(|n| at + n) else { return };
@@ -169,7 +169,7 @@ fn number(bytes: &mut Vec<u8>, at: usize, random: &mut Random) {
     bytes.splice(begin..end, number.bytes());
 }
 
-/// Gives every chunk of a PNG file its checksum, without which nothing in it is read.
+/// Corrects the checksum of every chunk of a PNG file, without which readers reject the chunk.
 pub(crate) fn mend_checksums(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(length) = bytes.get(at..at + 4).and_then(|n| n.first_chunk()).copied() {

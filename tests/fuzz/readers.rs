@@ -1,4 +1,4 @@
-//! The readers, each with good files to begin with.
+//! The readers, each with valid files as seeds.
 
 use std::path::{Path, PathBuf};
 
@@ -18,23 +18,24 @@ use noctograph::studies::{Conditions, Store};
 /// A reader of files.
 pub(crate) struct Reader {
     pub(crate) name: &'static str,
-    /// Name of the file, whose ending may decide how it is read.
+    /// Name of the file, whose extension may determine how it is read.
     pub(crate) file: &'static str,
-    /// Reads a file, which is there as bytes as well; whether it is accepted.
+    /// Function that reads a file, which is also passed as bytes, and returns true if it is
+    /// accepted.
     pub(crate) read: fn(&Path, &[u8]) -> bool,
     pub(crate) good: fn() -> Vec<Vec<u8>>,
 }
 
-/// A file to begin with.
+/// A file from which mutations start.
 pub(crate) struct Seed {
     pub(crate) name: String,
     pub(crate) bytes: Vec<u8>,
-    /// Whether it must be accepted; past failures must only do no harm.
+    /// True if the file must be accepted. Past failures may also be refused.
     pub(crate) good: bool,
 }
 
 impl Reader {
-    /// The good files, and those on which the reader failed once.
+    /// Returns the valid files, and those on which the reader failed once.
     pub(crate) fn seeds(&self) -> Vec<Seed> {
         let good = (self.good)().into_iter().enumerate();
         let good = good.map(|(n, bytes)| Seed { name: format!("good {n}"), bytes, good: true });
@@ -59,7 +60,7 @@ fn log(path: &Path, _: &[u8]) -> bool {
     import(path, &ImportOptions::default()).is_ok()
 }
 
-/// A folder of the same file eight times.
+/// Reads a folder that contains the same file eight times.
 fn folder(path: &Path, bytes: &[u8]) -> bool {
     let folder = path.with_extension("folder");
     std::fs::create_dir_all(&folder).unwrap();
@@ -72,12 +73,13 @@ fn drawing(path: &Path, _: &[u8]) -> bool {
     draw(path, &options, Ink::ByColor).is_ok_and(finite)
 }
 
-/// An eighth of the typefaces are traced along their center lines, which takes most of the time.
+/// Writes a word in a typeface. Only an eighth of the typefaces are traced along their center
+/// lines, because this takes most of the time.
 fn word(path: &Path, bytes: &[u8]) -> bool {
     let font = path.display().to_string();
     let trace = if bytes.len().is_multiple_of(8) { Trace::CenterLine } else { Trace::Outline };
     let options = LetterOptions { font, trace, ..LetterOptions::default() };
-    // Text that is shaped, or set side by side.
+    // The text is either shaped, or set letter by letter.
     let text = if bytes.len().is_multiple_of(3) { "fiA\u{200d}O" } else { "AO" };
     write(text, &options).is_ok_and(finite)
 }
@@ -91,7 +93,7 @@ fn finite(strokes: Strokes) -> bool {
     true
 }
 
-/// A flight's light too: it is where a time without end would cost.
+/// Reads a flight and its light, because an excessive duration would be expensive in the light.
 fn flight(_: &Path, bytes: &[u8]) -> bool {
     let Ok(flight) = Flight::parse_csv(bytes, "flight.csv") else { return false };
     let _ = light(&flight, &LightOptions::default(), 0, 0);
@@ -107,7 +109,7 @@ fn embedded(path: &Path, _: &[u8]) -> bool {
     photo.into_data().scene_toml.is_some_and(|toml| Scene::parse(&toml, "photo.png").is_ok())
 }
 
-/// All readers.
+/// Returns all readers.
 pub(crate) fn all() -> Vec<Reader> {
     let reader = |name, file, read, good| Reader { name, file, read, good };
     vec![
@@ -163,13 +165,13 @@ fn file(path: &str) -> Vec<u8> {
     std::fs::read(repository().join(path)).unwrap()
 }
 
-/// The folder of the repository; the package of `libfuzzer` is within it.
+/// Returns the root folder of the repository, which also contains the package of `libfuzzer`.
 fn repository() -> &'static Path {
     let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     folders.find(|folder| folder.join("fonts").is_dir()).unwrap()
 }
 
-/// A stroke font's capitals.
+/// Returns the capitals of a stroke font.
 fn letters(path: &str) -> Vec<u8> {
     let font = String::from_utf8(file(path)).unwrap();
     let kept =
@@ -227,7 +229,7 @@ fn log_json() -> Vec<u8> {
     format!("{{{}}}", variables.join(",\n")).into_bytes()
 }
 
-/// The log of an exported script as it comes.
+/// Returns the log that an exported script writes during a flight.
 fn log_lines() -> Vec<u8> {
     let mut text = "{\"noctograph\": {\"firmware\": \"2026.08\"}}\n".to_owned();
     for sample in &flown().samples {
@@ -262,7 +264,7 @@ fn log_usd(version: u16) -> Vec<u8> {
     bytes
 }
 
-/// Pictures of every color type, small.
+/// Returns small pictures of every color type.
 fn pngs() -> Vec<Vec<u8>> {
     use png::{BitDepth, ColorType};
     let kinds = [
@@ -284,7 +286,7 @@ fn pngs() -> Vec<Vec<u8>> {
     kinds.into_iter().map(encode).chain([shot()]).collect()
 }
 
-/// A photo with its scene, as `preview` writes it.
+/// Returns a photo with its scene, as `preview` writes it.
 fn shot() -> Vec<u8> {
     let (width_px, height_px) = (16, 9);
     let scene_toml = Some("word = \"NO\"\nseed = 7\n[camera]\niso = 200\n".to_owned());
@@ -295,8 +297,7 @@ fn shot() -> Vec<u8> {
     photo::encode_png(&photo, Some(&Metadata::new(&camera, &photo.rgb8)), &notes)
 }
 
-/// A JPEG of 16 × 16 pixels with the EXIF of a camera.
-/// A cross on paper.
+/// Returns a picture of a cross on paper.
 fn sketch() -> Vec<u8> {
     let is_ink = |x: u32, y: u32| x.abs_diff(y) < 3 || x.abs_diff(63 - y) < 3;
     let gray = (0..64 * 64).map(|at| if is_ink(at % 64, at / 64) { 30 } else { 230 });

@@ -1,4 +1,5 @@
-//! Words that grow: a case is a word in a photo and the word that is told, a line each.
+//! Words of growing length. A case consists of two lines: the word in a photo, and the word for
+//! which the photo is scored.
 
 use std::path::Path;
 
@@ -8,11 +9,11 @@ use noctograph::photo::{self, Metadata, Photo, PhotoData};
 use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, ScoreOptions, View, read as read_blind};
 
-/// Lengths of words, up to the longest that is written.
+/// Lengths of words, up to the longest that can be written.
 const LENGTHS: [usize; 3] = [1, 61, 256];
 
-/// Words of equal, alternating and many letters in a photo, each told itself, half of itself and
-/// others.
+/// Returns cases with words of equal, alternating and many letters, each scored for the word
+/// itself, for half of it and for other words.
 pub(crate) fn all() -> impl Iterator<Item = String> {
     const LETTERS: [&str; 3] = ["O", "IL", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"];
     let word = |letters: &str, n: usize| letters.chars().cycle().take(n).collect::<String>();
@@ -28,7 +29,8 @@ pub(crate) fn all() -> impl Iterator<Item = String> {
     })
 }
 
-/// Reads a case: the photo blind, told a word, and with the scene that it carries.
+/// Reads the photo of a case without a word, for a word, and with the scene that the photo
+/// contains.
 pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
     let (drawn, told) = std::str::from_utf8(case).unwrap().split_once('\n').unwrap();
     let strokes = |word: &str| write(word, &LetterOptions::default());
@@ -49,7 +51,7 @@ pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
     reader.and_then(|reader| reader.score(&photo, &View::from(&camera))).is_ok()
 }
 
-/// White strokes of three pixels on black.
+/// Returns a photo of white strokes of three pixels on black.
 fn photograph(strokes: &Strokes, view: &View) -> Photo {
     let (width_px, height_px) = (4096_u32, 120_u32);
     let mut rgb8 = vec![0; 3 * (width_px * height_px) as usize];

@@ -1,5 +1,5 @@
-//! Types of answers in TypeScript, for the page, and in Python, for the package: those of Rust, read
-//! from its declarations with what serde is told there.
+//! Generates the types of answers in TypeScript for the page, and in Python for the package, from
+//! the Rust declarations and their serde attributes.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,7 +10,7 @@ use syn::{
     Token, Type,
 };
 
-/// Files with declarations.
+/// Rust files that contain the declarations.
 const FILES: [&str; 13] = [
     "core/diagnostic.rs",
     "score/calibration.rs",
@@ -27,7 +27,7 @@ const FILES: [&str; 13] = [
     "photo_service/replay.rs",
 ];
 
-/// What page and package read, with what is within: the file, its head and the types.
+/// Generated file, its head, and the root types whose members are generated with them.
 const PAGE: (&str, &str, &[&str]) = (
     "src/serve/page/answers.d.ts",
     "// What the server answers: made by tests/it/answer_types.rs of the types in Rust. Read by tsc alone.\n",
@@ -40,7 +40,7 @@ const PACKAGE: (&str, &str, &[&str]) = (
     &["Verdict", "Outcome", "Candidate"],
 );
 
-/// What macros declare, and tables of the scene file.
+/// Types that macros declare, and tables of the scene file, with their spelling in both languages.
 const FROM_ELSEWHERE: [(&str, [&str; 2]); 4] = [
     ("Deck", ["string", "str"]),
     ("Scene", ["Record<string, any>", "dict[str, Any]"]),
@@ -48,14 +48,14 @@ const FROM_ELSEWHERE: [(&str, [&str; 2]); 4] = [
     ("Value", ["any", "Any"]),
 ];
 
-/// Index of a language in pairs of spellings.
+/// Language of a generated file, used as the index in pairs of spellings.
 #[derive(Clone, Copy, PartialEq)]
 enum Language {
     TypeScript,
     Python,
 }
 
-/// What serde is told of a type, a member or a variant.
+/// Serde attributes of a type, a member or a variant.
 #[derive(Default)]
 struct Told {
     rename: Option<String>,
@@ -77,7 +77,7 @@ impl Told {
                     "flatten" => told.is_flat = true,
                     "skip" => told.is_skipped = true,
                     "skip_serializing_if" => told.is_optional = !value()?.is_empty(),
-                    // Of reading alone.
+                    // These attributes concern only deserialization.
                     "default" | "deny_unknown_fields" | "skip_deserializing" => {}
                     _ => return Err(meta.error("unknown to tests/it/answer_types.rs")),
                 }
@@ -88,7 +88,7 @@ impl Told {
         told
     }
 
-    /// The name of a variant in JSON.
+    /// Returns the name of a variant in JSON.
     fn cased(&self, variant: &Ident) -> String {
         let between = match self.rename_all.as_deref() {
             None => return variant.to_string(),
@@ -105,7 +105,7 @@ impl Told {
     }
 }
 
-/// The first paragraph of a documentation, without the marks of links.
+/// Returns the first paragraph of a doc comment, without the markup of links.
 fn doc(attributes: &[Attribute]) -> String {
     let line = |attribute: &Attribute| match &attribute.meta.require_name_value().ok()?.value {
         Expr::Lit(it) => match &it.lit {
@@ -117,7 +117,7 @@ fn doc(attributes: &[Attribute]) -> String {
     let docs = attributes.iter().filter(|it| it.path().is_ident("doc"));
     let lines = docs.filter_map(line).take_while(|line| !line.is_empty());
     let text = lines.collect::<Vec<_>>().join(" ").replace("[`", "`").replace("`]", "`");
-    // A path ends with what it names.
+    // A path is shortened to its last segment.
     let words = text.split(' ').map(|word| match word.rsplit_once("::") {
         Some((path, name)) if path.starts_with('`') => format!("`{name}"),
         _ => word.to_owned(),
@@ -125,7 +125,7 @@ fn doc(attributes: &[Attribute]) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// A documentation in TypeScript.
+/// Formats a doc comment in TypeScript.
 fn remark(indent: &str, doc: &str) -> String {
     match doc.replace("`None`", "null") {
         none if none.is_empty() => none,
@@ -133,7 +133,7 @@ fn remark(indent: &str, doc: &str) -> String {
     }
 }
 
-/// Documented names in `figures!`: the members of `Flown`.
+/// Documented names in `figures!`, which are the members of `Flown`.
 struct Figures(Vec<Field>);
 
 impl Parse for Figures {
@@ -148,7 +148,7 @@ impl Parse for Figures {
     }
 }
 
-/// A type as it is declared.
+/// Declaration of a type in Rust.
 enum Declared {
     Members(Vec<Attribute>, Vec<Field>),
     Names(ItemEnum),
@@ -182,12 +182,12 @@ fn declared() -> BTreeMap<String, Declared> {
     types
 }
 
-/// The text of a file of types, and the names of types that are still to be written.
+/// Text of a generated file, and names of types that are still to be written.
 struct Writer<'a> {
     types: &'a BTreeMap<String, Declared>,
     language: Language,
     needed: BTreeSet<String>,
-    /// Those whose members stand in the place of one that may be missing.
+    /// Types whose members are flattened into another type and may all be missing.
     partial: BTreeSet<String>,
 }
 
@@ -196,7 +196,7 @@ impl Writer<'_> {
         spellings[self.language as usize]
     }
 
-    /// A type in the language.
+    /// Returns the spelling of a type in the language.
     fn spelled(&mut self, kind: &Type) -> String {
         let path = match kind {
             Type::Reference(it) => return self.spelled(&it.elem),
@@ -254,7 +254,7 @@ impl Writer<'_> {
         }
     }
 
-    /// The declaration of a type.
+    /// Returns the declaration of a type in the language.
     fn declaration(&mut self, name: &str) -> String {
         match &self.types[name] {
             Declared::Members(attributes, fields) => self.members(name, attributes, fields),
@@ -303,7 +303,7 @@ impl Writer<'_> {
                 Language::TypeScript => {
                     lines += &remark("  ", &doc);
                     let key = if key.contains('-') { format!("\"{key}\"") } else { key };
-                    // What may be left out is never null.
+                    // A member that may be omitted is never null.
                     let (key, kind) = match told.is_optional {
                         true => (key + "?", whole.unwrap_or(&kind)),
                         false => (key, &*kind),
@@ -335,7 +335,7 @@ impl Writer<'_> {
     }
 }
 
-/// The file of a language.
+/// Returns the generated file of a language.
 fn written(language: Language, (_, head, roots): (&str, &str, &[&str])) -> String {
     let needed = roots.iter().map(|root| (*root).to_owned()).collect();
     let (types, partial) = (declared(), BTreeSet::new());

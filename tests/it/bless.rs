@@ -1,10 +1,11 @@
-//! Whether goldens are written anew: `NOCTOGRAPH_BLESS=1`, and no other value.
+//! Golden files are rewritten if `NOCTOGRAPH_BLESS` is `1`, and for no other value.
 
 use std::fmt::Display;
 use std::io::Write as _;
 
-/// Whether a golden is written anew instead of compared. Says so on the error stream itself, which
-/// the test harness does not capture: a golden never moves in silence.
+/// True if a golden file is to be rewritten instead of compared. If it is, a message is written
+/// directly to stderr, which the test harness does not capture, so that a golden file never changes
+/// silently.
 pub(crate) fn is_blessed(golden: impl Display) -> bool {
     let Some(value) = std::env::var_os("NOCTOGRAPH_BLESS") else { return false };
     let is_blessed = value == "1";

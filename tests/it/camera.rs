@@ -1,10 +1,10 @@
-//! Cameras on the command line: errors, warnings, and the meter.
+//! Tests of cameras on the command line: errors, warnings, and the light meter.
 
 use predicates::prelude::*;
 
 use crate::cli::{fails, json, noctograph};
 
-/// Two seconds along x at the height of the word.
+/// Returns a light trace of a lamp that moves along x for two seconds at the height of the word.
 fn streak() -> String {
     let mut csv = "t,x,y,z,r,g,b\n".to_owned();
     for i in 0..=200 {
@@ -91,7 +91,7 @@ fn the_meter_says_how_much_to_stop_down() {
     let json = json(&meter(&["--json", "--target-stops", "1"]));
     let lamp = &json["lamps"][0];
     let stops = lamp["median_stops"].as_f64().unwrap();
-    // Twice the aperture number is two stops less light.
+    // Doubling the f-number reduces the light by two stops.
     let f_number = lamp["advice"]["f_number"].as_f64().unwrap();
     assert!((2.0 * libm::log2(f_number / 8.0) - (stops - 1.0)).abs() < 1e-9, "{lamp}");
 
@@ -102,7 +102,7 @@ fn the_meter_says_how_much_to_stop_down() {
     assert!(table.contains("+1.0"), "where it was asked for: {table}");
 }
 
-/// Words, rooms and bodies: they recommended settings two stops apart once.
+/// For words, rooms and camera bodies, the settings of both verbs once differed by two stops.
 #[test]
 fn preview_and_meter_recommend_the_same_exposure() {
     let folder = tempfile::tempdir().unwrap();
@@ -112,7 +112,7 @@ fn preview_and_meter_recommend_the_same_exposure() {
         command.arg(verb).args(arguments).args(["--json", "--backend", "cpu"]);
         json(&command.args(["--size", "320x180"]).output().unwrap().stdout)
     };
-    // Words that read: advice for those that do not takes ten flights.
+    // The words are legible, because advice for illegible words takes ten flights.
     for scene in [
         &["NO"][..],
         &["NO", "--set", "photo.ambient_cd_m2=0.2", "--set", "camera.lens=28mm"],
@@ -125,7 +125,7 @@ fn preview_and_meter_recommend_the_same_exposure() {
         let meter = run("meter", scene);
         let (set, said) = (&preview["metered"], &meter["recommended"]);
         for key in ["trail_stops", "room_stops", "gave_way", "filter_stops", "longest_s"] {
-            // The team's scene is not metered.
+            // The team's scene uses no light meter.
             assert!(set.is_null() || set[key] == said[key], "{scene:?}: {set} and {said}");
         }
         if !set.is_null() {

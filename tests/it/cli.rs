@@ -1,11 +1,11 @@
-//! The command line: its files, its output, its errors.
+//! Tests of the command line: its files, its output and its errors.
 
 use std::path::Path;
 
 use assert_cmd::Command;
 use predicates::prelude::*;
 
-/// The command in a folder of its own, exposing on the CPU at a small size where it exposes.
+/// Returns the command, run in the given folder with the CPU backend.
 pub(crate) fn noctograph(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("noctograph").unwrap();
     command.current_dir(folder);
@@ -16,7 +16,7 @@ pub(crate) fn json(output: &[u8]) -> serde_json::Value {
     serde_json::from_slice(output).expect("one JSON object on stdout")
 }
 
-/// All verbs, in the order of the help.
+/// Returns all verbs in the order of the help.
 pub(crate) fn verbs() -> Vec<String> {
     let help = noctograph(Path::new(".")).arg("--help").output().unwrap();
     let help = String::from_utf8(help.stdout).unwrap();
@@ -51,7 +51,8 @@ fn preview_writes_five_files_and_says_what_it_read() {
     ));
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml", "verdict.json"]);
-    // A word of other letters has no verdict, and the photograph is beside none.
+    // A word with letters that the reader does not know has no verdict, so that the folder has no
+    // verdict.json.
     noctograph(folder.path()).args(["preview", "Ж"]).args(SMALL).assert().success();
     let names = names_in(&folder.path().join("noctograph-out"));
     assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml"]);
@@ -85,7 +86,8 @@ fn preview_prints_json_with_the_promised_fields() {
     assert_eq!(json["files"].as_array().unwrap().len(), 5);
     assert!(json["adapter"].is_string());
 
-    // One schema: verdict.json is a part of what preview prints, and all that score prints.
+    // All outputs have the same schema: verdict.json equals the output of score, and is a part of
+    // the output of preview.
     let file = std::fs::read(folder.path().join("a/verdict.json")).unwrap();
     let file: serde_json::Value = serde_json::from_slice(&file).unwrap();
     let file = file.as_object().unwrap();
@@ -101,7 +103,7 @@ fn preview_prints_json_with_the_promised_fields() {
     }
 }
 
-/// The JSON that a successful command prints.
+/// Runs a command that must succeed, and returns the JSON that it prints.
 pub(crate) fn run_json(folder: &Path, arguments: &[&str]) -> serde_json::Value {
     let run = noctograph(folder).args(arguments).arg("--json").assert().success();
     json(&run.get_output().stdout)
@@ -199,7 +201,7 @@ fn lines_are_at_most_80_columns_wide() {
         let text = [output.stdout, output.stderr].concat();
         for line in String::from_utf8(text).unwrap().lines() {
             let width = line.chars().count();
-            // The characters of a font are one long word.
+            // The list of a font's characters is one long word that cannot be wrapped.
             assert!(width <= 80 || line.contains("ABCDEF"), "{command:?}: {width}: {line}");
         }
     }
@@ -335,7 +337,7 @@ fn the_printed_scene_is_a_scene() {
     noctograph(folder.path()).args(preview).args(SMALL).assert().success();
 }
 
-/// Runs a command that must fail with exit code 2, naming every text, and leave nothing behind.
+/// Runs a command that must fail with exit code 2, print every text, and leave no files behind.
 pub(crate) fn fails(arguments: &[&str], files: &[(&str, &str)], texts: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     for (name, content) in files {
@@ -344,7 +346,7 @@ pub(crate) fn fails(arguments: &[&str], files: &[(&str, &str)], texts: &[&str]) 
     let before = names_in(folder.path());
     let run = noctograph(folder.path()).args(arguments).assert().code(2);
     let stderr = String::from_utf8(run.get_output().stderr.clone()).unwrap();
-    // Messages are wrapped: words are compared whatever the lines.
+    // Messages are wrapped, so that line breaks are ignored in the comparison.
     let stderr = stderr.split_whitespace().collect::<Vec<_>>().join(" ");
     for text in texts.iter().chain(&["hint: "]) {
         assert!(stderr.contains(text), "{arguments:?} does not say {text:?}: {stderr}");
@@ -484,7 +486,7 @@ fn gains_shows_the_loops_of_the_scenes_own_controller() {
 fn a_spread_of_two_flights_does_not_claim_nine_tenths() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["preview", "I", "--spread", "2", "-o", "a"];
-    // A single stroke may be too little to be legible, which is exit code 1.
+    // A single stroke may be illegible, which gives exit code 1.
     let output = noctograph(folder.path()).args(args).args(SMALL).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("all 2 flights, and 33 % of further flights,"), "{text}");

@@ -1,18 +1,18 @@
-//! The comparison that golden images are held to, and the page that a failure leaves.
+//! Comparison of golden images, and the page that a failure writes.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use noctograph::photo::{self, Photo, PhotoData, flip};
 
-/// How two photos differ.
+/// Difference between two photos.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Difference {
     Size { wanted: (u32, u32), found: (u32, u32) },
     Pixels { differing: usize, largest: u8, first: Option<(usize, usize)> },
 }
 
-/// Compares pixel by pixel with tolerance zero; `None` where nothing differs.
+/// Compares two photos pixel by pixel with tolerance zero. `None` if they are equal.
 pub(crate) fn compare(wanted: &Photo, found: &Photo) -> Option<Difference> {
     let size = |photo: &Photo| (photo.width_px, photo.height_px);
     if size(wanted) != size(found) {
@@ -31,8 +31,8 @@ pub(crate) fn compare(wanted: &Photo, found: &Photo) -> Option<Difference> {
     })
 }
 
-/// Leaves the golden, the photo, the amplified difference and the perceived difference (ꟻLIP) in
-/// `target/golden/<name>/` with an HTML page.
+/// Writes the golden image, the photo, the amplified difference and the perceived difference (ꟻLIP)
+/// into `target/golden/<name>/` with an HTML page.
 pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("golden").join(name);
     std::fs::create_dir_all(&folder).unwrap();

@@ -1,4 +1,4 @@
-//! Two drones that share a word and three anchors.
+//! Tests of two drones that write one word together with three anchors.
 
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use noctograph::sim::{Drone, EstimatorKind, bounds, fly_fleet, writing_sigma_m};
 
 use crate::cli::{fails, noctograph, run_json};
 
-/// Root mean square of the position's error over lit samples after 2 s, and the mean NEES.
+/// Returns the RMS position error over lit samples after 2 s, in m, and the mean NEES.
 fn errors(flights: &[Flight]) -> (f64, f64) {
     let (mut square, mut nees, mut n) = (0.0, 0.0, 0.0);
     for flight in flights {
@@ -25,7 +25,7 @@ fn errors(flights: &[Flight]) -> (f64, f64) {
     ((square / n).sqrt(), nees / n)
 }
 
-/// Error and NEES of the seeds of a scene.
+/// Returns the position error in m and the NEES over several seeds of a scene.
 fn flown(scene: &str, settings: &[(&str, &str)], seeds: std::ops::Range<u64>) -> (f64, f64) {
     let mut scene = Scene::find(scene, settings).unwrap().scene;
     let (mut square, mut nees, mut all) = (0.0, 0.0, Vec::new());
@@ -48,7 +48,8 @@ const FLOOR: &str = "two-drones-three-anchors-and-floor";
 
 #[test]
 fn three_anchors_and_a_fifth_link_place_two_drones_as_the_table_says() {
-    // docs/cooperative.md, measured over 16 seeds; here six, with room for chance.
+    // The values are those of docs/cooperative.md over 16 seeds, with tolerance because this test
+    // uses six.
     let barometer = [
         ("sensors.heights", "[\"barometer\"]"),
         ("sensors.barometer.drift_m_sqrt_s", "0.0"),
@@ -95,7 +96,7 @@ fn a_filter_is_as_consistent_on_the_floor_as_in_the_air() {
 fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
     for n in 1..=6_usize {
         let n_drones = n.to_string();
-        // A drone writes a letter at least.
+        // The word has a letter for each drone, because every drone writes at least one.
         let settings =
             [("word", "NOORNO"), ("plan.drones", n_drones.as_str()), ("sensors.uwb.heard", "[]")];
         let scene = Scene::find(FIVE_LINKS, &settings).unwrap().scene;
@@ -104,7 +105,7 @@ fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
         let plans: Vec<_> = shoot.plans.iter().map(|planned| &planned.plan).collect();
         assert_eq!(plans.len(), n, "all fly");
         let bound_m = writing_sigma_m(&bounds(&plans, &options).unwrap(), None).unwrap();
-        // docs/cooperative.md, measured over 16 seeds: within 12 %.
+        // The result must be within 12 % of docs/cooperative.md, which was measured over 16 seeds.
         let (error_m, nees) = flown(FIVE_LINKS, &settings, 0..4);
         assert!(error_m < 1.3 * bound_m, "{n} drones: {error_m} m, bound {bound_m} m");
         assert!((0.75..1.3).contains(&nees), "{n} drones: NEES {nees}");
@@ -124,13 +125,14 @@ fn sharing_estimates_is_worse_than_sharing_measurements_and_believes_too_much() 
     assert_eq!(deaf.0, nothing_m, "without a message nothing can be known of the others");
 }
 
-/// Flights of the shared word by drones that noise and anchors know under these indices.
+/// Returns flights of the common word by drones whose noise and anchors are those of the given
+/// indices.
 fn as_named(indices: [u64; 2]) -> Vec<Flight> {
     let scene = Scene::find(FLOOR, &[]).unwrap().scene;
     let options = scene.sim();
     let plans = Shoot::new(scene).unwrap().plans;
     let drone = |index| Drone { index, ..Drone::new(&options, 3) };
-    // Plan 0 belongs to index 0.
+    // Each index selects the plan of the same number.
     let fleet = indices.map(|index| (&plans[usize::try_from(index).unwrap()].plan, drone(index)));
     fly_fleet(&fleet, &mut |_| {}).unwrap()
 }
@@ -154,7 +156,8 @@ fn a_drone_alone_flies_as_with_the_single_filter_bit_for_bit() {
             ("sensors.uwb.heard", "[]"),
             ("sensors.heights", "[\"time-of-flight\", \"barometer\"]"),
             ("observer.cooperative.start_tilt_rad", "0.02"),
-            // The single filter may lock a link out for good, the fleet's believes it again.
+            // The gate is opened, because the filter of a single drone may reject a link forever,
+            // whereas the fleet's filter accepts it again.
             ("observer.ekf.gate_sigmas", "1e6"),
         ];
         let mut scene = Scene::find(FLOOR, &settings).unwrap().scene;
@@ -193,7 +196,8 @@ fn fleets_that_cannot_be_are_refused_with_the_reason() {
 const ANCHORS: [[f64; 3]; 5] =
     [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4], [-2.5, 2.5, 0.2], [2.5, 2.0, 2.4]];
 
-/// A log of ranges to the anchors in turn, without noise, the anchors' file and the true flight.
+/// Returns a noise-free log of ranges to the anchors in turn, the anchors' file and the true
+/// flight.
 pub(crate) fn recorded() -> [(&'static str, String); 3] {
     let (mut log, mut held) = ("row,timestamp".to_owned(), [0.0; 5]);
     (0..5).for_each(|anchor| write!(log, ",ranging.distance{anchor}").unwrap());
@@ -244,7 +248,7 @@ fn a_log_of_ranges_becomes_a_flight_beside_its_reference() {
 fn every_observer_reads_a_log_that_holds_the_motion() {
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in recorded() {
-        // The drone's velocity in the log of its ranges.
+        // The drone's velocity is added to the log of its ranges.
         let row = |(k, line): (usize, &str)| match k.checked_sub(1) {
             None => format!("{line},stateEstimate.vx,stateEstimate.vy,stateEstimate.vz\n"),
             Some(k) => {
@@ -263,7 +267,8 @@ fn every_observer_reads_a_log_that_holds_the_motion() {
         let chosen = ["--reference", "flight.csv", "--observer", observer];
         let json = run_json(folder.path(), &[&arguments[..], &chosen].concat());
         let rmse_m = json["reference"][0]["rmse_3d_m"].as_f64().unwrap();
-        // The enlarged filter begins in the middle of the room.
+        // The tolerance of the augmented filter is larger, because it starts in the middle of the
+        // room.
         let most_m = if observer == "enlarged" { 0.4 } else { 0.1 };
         assert!(rmse_m < most_m, "{observer}: {rmse_m} m");
     }
@@ -272,7 +277,7 @@ fn every_observer_reads_a_log_that_holds_the_motion() {
 #[test]
 fn a_fleet_that_is_lost_says_which_drone() {
     let folder = tempfile::tempdir().unwrap();
-    // Ranges that are wrong by meters turn a drone over.
+    // Ranges with errors of meters make a drone turn over.
     let lost = ["preview", "--scene", FIVE_LINKS, "--set", "sensors.uwb.bias_m=2"];
     let lost = noctograph(folder.path()).args(lost).assert().code(2);
     lost.stderr(predicates::str::contains("drone 1: the drone turns over after"));

@@ -1,18 +1,18 @@
-//! The ranking of a class: a submission that cheats or is broken is refused by name, and changes
-//! nothing for the others.
+//! Tests of the ranking of a class, in which a submission that cheats or is invalid is refused by
+//! name and does not affect the others.
 
 use std::path::Path;
 
 use crate::cli::{fails, json, noctograph};
 
 const TASK: &str = "preset = \"cf-brushless\"\n[controller]\nkind = \"lqr\"\n";
-/// Submissions that keep to the task.
+/// Submissions that obey the task.
 const HONEST: [(&str, &str); 3] = [
     ("anna", "[controller]\nkind = \"lqr-integral\"\n"),
     ("bert", "preset = \"cf-brushless\"\n[controller]\nkind = \"pid\"\n"),
     ("cleo", "[controller]\nlqr.r = [1e9, 1e9, 1e9, 1e9]\n"),
 ];
-/// Submissions that win without flying better, with what they are refused for.
+/// Submissions that would win without flying better, with the reason for which they are refused.
 const CHEATS: [(&str, &str, &str); 6] = [
     ("picture", "photo.background = \"tea.png\"", "photo.background differs from the task's"),
     ("shutter", "camera.shutter_close_s = 1.2", "camera.shutter_close_s differs from the task's"),
@@ -21,7 +21,7 @@ const CHEATS: [(&str, &str, &str); 6] = [
     ("light", "vehicle.mass_kg = 0.02", "vehicle.mass_kg differs from the task's: 0.02 for 0.0434"),
     ("drone", "preset = \"cf21\"", "preset differs from the task's: \"cf21\" for \"cf-brushless\""),
 ];
-/// Broken submissions, with what they are told.
+/// Invalid submissions with the expected messages.
 const FAULTY: [(&str, &str, &str); 4] = [
     ("syntax", "[controller]\n\nkind = lqr\n", "all/syntax.toml:3: found"),
     ("unknown", "controller.lqr.qq = [1.0]\n", "did you mean controller.lqr.q?"),
@@ -81,7 +81,7 @@ fn cheats_are_refused_by_name_and_the_honest_keep_order_and_marks() {
 
     assert!(read("class/marks.csv").contains("\n'=truth,"), "no formula of a spreadsheet");
 
-    // As examples/dask_rank.py calls it: a shard does not fail for what others handed in.
+    // Shards run as in examples/dask_rank.py, and must not fail because of other submissions.
     for shard in ["1/2", "2/2"] {
         assert!(grade("all", &["--parts", "parts", "--shard", shard]).status.success());
     }

@@ -1,4 +1,4 @@
-//! `noctograph coverage`, and flights on other sensors, through the front door.
+//! Tests of `noctograph coverage`, and of flights with other sensors, by the command line.
 
 use predicates::str::contains;
 

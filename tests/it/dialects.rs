@@ -1,6 +1,6 @@
-//! Logs of simulated flights of several letters in every dialect: whole, cut off, and broken in the
-//! ways that files break. Each import gives the logged flight, a warning, or an error with a hint; never
-//! a panic, and never wrong numbers.
+//! Tests of logs of simulated flights of several letters in every dialect, which are intact,
+//! truncated, or corrupt in typical ways. Each import gives the logged flight, a warning, or an
+//! error with a hint, but never a panic or wrong numbers.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use noctograph::logs::{Damaged, ImportOptions, import};
 use noctograph::plan::{PlanOptions, plan};
 use noctograph::sim::{Drone, SimOptions, fly};
 
-/// The flight of a word, a hundred samples a second.
+/// Returns the flight of a word with 100 samples per second.
 pub(crate) fn flown(word: &str) -> Flight {
     let strokes = write(word, &LetterOptions::default()).unwrap();
     let plan = plan(&strokes, &PlanOptions::default()).unwrap();
@@ -20,7 +20,7 @@ pub(crate) fn flown(word: &str) -> Flight {
     fly(&plan, &Drone::new(&options, 3), &mut |_| {}).unwrap()
 }
 
-/// Keeps the first samples of a flight.
+/// Truncates a flight to its first `n` samples.
 fn shorten(flight: &mut Flight, n: usize) {
     flight.edit(|flight| {
         flight.samples.truncate(n);
@@ -31,7 +31,7 @@ fn shorten(flight: &mut Flight, n: usize) {
 
 type Variable = (&'static str, fn(&FlightSample) -> f64);
 
-/// The firmware's variables by block, in the firmware's units and signs.
+/// Variables of the firmware by log block, in the firmware's units and signs.
 pub(crate) const FIRMWARE: [&[Variable]; 4] = [
     &[
         ("stateEstimate.x", |s| s.position_m.x),
@@ -56,7 +56,7 @@ pub(crate) const FIRMWARE: [&[Variable]; 4] = [
     ],
 ];
 
-/// The course's own variables, as in the years of `o_x` and of `p_x`.
+/// Variables of the course AE483, with the names `o_x` and `p_x` of different years.
 const COURSE: [&[Variable]; 3] = [
     &[
         ("ae483log.p_x", |s| s.position_m.x),
@@ -76,12 +76,13 @@ const COURSE: [&[Variable]; 3] = [
     ],
 ];
 
-/// Milliseconds of the drone's clock.
+/// Returns the timestamp of a sample on the drone's clock, in ms.
 fn stamp_ms(sample: &FlightSample) -> f64 {
     (sample.time_s * 1e3).round() + 40_000.0
 }
 
-/// Members of a JSON log: each variable with the samples that were not lost.
+/// Returns the members of a JSON log, which contain each variable with the samples that were not
+/// lost.
 pub(crate) fn json(
     flight: &Flight,
     blocks: &[&[Variable]],
@@ -98,7 +99,7 @@ pub(crate) fn json(
     blocks.concat().iter().map(variable).collect::<Vec<_>>().join(",\n")
 }
 
-/// A JSON log of the firmware's variables in milliseconds.
+/// Returns a JSON log of the firmware's variables with times in milliseconds.
 pub(crate) fn json_2022(flight: &Flight, is_lost: impl Fn(&str, &FlightSample) -> bool) -> String {
     format!("{{{}}}", json(flight, &FIRMWARE, |s| stamp_ms(s).to_string(), is_lost))
 }
@@ -127,7 +128,7 @@ fn cfclient(flight: &Flight, block: &[Variable]) -> String {
     text
 }
 
-/// A µSD log without its CRC: header and records.
+/// Returns the header and the records of a µSD log, without its CRC.
 #[expect(clippy::cast_possible_truncation, reason = "as the card has it")]
 fn usd_body(flight: &Flight, version: u16) -> Vec<u8> {
     let mut bytes = vec![0xBC];
@@ -167,7 +168,7 @@ fn with_crc(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Writes files into a folder and imports it, or its only file.
+/// Writes files into a folder and imports the folder, or its only file.
 fn imported(files: &[(&str, &[u8])], options: &ImportOptions) -> Result<Flight, Error> {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in files {
@@ -183,7 +184,8 @@ fn read(name: &str, bytes: &[u8]) -> Result<Flight, Error> {
     imported(&[(name, bytes)], &ImportOptions::default())
 }
 
-/// Largest distance of an imported flight from the logged one; checks that all numbers are finite.
+/// Returns the largest distance of an imported flight from the logged flight, in m, and checks that
+/// all numbers are finite.
 fn farthest_m(found: &Flight, logged: &Flight) -> f64 {
     let start_s = logged.samples[0].time_s;
     assert!(found.samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s), "time rises");
@@ -236,8 +238,8 @@ fn letters_come_back_from_every_dialect() {
     }
 }
 
-/// Every log cut off at many places: the part before is read with a warning, or refused with the
-/// place.
+/// Truncates every log at many places. The remaining part is read with a warning, or refused with
+/// the place.
 #[test]
 fn logs_cut_off_anywhere_are_read_that_far_or_refused() {
     let mut flight = flown("K");
@@ -272,13 +274,13 @@ fn logs_cut_off_anywhere_are_read_that_far_or_refused() {
     }
 }
 
-/// Result of importing a changed file.
+/// Expected result of importing a changed file.
 enum Outcome {
-    /// The flight, without change.
+    /// The unchanged flight.
     Same,
-    /// The flight or a part of it, and a warning that contains this.
+    /// The flight or a part of it, with a warning that contains this text.
     Warned(&'static str),
-    /// An error that contains this.
+    /// An error that contains this text.
     Refused(&'static str),
 }
 use Outcome::{Refused, Same, Warned};
@@ -306,14 +308,14 @@ fn check(name: &str, what: &str, bytes: &[u8], wanted: &Outcome, logged: &Flight
     }
 }
 
-/// The text with one of its lines (from 0) changed.
+/// Returns the text with its line `n`, counted from 0, changed.
 fn line(text: &str, n: usize, change: impl Fn(&str) -> String) -> String {
     let lines = text.lines().enumerate();
     let lines = lines.map(|(i, line)| if i == n { change(line) } else { line.to_owned() });
     lines.collect::<Vec<_>>().join("\n") + "\n"
 }
 
-/// A cell (from 0) of a line replaced.
+/// Returns the text with a cell of a line replaced, both counted from 0.
 fn cell(text: &str, n: usize, column: usize, with: &str) -> String {
     line(text, n, |line| {
         let mut cells: Vec<&str> = line.split(',').collect();
@@ -387,7 +389,7 @@ fn broken_tables_are_read_with_a_warning_or_refused() {
     );
 }
 
-/// Positions in another unit, under names without one.
+/// Returns a table of positions in another unit, with column names that contain no unit.
 fn scaled(flight: &Flight, factor: f64) -> String {
     let mut other = flight.clone();
     other.edit(|other| other.samples.iter_mut().for_each(|sample| sample.position_m *= factor));
@@ -462,7 +464,8 @@ fn broken_usd_logs_are_refused_or_recovered() {
             found.warnings
         );
 
-        // The 200th sample's first record: four heads and 44 bytes of values before each.
+        // The offset is that of the first record of sample 200. Each sample takes four record heads
+        // and 44 bytes of values.
         let record = n_head + 200 * (4 * if version == 1 { 6 } else { 10 } + 44);
         let unknown = changed(record, &999_u16.to_le_bytes());
         check("log00", "an unknown event", &unknown, &Refused("999"), &flight);

@@ -1,5 +1,6 @@
-//! Digests of a few flights, `golden/flight/digests.txt`: every build on every machine flies the same
-//! bits, with any number of threads. The plan is a formula, so that only the simulator moves them.
+//! Compares digests of several flights with `golden/flight/digests.txt`, because every build on
+//! every machine must simulate the same bits with any number of threads. The plan is given by a
+//! formula, so that only changes of the simulator change the digests.
 
 use std::fmt::Write;
 
@@ -12,7 +13,8 @@ use noctograph::vehicle::{AirOptions, Gusts};
 
 use crate::golden::assert_golden;
 
-/// A preset's drone in still air, with the reference team's regulator, observer and sensors.
+/// Returns a preset's drone in still air, with the reference team's regulator, observer and
+/// sensors.
 fn drone(preset: Preset) -> SimOptions {
     let mut sim = Scene::preset(preset).sim();
     sim.controller.kind = ControllerKind::default();
@@ -22,7 +24,7 @@ fn drone(preset: Preset) -> SimOptions {
     sim
 }
 
-/// Presets, controllers, estimators and sensors, each at least once.
+/// Returns cases that cover each preset, controller, estimator and sensor at least once.
 fn cases() -> Vec<(&'static str, SimOptions)> {
     let with = |mut options: SimOptions, change: fn(&mut SimOptions)| {
         change(&mut options);
@@ -78,7 +80,7 @@ fn cases() -> Vec<(&'static str, SimOptions)> {
     ]
 }
 
-/// Up, to the right at 0.2 m/s, up, and down to the floor.
+/// Returns a plan that goes up, to the right at 0.2 m/s, up again, and down to the floor.
 fn fixed_plan() -> Plan {
     let corners = [
         (0.0, [0.0, 0.0, 0.0]),
@@ -111,7 +113,7 @@ fn fixed_plan() -> Plan {
     Plan::made(PlanData { setpoints, lights, ..PlanData::default() })
 }
 
-/// A digest, and figures that say what moved where it differs.
+/// Returns a digest, and figures that show what changed if the digest differs.
 fn digest(plan: &Plan, options: &SimOptions) -> String {
     let flight = fly(plan, &Drone::new(options, 7), &mut |_| {}).unwrap();
     let samples = &flight.samples;
@@ -125,7 +127,7 @@ fn digest(plan: &Plan, options: &SimOptions) -> String {
 #[test]
 fn every_build_flies_the_same_bits() {
     let (plan, cases) = (fixed_plan(), cases());
-    // As many threads as cases, and the whole again on one.
+    // All cases run in parallel, each on its own thread, and then again on a single thread.
     let found: Vec<String> = std::thread::scope(|scope| {
         let threads = cases.iter().map(|(_, options)| scope.spawn(|| digest(&plan, options)));
         let threads: Vec<_> = threads.collect();

@@ -1,12 +1,12 @@
-//! The examples of `noctograph VERB --help`: they run as they stand, in the order of the verbs, in one
-//! folder that holds the files which a user brings.
+//! Runs the examples of `noctograph VERB --help` unchanged, in the order of the verbs, in one
+//! folder that contains the files which a user has to provide.
 
 use std::path::Path;
 
 use crate::cli::{noctograph, verbs};
 use crate::cooperation::recorded;
 
-/// Files that the examples name and no example writes.
+/// Writes the files that the examples read and no example writes.
 fn bring(folder: &Path) {
     for (name, text) in recorded().into_iter().filter(|(name, _)| *name != "flight.csv") {
         std::fs::write(folder.join(name), text).unwrap();
@@ -20,7 +20,7 @@ fn bring(folder: &Path) {
     real.to_rgb8().save(folder.join("real.jpg")).unwrap();
 }
 
-/// Examples of a verb: the lines beneath "Example:" in its help.
+/// Returns the examples of a verb, which are the lines below "Example:" in its help.
 fn examples(folder: &Path, verb: &str) -> Vec<String> {
     let help = noctograph(folder).args([verb, "--help"]).output().unwrap();
     let help = String::from_utf8(help.stdout).unwrap();
@@ -29,7 +29,8 @@ fn examples(folder: &Path, verb: &str) -> Vec<String> {
     lines.map(str::to_owned).collect()
 }
 
-/// A path of a layout that the product does not have: the printer leaves it as it stands.
+/// Returns a layout path that does not exist in the JSON object, which the printer prints
+/// unchanged.
 fn unknown_path(printed: &[u8]) -> Option<String> {
     let text = String::from_utf8_lossy(printed);
     let braces = text.split('{').skip(1).filter_map(|rest| Some(rest.split_once('}')?.0));
@@ -44,7 +45,7 @@ fn unknown_path(printed: &[u8]) -> Option<String> {
 fn the_example_of_every_verb_runs() {
     let folder = tempfile::tempdir().unwrap();
     bring(folder.path());
-    // `serve` runs until it is ended (tests/it/serve.rs).
+    // `serve` is tested in tests/it/serve.rs, because it runs until it is terminated.
     for verb in verbs().iter().filter(|verb| *verb != "serve") {
         let examples = examples(folder.path(), verb);
         assert!(!examples.is_empty(), "{verb} has an example");

@@ -1,5 +1,5 @@
-//! Claims about exports and about the room, the battery and the camera that they are checked against:
-//! what `check` judges is what flies, with the same steps in every export, or is refused.
+//! Tests of exports, and of the room, the battery and the camera against which they are checked.
+//! Every export flies exactly what `check` judges, or is refused.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::cli::{json as parsed, names_in, noctograph};
 
-/// Exit code, output as JSON and what was said besides.
+/// Returns the exit code, the JSON output and the messages of a command.
 fn run(folder: &Path, arguments: &[&str]) -> (i32, Value, String) {
     let output = noctograph(folder).args(arguments).arg("--json").output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
@@ -23,7 +23,7 @@ fn finding<'a>(report: &'a Value, check: &str) -> &'a Value {
     findings.iter().find(|finding| finding["check"] == check).unwrap_or(&Value::Null)
 }
 
-/// The data of an exported script.
+/// Returns the data in an exported script.
 fn data(path: &Path) -> Value {
     let text = std::fs::read_to_string(path).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
@@ -31,7 +31,7 @@ fn data(path: &Path) -> Value {
     serde_json::from_str(&data).unwrap()
 }
 
-/// A scene with stations or anchors, as settings.
+/// Returns a base station as the setting of a scene.
 fn station([x, y, z]: [f64; 3]) -> String {
     format!("{{generation=\"v2\",position_m=[{x},{y},{z}],yaw_rad=0.8,pitch_rad=0.5,roll_rad=0.0}}")
 }
@@ -60,7 +60,7 @@ fn stations_and_anchors_outside_the_room_stop_the_flight() {
         assert_eq!(frame["severity"], severity, "{places:?}: {frame}");
         assert!(outside == 0 || code == 1);
     }
-    // The file of cfclient, in the whole way to an export.
+    // A geometry file of cfclient is used from the check to the export.
     let yaml = "geos:\n  0:\n    origin: [-2.7, -2.4, 3.1]\n    rotation: [[0.6265, -0.6644, 0.4076], \
                 [0.5569, 0.7474, 0.3623], [-0.5453, 0.0, 0.8382]]\n  1:\n    origin: [2.9, 2.2, 3.1]\n    \
                 rotation: [[-0.6693, 0.6044, -0.4321], [-0.5078, -0.7967, -0.3278], [-0.5424, 0.0, \
@@ -112,9 +112,9 @@ fn a_word_too_large_for_every_camera_in_a_room_is_stopped_and_no_picture_is_prom
     let at = folder.path();
     for (room, canvas_m, severity) in [
         ("4x3x2.5", Some("[3, 1.3]"), "stop"),
-        // Not the scene's lens of 35 mm, but others.
+        // Lenses other than the scene's 35 mm show the word.
         ("4x6x2.5", Some("[3, 1.3]"), "warning"),
-        // Fitted to the room, it is as large as the camera shows from within.
+        // A word that is fitted to the room is as large as the camera can show from inside.
         ("2x2x2", None, "fine"),
         ("4x3x2.5", None, "fine"),
         ("4x6x2.5", None, "fine"),
@@ -132,7 +132,7 @@ fn a_word_too_large_for_every_camera_in_a_room_is_stopped_and_no_picture_is_prom
         let n = cameras.iter().filter(|camera| !camera["tripod_m"].is_null()).count();
         assert_eq!(n == 0, severity == "stop", "{room}: {n} cameras have a place");
     }
-    // Whoever says where the camera stands is believed.
+    // A camera position that was typed is accepted without a warning.
     let door = ["check", "NOOR", "--room", "4x3x2.5", "--camera-at", "0,-3,1"];
     let (code, report, _) = run(at, &door);
     assert_eq!((code, finding(&report, "camera")), (0, &Value::Null), "{report}");
@@ -170,7 +170,7 @@ fn one_rule_says_whether_the_battery_lasts() {
     assert!((full["limit"].as_f64().unwrap() - least_v).abs() < 0.01, "{full}, {low}");
     assert!(low["value"].as_f64().unwrap() < least_v && least_v < full["value"].as_f64().unwrap());
     assert!(low["found"].as_str().unwrap().contains("3.02 V at the highest load"), "{low}");
-    // The exported script asks for the same voltage: for its own flight, of the trajectory.
+    // The exported script requires the voltage for its own flight, which is that of the trajectory.
     let to = ["export", "NOOR", "--to", "crazyswarm2", "-o", "swarm"];
     let (code, ..) = run(at, &to);
     assert_eq!(code, 0);
@@ -206,7 +206,7 @@ fn crazyswarm2_flies_the_scenes_controller_or_nothing() {
         lights_s.push(lit[0].as_f64().unwrap() - drone["start_s"].as_f64().unwrap());
         std::fs::remove_dir_all(at.join("swarm")).unwrap();
     }
-    // Lamps wait for the PID controller, which trails.
+    // The lights are delayed for the PID controller, which lags behind.
     assert!((0.15..0.9).contains(&(lights_s[0] - lights_s[1])), "{lights_s:?}");
     let to = ["export", "NOOR", "--to", "crazyswarm2", "--unchecked", "--tolerance", "30"];
     let (code, _, said) = run(at, &[&to[..], &["--set", "controller.kind=lqr"]].concat());
@@ -252,10 +252,10 @@ fn every_name_that_crazyswarm2_is_told_is_the_firmwares() {
     );
 }
 
-/// A show as a viewer plays it.
+/// A drone show in the form in which a viewer plays it.
 struct Show {
     points: Vec<(f64, [f64; 3], Vec<[f64; 3]>)>,
-    /// Times, s, and colors from then on.
+    /// Times in s, each with the color from that time on.
     lights: Vec<(f64, [u8; 3])>,
     yaw_deg: f64,
 }
@@ -263,7 +263,7 @@ struct Show {
 impl Show {
     fn read(path: &Path) -> Self {
         let bytes = std::fs::read(path).unwrap();
-        // Stored as it is: the text begins behind the first name.
+        // The zip entry is stored uncompressed, so that its text follows the first file name.
         let begin = bytes.windows(9).position(|window| window == b"show.json").unwrap() + 9;
         let mut texts = serde_json::Deserializer::from_slice(&bytes[begin..]).into_iter::<Value>();
         let show = texts.next().unwrap().unwrap();
@@ -279,8 +279,8 @@ impl Show {
         Self { points, lights: Self::play(&program), yaw_deg }
     }
 
-    /// Commands of Skybrush's light player: 4 color, 6 black, 7 white, each with its duration in
-    /// steps of 20 ms; 0 ends.
+    /// Interprets a light program of Skybrush. The commands are 4 (color), 6 (black) and 7 (white),
+    /// each with a duration in steps of 20 ms, and 0 (end).
     fn play(program: &[u8]) -> Vec<(f64, [u8; 3])> {
         let (mut at, mut steps, mut lights) = (0, 0_u64, Vec::new());
         while program[at] != 0 {
@@ -319,7 +319,7 @@ impl Show {
         left[0]
     }
 
-    /// Where the light goes on and off, x and z.
+    /// Returns the positions (x, z) at which the light is switched.
     fn changes(&self) -> Vec<[f64; 2]> {
         let dark = |color: [u8; 3]| color == [0; 3];
         let edges = self.lights.windows(2).filter(|pair| dark(pair[0].1) != dark(pair[1].1));
@@ -342,7 +342,7 @@ fn a_skybrush_show_is_lit_on_the_strokes_of_the_same_file_in_a_color_that_shows(
         lit.len() >= 4 && lit.iter().all(|[r, g, b]| *r == 255 && *g < 60 && *b < 60),
         "{lit:?}"
     );
-    // H's two stems and its bar, and I: each begins and ends where the letters have it.
+    // The two stems and the bar of H, and the I, must begin and end where the plan has them.
     noctograph(at).args(["plan", "HI", "-o", "plan.csv"]).assert().success();
     let plan = std::fs::read_to_string(at.join("plan.csv")).unwrap();
     let head: Vec<&str> = plan.lines().next().unwrap().split(',').collect();
@@ -362,7 +362,8 @@ fn a_skybrush_show_is_lit_on_the_strokes_of_the_same_file_in_a_color_that_shows(
     let found = show.changes();
     assert_eq!(found.len(), wanted.len(), "{found:?}, {wanted:?}");
     for (found, wanted) in found.iter().zip(&wanted) {
-        // 10 ms at 0.2 m/s, and the distance of the trajectory from the design.
+        // The tolerance covers 10 ms at 0.2 m/s, and the distance of the trajectory from the
+        // design.
         let off_m = (found[0] - wanted[0]).hypot(found[1] - wanted[1]);
         assert!(off_m < 0.005, "{found:?} instead of {wanted:?}");
     }
@@ -381,7 +382,8 @@ fn every_format_takes_the_smallest_word() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for format in ["cflib", "compressed", "poly4d", "crazyswarm2", "skyc", "vviz"] {
-        // A dot's camera stands so near that it does not see it, which `check` stops.
+        // `--unchecked` is needed, because `check` stops the flight of a dot, which is too small
+        // for a camera.
         let arguments = ["export", ".", "--unchecked", "--to", format, "-o", format];
         let (code, report, said) = run(at, &arguments);
         assert_eq!(code, 0, "{format}: {report} {said}");
@@ -408,7 +410,7 @@ fn the_page_on_flying_has_the_tables_of_the_code() {
     assert!(text == wanted, "docs/fly.md has other tables than safety.rs and release.rs; bless it");
 }
 
-/// Exit code, what was said in one line, and the names of the files that were written.
+/// Returns the exit code, the messages in one line, and the names of the files that were written.
 fn exported(more: &[&str]) -> (i32, String, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let output = ["export", "I", "-o", "out"];

@@ -1,5 +1,5 @@
-//! The verdict on ten faults at six levels each, `golden/score/faults.txt`: photographs that the
-//! simulator, its lamps and its camera make, of three words a cell.
+//! Compares the verdict on ten faults at six levels with `golden/score/faults.txt`. The photographs
+//! are made by the simulator, its lamps and its camera, with three words per cell.
 //!
 //! `cargo run --release --example faults -- sheet` shows the photographs.
 
@@ -10,7 +10,7 @@ use crate::golden::assert_golden;
 #[path = "../../examples/faults/bench.rs"]
 mod bench;
 
-/// The mean probability in a line of the table.
+/// Returns the mean probability in a line of the table.
 fn probability(line: &str) -> f64 {
     line.split('|').nth(1).unwrap().trim().parse().unwrap()
 }
@@ -26,8 +26,9 @@ fn every_fault_takes_probability_level_by_level() {
     assert!(clean > 0.8, "clean: {clean}");
     for (fault, lines) in FAULTS.iter().zip(lines[2..].chunks(LEVELS)) {
         let falling: Vec<f64> = lines.iter().map(|line| probability(line)).collect();
-        // Near the readability of clean words a level may gain what noise of the photo takes; a letter of
-        // which half is missing may say less than one of which two thirds are.
+        // Readability may rise slightly from one level to the next: near the readability of clean
+        // words because of the photo's noise, and because a letter with one half missing may be
+        // less conclusive than one with two thirds missing.
         let gain = falling.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::MIN, f64::max);
         assert!(gain <= 0.12, "{}: {falling:?}, a worse level gains {gain}", fault.name);
         assert!(falling[LEVELS - 1] < 0.7, "{} at its worst: {falling:?}", fault.name);

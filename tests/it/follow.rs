@@ -1,4 +1,4 @@
-//! `expose --follow`: the photograph of a log while it grows.
+//! Tests of `expose --follow`, which photographs a log while it grows.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -12,7 +12,8 @@ use predicates::prelude::*;
 use crate::cli::{noctograph, run_json};
 use crate::dialects::FIRMWARE;
 
-/// The log of a flight as an exported script keeps it, sampled at 50 Hz, with lights at its changes.
+/// Returns the log of a flight in the form that an exported script writes, sampled at 50 Hz, with
+/// lights at their changes.
 fn lines(flight: &Flight) -> String {
     let mut text = "{\"noctograph\": {\"word\": \"NO\", \"firmware\": \"2026.08\"}}\n".to_owned();
     let mut lights: Vec<f64> = vec![-1.0; flight.lights.len()];
@@ -37,7 +38,7 @@ fn lines(flight: &Flight) -> String {
     text + "{\"end\": true}\n"
 }
 
-/// A folder with a plan and its scene, and the text of the log of its flight.
+/// Returns a folder with a plan and its scene, and the text of the log of its flight.
 pub(crate) fn flown() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     for args in ["plan NO -o plan.csv", "fly plan.csv -o flight.csv"] {
@@ -64,7 +65,7 @@ fn a_log_that_grows_leaves_photos_on_the_way_and_at_the_end_the_bytes_of_the_who
     let (folder, text) = flown();
     let path = |name: &str| folder.path().join(name);
     let run = followed(folder.path(), &["--plan", "plan.csv"]);
-    // The script begins later, and its writes end within lines.
+    // The script starts later, and its writes end in the middle of lines.
     std::thread::sleep(Duration::from_millis(300));
     let mut log = std::fs::File::create(path("log.jsonl")).unwrap();
     let mut photos: Vec<Vec<u8>> = Vec::new();

@@ -1,4 +1,4 @@
-//! Files of other programs by the verbs: light logs, clocks of two logs, what is guessed in `--json`.
+//! Tests of files from other programs: light logs, the clocks of two logs, and guesses in `--json`.
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use predicates::prelude::*;
 
 use crate::cli::{noctograph, run_json};
 
-/// A flight of 40 s as a table, its stamps by a clock that counts some of the true seconds.
+/// Returns a flight of 40 s as a table whose timestamps come from a clock with the given rate.
 fn table(ratio: f64) -> String {
     let mut text = "t,x,y,z\n".to_owned();
     for i in 0..=800 {
@@ -33,7 +33,7 @@ fn a_clock_ratio_stretches_the_drones_log_alone() {
         let (before_m, after_m) = (with("1"), with("84/85"));
         assert!(before_m > 0.05 && after_m < 0.003, "{pair:?}: {before_m} m, then {after_m} m");
     }
-    // Which is which cannot be told of two logs that are one.
+    // If both logs are the same file, it cannot be determined which of them is the drone's.
     let args = ["compare", "mocap.csv", "mocap.csv", "--align", "flown", "--clock-ratio", "84/85"];
     noctograph(folder.path()).args(args).assert().code(2).stderr(predicate::str::contains("clock"));
 }
@@ -94,7 +94,7 @@ fn a_light_log_is_exposed_in_its_colors_without_a_word_and_a_bare_log_lit_all_al
         .stderr(predicate::str::contains("--lit"));
     let lit = [&["expose", "flight.csv", "--lit", "-o", "lit.png"][..], &small].concat();
     noctograph(folder.path()).args(&lit).assert().success();
-    // What was typed is not advised.
+    // A flag that was already typed is not suggested.
     let worded = [&["expose", "flight.csv", "--word", "NO", "-o", "dark.png"][..], &small].concat();
     let said = noctograph(folder.path()).args(&worded).output().unwrap().stderr;
     assert!(

@@ -1,11 +1,12 @@
-//! Golden files, under `golden/`: results that a person has inspected.
+//! Tests of golden files under `golden/`, which are results that a person has inspected.
 //!
-//! One golden a stage, each from an input that no other stage makes, so that a change of one stage
-//! moves its own golden alone: flights (`digests`), films (`twins`), plots (`compare_flights`), the
-//! verdict (`faults`). One picture, `golden/photo/noor.png`, holds the whole road. The pictures of
-//! the documentation are illustrations: they must look like the results.
+//! Each stage has a golden file that is made from a fixed input instead of another stage's output,
+//! so that a change of one stage changes only its own golden file. The stages with golden files are
+//! flights (`digests`), films (`twins`), plots (`compare_flights`) and the verdict (`faults`). The
+//! picture `golden/photo/noor.png` covers the whole pipeline. The pictures in the documentation are
+//! illustrations, which only have to look like the results.
 //!
-//! `NOCTOGRAPH_BLESS=1 cargo test --release --test it` writes the goldens anew.
+//! `NOCTOGRAPH_BLESS=1 cargo test --release --test it` rewrites the golden files.
 
 use std::path::{Path, PathBuf};
 
@@ -18,15 +19,16 @@ use noctograph::shoot::{Judging, Shoot};
 use crate::bless::is_blessed;
 use crate::compare::{compare, leave_page};
 
-/// Largest golden file.
+/// Maximum size of a golden file, in bytes.
 const MAX_BYTES: usize = 16 << 10;
 
-/// A file of the repository.
+/// Returns the path of a file in the repository.
 fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Compares text with a golden file, byte by byte; the text that differs is left beside the tests.
+/// Compares text with a golden file byte by byte. If the text differs, it is written beside the
+/// tests.
 pub(crate) fn assert_golden(file: &str, found: &str) {
     let path = repository("golden").join(file);
     if is_blessed(file) {
@@ -40,20 +42,21 @@ pub(crate) fn assert_golden(file: &str, found: &str) {
     }
 }
 
-/// The photo of a scene, exposed on the CPU: the other backends leave the same film.
+/// Returns the photo of a scene, exposed on the CPU, because all backends produce the same film.
 fn photograph(scene: Scene) -> Photo {
     let mut shoot = Shoot {
         judging: Judging::Skipped,
         backend: BackendChoice::Cpu,
         ..Shoot::new(scene).unwrap()
     };
-    // The plan ends some milliseconds after the last sample of its flight.
+    // The shutter closes with the plan, which ends some milliseconds after the last sample of the
+    // flight.
     let end_s = shoot.plans[0].plan.duration_s();
     shoot.scene.camera.shutter_close_s.get_or_insert(end_s);
     shoot.take(&|_, _| {}).unwrap().photo
 }
 
-/// A word in a preset's scene at a size.
+/// Returns the photo of a word in a preset's scene at the given size.
 fn shown(word: &str, preset: Preset, [width_px, height_px]: [u32; 2], noise: Noise) -> Photo {
     let mut scene = Scene { word: word.into(), ..Scene::preset(preset) };
     scene.photo.noise = noise;
@@ -79,11 +82,11 @@ fn golden_photo_of_noor() {
     }
 }
 
-/// Mean ꟻLIP difference that an illustration may have: a change that a reader of the page would
-/// see is larger, another gust of noise is smaller.
+/// Maximum mean ꟻLIP difference of an illustration. A change that a reader would notice is larger,
+/// and different noise is smaller.
 const MAX_MEAN_FLIP: f64 = 0.05;
 
-/// Compares a photo with a picture of the documentation as an eye does.
+/// Compares a photo with a picture in the documentation by a perceptual metric.
 fn assert_illustration(file: &str, found: &Photo) {
     let path = repository("docs").join(file);
     if is_blessed(file) {

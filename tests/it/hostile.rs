@@ -1,5 +1,5 @@
-//! Hostile input: endless files, times and numbers beyond a drone's world, and photos that name
-//! files.
+//! Tests of hostile input: endless files, times and numbers beyond any drone's, and photos that
+//! refer to files.
 
 use noctograph::photo::{self, Photo, PhotoData};
 
@@ -41,7 +41,7 @@ fn times_of_days_and_numbers_beyond_a_drones_world_are_refused() {
     fails(&["import", "l.csv", "--max-gap", "9"], &[("l.csv", wild)], &["x_m", "within"]);
 }
 
-/// A photo whose scene is somebody's text.
+/// Writes a photo whose scene is an arbitrary text.
 fn photo_of(scene: &str, path: &std::path::Path) {
     let scene_toml = Some(scene.to_owned());
     let photo = Photo::made(PhotoData {
@@ -149,8 +149,8 @@ fn usage_and_figures_beyond_their_range_come_with_a_hint() {
     fails(&corners, &[("a.png", "no image")], &["a.png: found no PNG"]);
 }
 
-/// Runs the command under a limit of the shell (`ulimit`), as a user whom it binds: a limit of
-/// processes does not bind the superuser.
+/// Runs the command under a limit of the shell (`ulimit`) as an ordinary user, because a limit on
+/// processes does not apply to the superuser.
 #[cfg(target_os = "linux")]
 fn limited(limit: &str, arguments: &str) -> (Option<i32>, String) {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};

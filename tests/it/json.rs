@@ -1,5 +1,5 @@
-//! docs/reference/json.md: every key that a verb prints with `--json` is there, and each key of its tables is
-//! printed.
+//! Tests that docs/reference/json.md contains every key that a verb prints with `--json`, and that
+//! every key in its tables is printed.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,8 @@ use serde_json::Value;
 
 use crate::cli::{json, noctograph};
 
-/// Commands in an order in which each finds the files that it names; the heading is the verb's.
+/// Headings of verbs with their commands, in an order in which each command finds the files that it
+/// reads.
 const COMMANDS: [(&str, &str); 16] = [
     ("plan", "plan I --style even"),
     ("plan", "plan --drawing line.svg -o line.csv"),
@@ -27,7 +28,7 @@ const COMMANDS: [(&str, &str); 16] = [
     ("rank", "rank team pid --words I:2 --acuity 1"),
 ];
 
-/// All keys of a value, at any depth.
+/// Collects all keys of a value at any depth.
 fn keys(value: &Value, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
@@ -39,12 +40,12 @@ fn keys(value: &Value, found: &mut BTreeSet<String>) {
     }
 }
 
-/// What stands between backquotes.
+/// Returns the texts between backquotes.
 fn quoted(text: &str) -> BTreeSet<String> {
     text.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// Keys in the first column of a section's tables.
+/// Returns the keys in the first column of a section's tables.
 fn of_tables(section: &str) -> BTreeSet<String> {
     let rows = section.lines().filter_map(|line| line.strip_prefix("| `"));
     rows.flat_map(|row| quoted(&format!("`{}", row.split(" | ").next().unwrap()))).collect()
@@ -83,7 +84,8 @@ fn every_key_of_json_is_documented_and_every_documented_one_is_printed() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Checks of `docs/reference/json.md`: the first column of the table of limits.
+/// Returns the checks in `docs/reference/json.md`, which are the first column of the table of
+/// limits.
 fn documented_checks() -> BTreeSet<String> {
     let page = include_str!("../../docs/reference/json.md");
     let (_, table) = page.split_once("| check | value | limit |\n|---|---|---|\n").unwrap();
@@ -108,9 +110,9 @@ fn every_check_is_documented_and_every_documented_one_is_made() {
         let findings = found["findings"].as_array().unwrap_or_else(|| panic!("{output:?}"));
         made.extend(findings.iter().map(|finding| finding["check"].as_str().unwrap().to_owned()));
     }
-    // Only where a drone is lost, which depends on its tuning.
+    // This check appears only if a drone is lost, which depends on its tuning.
     made.insert("flight".to_owned());
-    // Only of stations that a file places side by side.
+    // This check appears only if a file places base stations side by side.
     made.insert("baseline".to_owned());
     assert_eq!(made, documented_checks());
 }

@@ -1,10 +1,12 @@
-//! Limits: each verb with each input as large as it is accepted, and four times as large from run to
-//! run until it is refused. The program runs as a process of its own, of which memory is judged: where
-//! it refuses, 300 MB, where it accepts, 1 GB. Readers alone are grown by `tests/fuzz/grow.rs`.
+//! Tests of limits. Each verb reads each input at the largest accepted size, and then at sizes that
+//! grow fourfold from run to run until the input is refused. The program runs in a separate
+//! process, which may use 300 MB of memory to refuse an input and 1 GB to accept one.
+//! `tests/fuzz/grow.rs` tests the readers separately.
 //!
-//! The test prints the table of `docs/reference/limits.md`. The first run of an input is ended after
-//! 1 s of a processor, and the others after a minute: then they are at work; `NOCTOGRAPH_LIMITS=all`
-//! lets them go on to their end.
+//! The test prints the table of `docs/reference/limits.md`. The test stops the first run of an
+//! input after 1 s of processor time, and later runs after a minute, because a run that takes as
+//! long has evidently accepted its input. With `NOCTOGRAPH_LIMITS=all` the first runs are
+//! completed.
 #![cfg(target_os = "linux")]
 
 use std::fmt::Write as _;
@@ -14,18 +16,19 @@ use std::process::{Child, Command, Stdio};
 
 use crate::cli::noctograph;
 
-/// Processor time after which the first run of an input is at work, and after which a larger one is,
-/// of which a refusal is expected, on a slow machine too.
+/// Processor time, in s, after which the first run of an input counts as accepted, and after which
+/// a larger input counts as accepted whose refusal is expected even on a slow machine.
 const AT_WORK_CPU_S: [f64; 2] = [1.0, 60.0];
 const REFUSED_MB: f64 = 300.0;
 const ACCEPTED_MB: f64 = 1000.0;
-/// How much larger an input is from run to run.
+/// Factor by which an input grows from run to run.
 const GROWTH: usize = 4;
-/// Clock ticks of the kernel's accounts a second, on all architectures that we know.
+/// Clock ticks per second in the kernel's process statistics, on all known architectures.
 const TICKS_HZ: f64 = 100.0;
 
-/// What grows, the order in which `@` is its file and `@*N` the file N times, what writes it in a
-/// size, and the size of the last of such a series that was accepted, or that is refused at once.
+/// What grows, the command in which `@` stands for the file and `@*N` for N copies of its name, the
+/// function that writes the file in a size, and the size of the first run, which is accepted or
+/// refused immediately.
 type Case = (&'static str, &'static str, fn(&Path, usize), usize);
 
 #[rustfmt::skip]
@@ -113,7 +116,8 @@ fn every_verb_is_bounded_where_it_refuses_and_where_it_accepts() {
     assert!(faults.is_empty(), "{faults}");
 }
 
-/// What a run took, its exit code (`None`: it was ended at work), and what it said.
+/// Time and memory of a run, its exit code (`None` if it was stopped while working), and its
+/// messages.
 struct Took {
     cpu_s: f64,
     mb: f64,
@@ -123,7 +127,7 @@ struct Took {
 
 fn run(order: &str, write: fn(&Path, usize), size: usize, most_cpu_s: f64) -> Took {
     let folder = tempfile::tempdir_in("/dev/shm").unwrap();
-    // The file has the ending that the order gives it.
+    // The file has the extension that the command gives it.
     let file = order.split([' ', '*']).find(|word| word.starts_with("@.")).unwrap_or("@");
     write(&folder.path().join(file.replacen('@', "a", 1)), size);
     let mut words = Vec::new();
@@ -153,7 +157,8 @@ fn run(order: &str, write: fn(&Path, usize), size: usize, most_cpu_s: f64) -> To
     Took { cpu_s, mb, code, said }
 }
 
-/// Processor time and most memory of a process, until it ends or has taken so much time.
+/// Returns the processor time in s and the peak memory of a process, which is watched until it ends
+/// or has used `most_cpu_s`.
 fn measured(child: &mut Child, most_cpu_s: f64) -> (f64, f64) {
     let pid = child.id();
     let read = |name: &str| std::fs::read_to_string(format!("/proc/{pid}/{name}"));
@@ -166,7 +171,7 @@ fn measured(child: &mut Child, most_cpu_s: f64) -> (f64, f64) {
         }
         let stat = read("stat").unwrap();
         let fields: Vec<&str> = stat[stat.rfind(')').unwrap() + 2..].split(' ').collect();
-        // With the time of the children that it waited for.
+        // The processor time includes that of the children for which the process waited.
         let ticks = fields[11..15].iter().map(|ticks| ticks.parse::<f64>().unwrap());
         let cpu_s = ticks.sum::<f64>() / TICKS_HZ;
         if fields[0] == "Z" {
@@ -180,7 +185,8 @@ fn measured(child: &mut Child, most_cpu_s: f64) -> (f64, f64) {
     }
 }
 
-/// A file of a beginning, as many copies of a piece as it has bytes, and an end.
+/// Writes a file that consists of a beginning, copies of a piece up to the given number of bytes,
+/// and an end.
 fn filled(path: &Path, begin: &str, piece: &str, bytes: usize, end: &str) {
     let copies = piece.repeat(bytes / piece.len());
     std::fs::write(path, [begin, &copies, end].concat()).unwrap();
@@ -225,14 +231,14 @@ fn bare_svg(path: &Path, bytes: usize) {
     );
 }
 
-/// Rows of a table.
+/// Writes a table from its header and its rows.
 fn table(path: &Path, header: &str, rows: impl Iterator<Item = String>) {
     let mut file = std::io::BufWriter::new(std::fs::File::create(path).unwrap());
     writeln!(file, "{header}").unwrap();
     rows.for_each(|row| writeln!(file, "{row}").unwrap());
 }
 
-/// Short strokes at places that are far from each other.
+/// Writes short strokes that are far from each other.
 fn svg(path: &Path, n: usize) {
     let at = |k: usize, step: usize, side: usize| k * step % side;
     let d: String =
@@ -247,7 +253,7 @@ fn handwriting(path: &Path, n: usize) {
     std::fs::write(path, format!("{{\"strokes\":[[{}]]}}", points.join(","))).unwrap();
 }
 
-/// A progressive JPEG of three components, all gray, in one scan: one bit a block.
+/// Writes a progressive JPEG of three gray components in one scan, with one bit per block.
 fn jpeg(path: &Path, pixels: usize) {
     let side = pixels.isqrt();
     let side_bytes = u16::try_from(side).unwrap().to_be_bytes();
@@ -262,7 +268,7 @@ fn jpeg(path: &Path, pixels: usize) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// A black PNG.
+/// Writes a black PNG.
 fn png(path: &Path, pixels: usize) {
     let side = u32::try_from(pixels.isqrt()).unwrap();
     let file = std::io::BufWriter::new(std::fs::File::create(path).unwrap());
@@ -276,7 +282,7 @@ fn png(path: &Path, pixels: usize) {
     stream.finish().unwrap();
 }
 
-/// A TIFF file of zeros, which takes no room on the disk.
+/// Writes a sparse TIFF file of zeros, which takes no space on the disk.
 fn tiff(path: &Path, bytes: usize) {
     std::fs::write(path, b"II*\0\x08\0\0\0").unwrap();
     std::fs::OpenOptions::new().write(true).open(path).unwrap().set_len(bytes as u64).unwrap();
@@ -291,7 +297,7 @@ fn log_json(path: &Path, n: usize) {
     std::fs::write(path, format!("{{{}}}", own.chain(more).collect::<Vec<_>>().join(","))).unwrap();
 }
 
-/// Three variables with all numbers at 1 kHz.
+/// Writes a log of three variables with numbers at 1 kHz.
 fn log_json_long(path: &Path, n: usize) {
     let times: Vec<String> = (0..n / 6).map(|k| k.to_string()).collect();
     let (times, values) = (times.join(","), vec!["0.1"; n / 6].join(","));
@@ -305,7 +311,7 @@ fn log_csv(path: &Path, n: usize) {
     table(path, "t,x,y,z", (0..n).map(row));
 }
 
-/// A folder of logs of 10 MB.
+/// Writes a folder of logs of 10 MB each.
 fn evening(folder: &Path, n: usize) {
     std::fs::create_dir(folder).unwrap();
     let first = folder.join("cf-0.csv");
@@ -313,7 +319,7 @@ fn evening(folder: &Path, n: usize) {
     (1..n).for_each(|k| drop(std::fs::copy(&first, folder.join(format!("cf-{k}.csv")))));
 }
 
-/// A folder of links to one log of 10 MB.
+/// Writes a folder of links to one log of 10 MB.
 fn links(folder: &Path, n: usize) {
     std::fs::create_dir(folder).unwrap();
     let log = folder.with_extension("log");
@@ -323,7 +329,7 @@ fn links(folder: &Path, n: usize) {
     }
 }
 
-/// A flight at 200 Hz that writes one letter.
+/// Writes a flight at 200 Hz that writes one letter.
 fn flight(path: &Path, n: usize) {
     let header = "time_s,x_m,y_m,z_m,yaw_rad,pitch_rad,roll_rad,vx_body_m_s,vy_body_m_s,\
                   vz_body_m_s,wx_body_rad_s,wy_body_rad_s,wz_body_rad_s,x_estimate_m,y_estimate_m,\
@@ -345,7 +351,7 @@ fn light(path: &Path, n: usize) {
     table(path, "t,x,y,z,r,g,b", (0..n).map(row));
 }
 
-/// A plan that stands in the air with a setpoint each 50 ms.
+/// Writes a plan that hovers, with a setpoint every 50 ms.
 fn plan(path: &Path, n: usize) {
     let header = "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,ax_m_s2,ay_m_s2,az_m_s2,letter,\
                   light.headlights";
@@ -356,7 +362,7 @@ fn plan(path: &Path, n: usize) {
     table(path, header, (0..n).map(row));
 }
 
-/// Ranges to eight anchors that contradict each other, at 100 Hz.
+/// Writes contradictory ranges to eight anchors at 100 Hz.
 fn ranges(path: &Path, n: usize) {
     let header: Vec<String> = (0..8).map(|anchor| format!(",ranging.distance{anchor}")).collect();
     let row = |k: usize| {
@@ -366,7 +372,7 @@ fn ranges(path: &Path, n: usize) {
     table(path, &format!("t{}", header.concat()), (0..n).map(row));
 }
 
-/// A study's folder whose file of flights has so many bytes, of which most take no room.
+/// Writes a study's folder whose sparse file of flights has the given number of bytes.
 fn store(folder: &Path, bytes: usize) {
     std::fs::create_dir(folder).unwrap();
     std::fs::write(folder.join("study.json"), "{}").unwrap();

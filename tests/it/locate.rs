@@ -1,6 +1,6 @@
-//! `noctograph locate` on logs with clocks, biased links and mirror images.
+//! Tests of `noctograph locate` on logs with different clocks, biased links and mirror images.
 //!
-//! Logs are made of true ranges with noise of a fixed seed.
+//! The logs contain true ranges with noise from a fixed seed.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::cli::{fails, noctograph, run_json};
 
-/// Corners of a room: four above, four below.
+/// Anchors in the corners of a room, four at the top and four at the bottom.
 const ANCHORS: [[f64; 3]; 8] = [
     [-2.5, -2.5, 2.4],
     [2.5, -2.5, 2.4],
@@ -26,7 +26,7 @@ const ANCHORS: [[f64; 3]; 8] = [
 ];
 const SIGMA_M: f64 = 0.06;
 const SIGMA: [&str; 2] = ["--set", "observer.ekf.two_way_sigma_m=0.06"];
-/// Ranges of a drone each second.
+/// Number of ranges per second that a drone measures.
 const RATE_HZ: f64 = 100.0;
 
 fn place(drone: usize, time_s: f64) -> [f64; 3] {
@@ -39,15 +39,15 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|k| libm::pow(a[k] - b[k], 2.0)).sum::<f64>().sqrt()
 }
 
-/// A drone's log: its anchors in turn and, after each round, the other drone.
+/// A drone's log, with ranges to its anchors in turn and, after each round, to the other drone.
 struct Log<'a> {
     drone: usize,
     anchors: &'a [usize],
     peer: bool,
-    /// Of the true time.
+    /// True time at which the log begins, in s.
     from_s: f64,
     to_s: f64,
-    /// Added to an anchor's ranges.
+    /// Bias that is added to an anchor's ranges, in m.
     bias_m: fn(usize, f64) -> f64,
     seed: u64,
 }
@@ -61,7 +61,7 @@ impl Default for Log<'_> {
 }
 
 impl Log<'_> {
-    /// As CSV; `stamp` writes the true time.
+    /// Returns the log as CSV, with timestamps that `stamp` formats from the true time.
     fn csv(&self, stamp: impl Fn(f64) -> String) -> String {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         let mut normal = || -> f64 { (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0 };
@@ -99,7 +99,7 @@ fn numbers(time_s: f64) -> String {
     format!("{time_s:.3}")
 }
 
-/// A folder with the anchors, the true flights and these logs as log-1.csv and so on.
+/// Returns a folder with the anchors, the true flights, and the given logs as log-1.csv and so on.
 fn folder(logs: &[String]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
@@ -123,7 +123,7 @@ fn folder(logs: &[String]) -> tempfile::TempDir {
     folder
 }
 
-/// The arguments for one log or two, with the references.
+/// Returns the arguments for one or two logs with their references.
 fn arguments<'a>(n: usize, more: &[&'a str]) -> Vec<&'a str> {
     let logs: &[&str] = if n == 1 { &["log-1.csv"] } else { &["log-1.csv", "log-2.csv"] };
     let references: &[&str] = if n == 1 {
@@ -131,7 +131,8 @@ fn arguments<'a>(n: usize, more: &[&'a str]) -> Vec<&'a str> {
     } else {
         &["--reference", "true-1.csv", "--reference", "true-2.csv"]
     };
-    // The references fly in the air, where nothing tells which axis is up.
+    // The axes are given, because the references never leave or reach the floor, which would show
+    // which axis is up.
     let told = &["--anchors", "anchors.yaml", "--axes", "z-up"];
     let all = [&["locate"], logs, references, told, &SIGMA, more];
     all.concat()
@@ -146,7 +147,8 @@ fn rmse_m(json: &Value) -> Vec<f64> {
     rows.map(|row| row["rmse_3d_m"].as_f64().unwrap()).collect()
 }
 
-/// Two drones with anchors and each other, the second log beginning `late_s` later.
+/// Returns the logs of two drones with ranges to anchors and to each other, of which the second
+/// begins `late_s` later.
 fn two(late_s: f64, stamp: impl Fn(f64) -> String + Copy) -> [String; 2] {
     let one = Log { peer: true, anchors: &[0, 1, 2, 4, 6], ..Log::default() };
     let two = Log { drone: 1, from_s: late_s, seed: 4, ..one };
@@ -168,7 +170,7 @@ fn two_logs_on_one_clock_keep_it() {
         assert!((clock["offset_s"].as_f64().unwrap() - late_s).abs() < 1e-6, "{clock}");
         assert_eq!(json["warnings"].as_array().unwrap().len(), 0, "{}", json["warnings"]);
     }
-    // The second log begins first: offsets are those to its begin.
+    // The second log begins earlier, so that offsets are relative to its start.
     let one = Log { peer: true, anchors: &[0, 1, 2, 4, 6], from_s: 0.78, ..Log::default() };
     let two = Log { drone: 1, from_s: 0.0, seed: 4, ..one };
     let json = located(folder(&[one.csv(numbers), two.csv(numbers)]).path(), 2, &[]);
@@ -208,7 +210,7 @@ fn every_link_shows_its_residuals_and_a_biased_one_is_named() {
     let run = noctograph(folder.path()).args(arguments(1, &[])).assert().success();
     run.stderr(contains("drone 1 to anchor 3 (distance2):").and(contains("biased")))
         .stdout(contains("residuals, cm"));
-    // Noise that is not as assumed.
+    // The noise in this log differs from the assumed noise.
     let folder = self::folder(&[Log::default().csv(numbers)]);
     let quiet = ["--set", "observer.ekf.two_way_sigma_m=0.25"];
     let run = noctograph(folder.path()).args(arguments(1, &quiet)).assert().success();
@@ -239,7 +241,7 @@ fn sigma_of_ranges_is_said_to_have_an_effect_and_has_it() {
 #[test]
 fn the_range_of_a_pair_that_both_logs_hold_counts_once() {
     let [one, two] = two(0.0, numbers);
-    // The second log has the first's ranges between the drones.
+    // The second log repeats the first log's ranges between the drones.
     let column = |text: &str| {
         let cell = |line: &str| line.rsplit_once(',').unwrap().1.to_owned();
         text.lines().map(cell).collect::<Vec<_>>()

@@ -1,5 +1,5 @@
-//! Gaps in a real flight's log: they travel with the flight and with its photo, and a stroke that is lost
-//! in one is not blamed on the lamps.
+//! Tests of gaps in a flight's log, which are stored in the flight and in its photo, so that a
+//! stroke lost in a gap is not attributed to the lamps.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::cli::{fails, noctograph, run_json};
 use crate::dialects::{flown, json_2022};
 
-/// The middle of the O's bottom, which is one stroke of the square letter, in time and place.
+/// Returns the sample in the middle of the bottom stroke of the square letter O.
 fn bottom_of_o(flight: &Flight) -> FlightSample {
     let samples = flight.samples.iter().zip(&flight.lights["headlights"]);
     let low = samples.filter(|(sample, level)| {
@@ -30,7 +30,7 @@ fn a_gap_of_a_log_travels_into_the_advice_and_the_lamps_are_not_blamed() {
     let is_lost = |_: &str, sample: &FlightSample| sample.time_s > from_s && sample.time_s < to_s;
     std::fs::write(folder.path().join("log.json"), json_2022(&flight, is_lost)).unwrap();
 
-    // Without a scene, the letters are found; the gap is in the flight's file.
+    // Without a scene, the letters are inferred, and the gap is stored in the flight's file.
     let import = ["import", "log.json", "--word", "NO", "-o", "flown.csv"];
     let run = noctograph(folder.path()).args(import).assert().success();
     run.stderr(predicate::str::contains("letters of ae483-2022"));
@@ -40,7 +40,7 @@ fn a_gap_of_a_log_travels_into_the_advice_and_the_lamps_are_not_blamed() {
     assert!(read.gaps.len() == 1 && (read.gaps[0][0] - from_s).abs() < 0.02, "{gaps}");
     assert!(read.samples.iter().any(|sample| sample.letter == Some(1)));
 
-    // The photo of the log names its word and its gap; so does the flight where it is named.
+    // The photo of the log contains its word and its gap, and so does the flight if it is passed.
     let exposed = ["expose", "log.json", "--word", "NO"];
     noctograph(folder.path()).args(exposed).args(SMALL).assert().success();
     for more in [&[][..], &["--flight", "log.json"], &["--flight", "flown.csv"]] {
@@ -58,7 +58,7 @@ fn check_verdict(verdict: &Value, middle: &FlightSample, gap_s: [f64; 2]) {
         let of_kind = move |cause: &&Value| cause["kind"] == *kind && cause["letter"] == 1;
         causes.iter().filter(of_kind).collect::<Vec<_>>()
     };
-    // A gap may leave several pieces of the stroke dark.
+    // A single gap may leave several dark pieces of the stroke.
     let gaps = of_o("log_gap");
     assert!(!gaps.is_empty(), "{causes:#?}");
     for gap in gaps {
@@ -74,7 +74,8 @@ fn check_verdict(verdict: &Value, middle: &FlightSample, gap_s: [f64; 2]) {
     }
 }
 
-/// The attitude moves the lamps by millimeters: where it alone is lost, nothing is dark.
+/// The attitude moves the lamps only by millimeters, so that nothing is dark if only the attitude
+/// is missing.
 #[test]
 fn a_gap_of_the_attitude_alone_leaves_no_gap_in_the_flight() {
     let (folder, flight) = (tempfile::tempdir().unwrap(), flown("NO"));

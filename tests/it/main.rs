@@ -1,7 +1,7 @@
-//! Tests of the command and of the library from outside.
+//! Integration tests of the command and of the library.
 //!
-//! Two environment variables matter: `NOCTOGRAPH_REQUIRE_GPU` makes a missing graphics device a
-//! failure, `NOCTOGRAPH_BLESS=1` writes the golden files anew.
+//! Two environment variables control the tests: with `NOCTOGRAPH_REQUIRE_GPU` a missing graphics
+//! device is a failure, and `NOCTOGRAPH_BLESS=1` rewrites the golden files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
@@ -46,7 +46,7 @@ mod team_data;
 mod twins;
 mod words;
 
-/// Whether a missing graphics device is a failure; else the checks that need one are left out.
+/// True if a missing graphics device is a failure. Otherwise the checks that need one are skipped.
 fn gpu_required() -> bool {
     std::env::var_os("NOCTOGRAPH_REQUIRE_GPU").is_some()
 }

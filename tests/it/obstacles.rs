@@ -1,4 +1,4 @@
-//! What keeps a word from being read whatever its letters are is said before anything of letters.
+//! Tests that problems which make every word illegible are reported before any problem of letters.
 
 use noctograph::diagnostic::Diagnostic;
 use noctograph::scene::Scene;
@@ -26,7 +26,7 @@ fn each_obstacle_is_named_before_the_letters() {
     assert!(bright.code == "overexposed", "{bright:?}");
     let dark = first(&[("camera.f_number", "256"), ("camera.iso", "1")]);
     assert!(dark.code == "underexposed", "{dark:?}");
-    // Behind the drone the headlights shine the other way: the nose points along x.
+    // The camera is behind the drone, whose nose and headlights point away along x.
     let behind = [
         ("camera.framing.kind", "fixed"),
         ("camera.framing.position_m", "[-4.0, -0.3, 0.75]"),

@@ -1,4 +1,5 @@
-//! Outputs: whatever stands at the place of a file, and whatever interrupts its writing.
+//! Tests of output files, with other objects at the path of a file, and with interruptions of the
+//! writing.
 #![cfg(target_os = "linux")]
 
 use std::io::{Read, Write};
@@ -14,7 +15,7 @@ fn text(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap()
 }
 
-/// The program as a process of its own, with its standard streams.
+/// Returns the program as a separate process with redirected standard streams.
 fn process(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("noctograph"));
     command.current_dir(folder).args(arguments).stdin(Stdio::null());
@@ -109,7 +110,7 @@ fn a_full_disk_and_a_closed_pipe_are_errors_or_nothing() {
     assert_eq!(child.wait().unwrap().code(), Some(0), "a reader that went away: {error}");
 }
 
-/// A disk that fills up while a file is written: the limit of a file's size stands for it.
+/// A limit on the file size simulates a disk that fills up while a file is written.
 #[test]
 fn a_disk_that_fills_up_leaves_the_old_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -118,7 +119,8 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
     let files = ["flight.csv", "out/photo.png", "out/scene.toml"];
     files.iter().for_each(|name| std::fs::write(folder.path().join(name), "old").unwrap());
     noctograph(folder.path()).args(["plan", "I"]).assert().success();
-    // A limit of 8 blocks of 512 bytes; its signal ignored, so that the write fails.
+    // The file size is limited to 8 blocks of 512 bytes, and the signal of the limit is ignored, so
+    // that the write fails.
     let limited = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
     let small = ["preview", "I", "--backend", "cpu", "--size", "320x180", "-o", "out"];
     for arguments in [&["fly", "plan.csv"][..], &small] {
@@ -139,18 +141,19 @@ fn a_disk_that_fills_up_leaves_the_old_files() {
     assert_eq!(names_in(&out), ["photo.png", "scene.toml"], "nothing half-written");
 }
 
-/// A limit of a file's size, an order and its further arguments, and the files that it writes.
+/// A limit on the file size, a command and its further arguments, and the files that the command
+/// writes.
 type Fills<'a> = (&'a str, &'a [&'a str], &'a [&'a str], &'a [&'a str]);
 
-/// A disk that fills up between two files of one run, for which the limit of a file's size stands,
-/// and a folder in the way of the last one.
+/// A limit on the file size simulates a disk that fills up between two files of one run. In a
+/// second case, a folder occupies the name of the last file.
 #[test]
 fn the_files_of_a_study_are_of_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let limited = "trap '' XFSZ; ulimit -f $1; shift; exec \"$0\" \"$@\"";
     let rank = ["rank", "cf21", "--words", "I:2"];
     let tune = ["tune", "cf21", "--words", "I:1", "--budget", "34", "--test-seeds", "0"];
-    // Each limit, in blocks of 512 bytes, lets the first files pass and not the last.
+    // Each limit, in blocks of 512 bytes, allows the first files but not the last.
     let cases: [Fills<'_>; 2] = [
         ("16", &rank, &[], &["ranking.csv", "ranking.json", "flights.csv", "photos.png"]),
         ("8", &tune, &[], &["candidates.csv", "pareto.svg", "scene.toml"]),
@@ -203,7 +206,8 @@ fn a_folder_that_may_not_be_written_is_left_as_it_is() {
     };
     mode(folder.path(), 0o755);
     mode(&closed, 0o555);
-    // The superuser may write everywhere: the program runs as nobody, from where nobody can see it.
+    // The superuser may write everywhere, so that the program runs as the user nobody, from a
+    // folder which nobody can access.
     let superuser = std::fs::write(closed.join("probe"), "").is_ok();
     let program = folder.path().join("program");
     if superuser {
@@ -226,7 +230,7 @@ fn a_folder_that_may_not_be_written_is_left_as_it_is() {
     assert_eq!(text(&closed.join("plan.csv")), "old");
 }
 
-/// A small preview into a folder, quietly.
+/// Returns the command of a small preview into a folder, without output.
 fn preview(folder: &Path, out: &str, seed: &str) -> Command {
     let small = ["preview", "I", "--backend", "cpu", "--size", "320x180", "--seed", seed];
     let mut command = process(folder, &[&small[..], &["-o", out]].concat());
@@ -234,8 +238,8 @@ fn preview(folder: &Path, out: &str, seed: &str) -> Command {
     command
 }
 
-/// Killed at ten points of its run, a preview leaves the files of the run before or its own; the
-/// next run removes what is left of it.
+/// A preview that is killed at ten points of its run leaves either the files of the previous run or
+/// its own. The next run removes its temporary files.
 #[test]
 fn a_signal_at_any_point_leaves_whole_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -251,7 +255,7 @@ fn a_signal_at_any_point_leaves_whole_files() {
         std::thread::sleep(whole_run * point / 10 + Duration::from_millis(5));
         let signal = ["KILL", "TERM", "INT", "HUP"][point as usize % 4];
         let pid = child.id().to_string();
-        // A run that has ended by now takes no signal.
+        // A run that has already ended receives no signal.
         let _ = Command::new("kill").args(["-s", signal, &pid]).stderr(Stdio::null()).status();
         child.wait().unwrap();
         for (name, old) in names.iter().zip(&old) {
@@ -273,8 +277,9 @@ fn same(one: &Path, other: &Path, names: &[impl AsRef<Path>]) -> bool {
     names.iter().all(|name| read(&one.join(name)) == read(&other.join(name)))
 }
 
-/// Folders `old` and `new` of previews with seeds 1 and 2, and `out` as `old` with a pipe in place
-/// of its second file, in which a preview waits between two names until the pipe is read.
+/// Creates folders `old` and `new` of previews with seeds 1 and 2, and `out`, a copy of `old` with
+/// a pipe in place of its second file. A preview into `out` waits between two renames until the
+/// pipe is read.
 fn with_a_pipe(folder: &Path) -> std::fs::File {
     for (out, seed) in [("old", "1"), ("new", "2"), ("out", "1")] {
         preview(folder, out, seed).status().unwrap();
@@ -283,7 +288,8 @@ fn with_a_pipe(folder: &Path) -> std::fs::File {
     std::fs::remove_file(&pipe).unwrap();
     let made = Command::new("mkfifo").arg(&pipe).status().unwrap();
     assert!(made.success(), "a pipe in the folder");
-    // For writing too: it opens before the preview does, and has no end when one closes it.
+    // The pipe is also opened for writing, so that it opens before the preview opens it, and does
+    // not end when the preview closes it.
     std::fs::OpenOptions::new().read(true).write(true).open(&pipe).unwrap()
 }
 
@@ -293,7 +299,7 @@ fn a_kill_between_two_names_leaves_files_of_both_runs_all_of_them_whole() {
     let at = |name: &str| folder.path().join(name);
     let mut pipe = with_a_pipe(folder.path());
     let mut child = preview(folder.path(), "out", "2").spawn().unwrap();
-    // The flight has begun: the scene and the photo have their names.
+    // When the first byte of the flight arrives, the scene and the photo have been renamed.
     pipe.read_exact(&mut [0]).unwrap();
     child.kill().unwrap();
     child.wait().unwrap();

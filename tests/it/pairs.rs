@@ -1,4 +1,5 @@
-//! Files that belong together: written whole or not at all, and read only as they were written.
+//! Tests of files that belong together, which are written completely or not at all, and read only
+//! if they are unchanged.
 #![cfg(unix)]
 
 use std::path::Path;
@@ -24,14 +25,14 @@ fn copy(folder: &Path, from: &str, to: &str) {
     std::fs::copy(folder.join(from), folder.join(to)).unwrap();
 }
 
-/// Changes a text in a file, which has it.
+/// Replaces a text in a file that contains it.
 fn edit(path: &Path, from: &str, to: &str) {
     let before = text(path);
     assert!(before.contains(from), "{from} in {}", path.display());
     std::fs::write(path, before.replacen(from, to, 1)).unwrap();
 }
 
-/// What a refused command says, in one line.
+/// Returns the message of a refused command in one line.
 fn refused(folder: &Path, arguments: &[&str]) -> String {
     let names = names_in(folder);
     let output = noctograph(folder).args(arguments).assert().code(2).get_output().clone();
@@ -41,14 +42,14 @@ fn refused(folder: &Path, arguments: &[&str]) -> String {
     said.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// A preview, read or not: it is small.
+/// Runs a small preview, whose word may be illegible.
 fn preview(folder: &Path, arguments: &[&str]) {
     let run = noctograph(folder).arg("preview").args(arguments).args(SMALL).output().unwrap();
     assert!(run.status.code().is_some_and(|code| code < 2), "{run:?}");
 }
 
-/// Folder with the plans `a.csv` and `b.csv`, their flights `a-flown.csv` and `b-flown.csv`, and
-/// the scenes of both.
+/// Returns a folder with the plans `a.csv` and `b.csv`, their flights `a-flown.csv` and
+/// `b-flown.csv`, and the scenes of both.
 fn flown() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for (plan, name) in [(FIRST, "a"), (OTHER, "b")] {
@@ -92,7 +93,7 @@ fn the_scene_of_another_plan_or_flight_stops_every_verb_that_reads_it() {
         let scene = csv.replace(".csv", ".scene.toml");
         assert!(said.contains(&scene) && said.contains("hint: write both again"), "{said}");
     }
-    // Renamed together, or alone, they are what they were.
+    // Files that are renamed together remain valid.
     for (from, to) in [("b.csv", "c.csv"), ("b.scene.toml", "c.scene.toml")] {
         copy(parent, from, to);
     }
@@ -117,17 +118,17 @@ fn a_scene_is_edited_freely_and_a_plan_with_a_word_of_its_author() {
     edit(&parent.join("a.scene.toml"), "room_m = [4.0, 6.0, 2.5]", "room_m = [5.0, 6.0, 2.5]");
     assert!(!wanted([5.0, 6.0, 2.5], &["a.csv"]).contains("warning"));
 
-    // The same number, and another file.
+    // The edit keeps the number but changes the bytes of the file.
     edit(&parent.join("a.csv"), "\n0,", "\n0.0,");
     let said = refused(parent, &["check", "a.csv"]);
     assert!(said.contains("a.scene.toml is right only if you edited a.csv"), "{said}");
     let said = wanted([5.0, 6.0, 2.5], &["a.csv", "--scene", "a.scene.toml"]);
     assert!(said.contains("warning: a.csv: found a file of digest"), "{said}");
-    // The room of a scene that is another plan's is not kept.
+    // The room of a scene that belongs to another plan is not used.
     let (_, checked, said) = run(parent, &["check", "a.csv", "--scene", "pid"]);
     assert_eq!(checked["profile"]["room_m"], json!(null));
     assert!(said.contains("warning: a.csv: found a file of digest"), "{said}");
-    // A preview of it writes both anew.
+    // A preview of the edited plan rewrites both files.
     preview(parent, &["a.csv", "--scene", "a.scene.toml", "-o", "out"]);
     assert!(!wanted([5.0, 6.0, 2.5], &["out/plan.csv"]).contains("warning"));
 
@@ -151,12 +152,12 @@ fn of_a_scene_without_a_digest_it_is_said() {
         assert_eq!(code, 0, "{said}");
         assert!(said.contains("warning: a.scene.toml: it has no digest"), "{verb:?}: {said}");
     }
-    // Whoever names it knows whose it is.
+    // A scene that is passed with --scene is accepted without a warning.
     let (_, _, said) = run(parent, &["check", "a.csv", "--scene", "a.scene.toml"]);
     assert!(!said.contains("no digest"), "{said}");
     let (_, _, said) = run(parent, &["check", "a.csv", "--scene", "pid"]);
     assert!(said.contains("no digest"), "its room is kept: {said}");
-    // It means what the scene with a digest does.
+    // A scene without a digest has the same effect as a scene with one.
     let bound = format!("{before}\n[sha256]\n\"a.csv\" = \"{}\"\n", "0".repeat(64));
     std::fs::write(parent.join("bound.toml"), bound).unwrap();
     let printed = |name| noctograph(parent).args(["scene", "--scene", name]).output().unwrap();
@@ -183,7 +184,7 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     let said = refused(parent, &["check", "both"]);
     assert!(said.contains("those that both/scene.toml was written with, flight-1.csv"), "{said}");
 
-    // One drone's plan of another word; then none of it.
+    // The plan of one drone is replaced by that of another word, and then removed.
     plan("HI", "2", "both");
     copy(parent, "other/plan-2.csv", "both/plan-2.csv");
     let said = refused(parent, &["check", "both"]);
@@ -193,7 +194,8 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     assert!(said.contains("both: found no plan-2.csv"), "{said}");
     assert_eq!(run(parent, &["check", "both/plan-1.csv"]).1["drones"], json!(1), "named alone");
 
-    // A drone fewer takes the plan of an earlier set with it, but none of another origin.
+    // A plan of fewer drones removes the surplus plans of an earlier set, but no plans of another
+    // origin.
     plan("NO", "3", "three");
     plan("HI", "2", "three");
     assert_eq!(names_in(&parent.join("three")), ["plan-1.csv", "plan-2.csv", "scene.toml"]);
@@ -223,13 +225,13 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     run_json(parent, &["check", "out/plan.csv"]);
 }
 
-/// A disk that is full for the scene and not yet for its plan: the limit of a file's size stands
-/// for it.
+/// A limit on the file size simulates a disk that is full when the scene is written, but not yet
+/// when its plan is.
 #[test]
 fn a_full_disk_leaves_the_pair_of_before() {
     let folder = flown();
     let parent = folder.path();
-    // Of 512 bytes each: more than the plan, and less than the scene.
+    // The limit, in blocks of 512 bytes, is more than the plan and less than the scene.
     let size = |name: &str| std::fs::metadata(parent.join(name)).unwrap().len();
     assert!(size("b.csv") < 64 * 512 && size("b.scene.toml") > 64 * 512, "{}", size("b.csv"));
     let before = ["a.csv", "a.scene.toml"].map(|name| text(&parent.join(name)));
@@ -251,7 +253,7 @@ fn a_full_disk_leaves_the_pair_of_before() {
     assert!(before == after, "the pair of before");
 }
 
-/// A disk of its own that fills up at several sizes, where the system lends one.
+/// A separate file system of several sizes fills up, if the system allows mounting one.
 #[test]
 fn a_disk_that_fills_up_leaves_whole_sets() {
     let folder = flown();
@@ -298,7 +300,7 @@ fn a_disk_that_fills_up_leaves_whole_sets() {
     assert!(rows.is_empty() || has("0") && has("2"), "full for some and not for all: {told}");
 }
 
-/// `plan` as a process of its own, quietly.
+/// Returns `plan` as a separate process without output.
 fn plan(folder: &Path, word: &[&str]) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("noctograph"));
     command.current_dir(folder).args(word).args(["-o", "p.csv"]);
@@ -306,7 +308,8 @@ fn plan(folder: &Path, word: &[&str]) -> Command {
     command
 }
 
-/// Whether the pair `p.csv` is whole, or else its scene is refused: never a mixture that passes.
+/// True if the pair `p.csv` and its scene is one of the complete pairs. Checks that exactly a
+/// complete pair is accepted.
 fn check_pair(folder: &Path, whole: &[[String; 2]]) -> bool {
     let pair = ["p.csv", "p.scene.toml"].map(|name| text(&folder.join(name)));
     let is_whole = whole.contains(&pair);
@@ -316,7 +319,7 @@ fn check_pair(folder: &Path, whole: &[[String; 2]]) -> bool {
     is_whole
 }
 
-/// The pairs of both plans, of which the second one is left.
+/// Returns the pairs of both plans, of which the second one remains in the folder.
 fn both_pairs(folder: &Path) -> [[String; 2]; 2] {
     [FIRST, OTHER].map(|word| {
         assert!(plan(folder, &word).status().unwrap().success(), "planned");
@@ -339,7 +342,7 @@ fn a_kill_leaves_a_pair_or_one_that_is_refused() {
         child.wait().unwrap();
         check_pair(folder.path(), &whole);
     }
-    // Between the two names: the new scene beside the old plan, and the other way round.
+    // A kill between the two renames leaves the new scene beside the old plan, or vice versa.
     for (csv, scene) in [(0, 1), (1, 0)] {
         std::fs::write(folder.path().join("p.csv"), &whole[csv][0]).unwrap();
         std::fs::write(folder.path().join("p.scene.toml"), &whole[scene][1]).unwrap();

@@ -1,5 +1,5 @@
-//! Photographs as a person has them: several drones, a camera from EXIF, a render over a photo, and
-//! the same bytes from every backend.
+//! Tests of photographs by the command line: several drones, a camera from EXIF, a render over a
+//! photo, and equal bytes from every backend.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use noctograph::photo::{self, Photo, PhotoData};
 use crate::cli::{fails, json, noctograph, run_json};
 use crate::gpu_required;
 
-/// A light trace of so many drones' third, at a height of its own.
+/// Returns a light trace that begins at `x_m`, with the given color.
 fn streak(x_m: f64, rgb: [f64; 3]) -> String {
     let mut csv = "t,x,y,z,r,g,b\n".to_owned();
     for i in 0..=400 {
@@ -31,7 +31,7 @@ fn write_streaks(folder: &Path) {
 fn several_flights_are_one_photo_and_the_meter_lists_each_drone() {
     let folder = tempfile::tempdir().unwrap();
     write_streaks(folder.path());
-    // One exposure for all: the meter would open up for the darker colors.
+    // The exposure is fixed, because the meter would open the aperture for the darker colors.
     let exposure = ["--set", "camera.f_number=8"];
     let flags = ["--word", "NO", "--backend", "cpu", "--size", "320x180", "-o"];
     let expose = |flights: &[&str], name: &str| {
@@ -57,7 +57,7 @@ fn several_flights_are_one_photo_and_the_meter_lists_each_drone() {
     assert!(found["ambient_stops"].as_f64().unwrap() < 0.0, "{found}");
 }
 
-/// Flights of three drones that write a word together.
+/// Writes the flights of three drones that write a word together.
 fn fly_three(folder: &Path) {
     let run = |arguments: &[&str]| {
         noctograph(folder).args(arguments).assert().success();
@@ -113,7 +113,8 @@ fn an_svg_is_written_in_its_colors_and_its_photo_is_a_scene() {
     let drawing = ["--drawing", "two.svg", "--size", "160x90", "-o", "one"];
     let first = again(&[&lamp[..], &drawing].concat());
     let photo = photo::read(&folder.path().join("one/photo.png")).unwrap();
-    // Red less blue of the left half and of the right half.
+    // The halves are the differences of red and blue in the left and in the right half of the
+    // picture.
     let mut halves = [0; 2];
     for (i, pixel) in photo.rgb8.chunks(3).enumerate() {
         halves[usize::from(i % 160 >= 80)] += i32::from(pixel[0]) - i32::from(pixel[2]);
@@ -135,7 +136,7 @@ fn letters_in_several_colors_are_as_faithful_as_in_one() {
     assert!(one > 0.95 && several > 0.95, "{one}, {several}");
 }
 
-/// Strokes of an orange color, and a short white one.
+/// The drawing has orange strokes and a short white stroke.
 #[test]
 fn a_drawing_that_fills_its_canvas_is_safe_and_its_colors_are_metered() {
     let folder = tempfile::tempdir().unwrap();
@@ -152,7 +153,8 @@ fn a_drawing_that_fills_its_canvas_is_safe_and_its_colors_are_metered() {
     };
     let colored = metered("");
     assert!(colored["f_number"].is_number(), "{colored}");
-    // White by four dies is three stops brighter than orange, and may be clipped by two.
+    // White from four dies is three stops brighter than orange, and may be two stops over
+    // saturation.
     let both = metered("<path d='M10 10 h4' stroke='#fff'/>");
     let stops = |found: &serde_json::Value| 2.0 * found["f_number"].as_f64().unwrap().log2();
     let less = stops(&both) - stops(&colored);
@@ -175,7 +177,8 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
             .scene_toml
             .unwrap()
     };
-    // Our own photo carries EXIF, but no size: that of the scene stays.
+    // A photo of this program contains EXIF but no sensor size, so that the size of the scene is
+    // kept.
     run(&["--scene", "s.toml"], "taken.png");
     let scene = run(&["--camera-from", "taken.png", "--size", "160x120"], "again.png");
     for key in ["f_number = 11.0", "iso = 400.0", "shutter_close_s = 4.0", "width_px = 160"] {

@@ -1,9 +1,9 @@
-//! README.md: its commands run, and every figure that it prints is one that the program prints or that a
-//! page of `docs/` measures.
+//! Tests of README.md, whose commands have to run, and whose figures have to be printed by the
+//! program or measured by a page of `docs/`.
 //!
-//! A block of `text` shows what the command before it prints: the last one of the last block of `sh`, or
-//! its own first line after `$`. Lines may be left out, and `...` marks that they are.
-//! `NOCTOGRAPH_BLESS=1 cargo test --release --test it readme` writes the lines that it shows anew.
+//! A block of `text` shows the output of a command, which is the last one of the preceding block of
+//! `sh`, or the block's first line after `$`. Lines may be omitted, which `...` indicates.
+//! `NOCTOGRAPH_BLESS=1 cargo test --release --test it readme` rewrites the lines that are shown.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ fn text_of(path: &str) -> String {
     std::fs::read_to_string(repository(path)).unwrap()
 }
 
-/// A fenced block: its language, and its lines by their numbers from 0.
+/// A fenced block with its language and the range of its lines, counted from 0.
 struct Block {
     language: String,
     lines: std::ops::Range<usize>,
@@ -33,7 +33,8 @@ fn blocks(lines: &[String]) -> Vec<Block> {
     fences.chunks_exact(2).map(block).collect()
 }
 
-/// The words of a command of ours, without its comment; lines that end with a backslash are joined.
+/// Returns the words of each command of the program, without comments. Lines that end with a
+/// backslash are joined.
 fn commands(lines: &[String]) -> Vec<Vec<String>> {
     let text = lines.join("\n").replace("\\\n", " ");
     let ours = |line: &str| {
@@ -46,7 +47,7 @@ fn commands(lines: &[String]) -> Vec<Vec<String>> {
     text.lines().filter_map(ours).collect()
 }
 
-/// Words of a shell, of which quotation marks hold spaces together.
+/// Splits a line into shell words, in which quotation marks may enclose spaces.
 fn words_of(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quoted) = (Vec::new(), String::new(), None);
     for c in line.chars().chain([' ']) {
@@ -62,7 +63,8 @@ fn words_of(line: &str) -> Vec<String> {
     words
 }
 
-/// Runs a command, its output into a file where `>` says so; what it printed.
+/// Runs a command and returns its output, which is also written into the file after `>`, if there
+/// is one.
 fn run(folder: &Path, words: &[String]) -> String {
     let (arguments, file) = match words.iter().position(|word| word == ">") {
         Some(at) => (&words[..at], words.get(at + 1)),
@@ -76,7 +78,7 @@ fn run(folder: &Path, words: &[String]) -> String {
     printed
 }
 
-/// An entry of a table: a line with those that are indented beneath it.
+/// Splits a table into entries, each of which is a line with the indented lines below it.
 fn entries(lines: &[String]) -> Vec<Vec<String>> {
     let mut entries: Vec<Vec<String>> = Vec::new();
     for line in lines {
@@ -88,13 +90,13 @@ fn entries(lines: &[String]) -> Vec<Vec<String>> {
     entries
 }
 
-/// What an entry is about: its first word, whatever its figure.
+/// Returns the label of an entry, which is its first word.
 fn label(entry: &[String]) -> String {
     let first = entry[0].split(' ').next().unwrap_or_default();
     if first.starts_with(['+', '-']) { "a gain".into() } else { first.into() }
 }
 
-/// The entries that a block shows, each as the program prints it.
+/// Returns the entries that a block shows, in the form that the program prints.
 fn shown(block: &[String], printed: &str) -> Vec<String> {
     let printed: Vec<String> = printed.lines().map(str::to_owned).collect();
     let printed = entries(&printed);
@@ -126,11 +128,11 @@ fn what_the_readme_shows_is_what_the_program_prints() {
         match language.as_str() {
             "sh" => last = commands(block),
             "text" if !own.is_empty() => last = own,
-            // The Python of the README is run by tests/python.
+            // tests/python runs the Python blocks of the README.
             "text" | "python" => {}
             other => panic!("a block of {other:?}"),
         }
-        // The road from word to verdict is a drawing.
+        // The diagram from word to verdict is not the output of a command.
         if language != "text" || block.iter().any(|line| line.contains('→')) {
             continue;
         }
@@ -150,7 +152,7 @@ fn what_the_readme_shows_is_what_the_program_prints() {
     }
 }
 
-/// All other commands of the README run.
+/// Runs all other commands of the README.
 #[test]
 fn the_commands_of_the_readme_run() {
     let folder = tempfile::tempdir().unwrap();
@@ -158,9 +160,9 @@ fn the_commands_of_the_readme_run() {
     let shells = blocks(&lines).into_iter().filter(|block| block.language == "sh");
     let commands: Vec<_> = shells.flat_map(|block| commands(&lines[block.lines])).collect();
     assert!(commands.len() >= 6, "{} commands", commands.len());
-    // A page is served until it is ended: `serve.rs` does.
+    // `serve` is tested in `serve.rs`, because it runs until it is terminated.
     for mut words in commands.into_iter().filter(|words| words[0] != "serve") {
-        // A picture of this size has no photo that a person would frame, but it runs.
+        // The pictures are small, because the test only checks that the commands run.
         if words[0] == "preview" && !words.contains(&"--size".to_owned()) {
             words.extend(["--size", "320x180"].map(str::to_owned));
         }
@@ -173,12 +175,12 @@ fn the_commands_of_the_readme_run() {
     }
 }
 
-/// The text in one line, so that a sentence is found wherever it is wrapped.
+/// Returns a file's text in one line, so that wrapped sentences can be found.
 fn unwrapped(path: &str) -> String {
     text_of(path).split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Measurements that take hours are those of the page that has their table.
+/// Figures whose measurement takes hours are compared with the page that contains their table.
 #[test]
 fn the_figures_of_the_readme_are_those_of_the_documentation() {
     let readme = unwrapped("README.md");

@@ -1,4 +1,4 @@
-//! The report, one page.
+//! Tests of the report page.
 
 use predicates::prelude::PredicateBooleanExt as _;
 
@@ -38,7 +38,7 @@ fn a_report_says_what_was_seen_flown_and_set_and_needs_nothing_else() {
     }
     assert_eq!(html.matches("<figcaption>").count(), 12, "moments of the exposure");
     assert!(html.len() < 2_000_000, "{} bytes", html.len());
-    // The same run makes the same page.
+    // The same run produces the same page.
     noctograph(folder.path()).args(run).args(SMALL).assert().code(predicates::ord::le(1));
     assert!(html == std::fs::read_to_string(out.join("report.html")).unwrap());
 }
@@ -102,7 +102,8 @@ fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
         assert!(html.contains(part), "{part}");
     }
     assert!(html.contains(">1</text>") && !html.contains(">1.5</text>"), "flights are whole");
-    // A drone that is not the scene's: what its flights tell is an advice, in figures of theirs.
+    // The drone of these flights differs from the scene's, so that advice with the figures of the
+    // flights is given.
     std::fs::create_dir(folder.path().join("other")).unwrap();
     run(
         "fly plan.csv --set vehicle.center_of_mass_m=[0.003,0] --set vehicle.k_f_n=1.9e-6 -o other/cf1.csv",

@@ -1,4 +1,4 @@
-//! Claims about what `check`, `export`, `preview` and `meter` say before a flight.
+//! Tests of the messages of `check`, `export`, `preview` and `meter` before a flight.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use noctograph::crazyflie::SLOW_CLOCK;
 
 use crate::cli::{json, names_in, noctograph};
 
-/// Exit code, output as JSON and warnings of a command.
+/// Returns the exit code, the JSON output and the warnings of a command.
 pub(crate) fn run(folder: &Path, arguments: &[&str]) -> (i32, Value, String) {
     let output = noctograph(folder).args(arguments).arg("--json").output().unwrap();
     let warnings = String::from_utf8(output.stderr).unwrap();
@@ -21,7 +21,7 @@ fn finding<'a>(report: &'a Value, check: &str) -> &'a Value {
     findings.iter().find(|finding| finding["check"] == check).unwrap()
 }
 
-/// What a script flies, by its mode.
+/// Returns the mode of a script and the data that it flies.
 pub(crate) fn script(path: &Path) -> (String, Value) {
     let text = std::fs::read_to_string(path).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix("DATA = json.loads(")).unwrap();
@@ -42,7 +42,7 @@ fn a_plan_and_a_word_are_judged_against_the_room() {
     assert_eq!(finding(&small, "volume")["severity"], "stop");
     let (code, hall, _) = run(at, &["check", "plan.csv", "--room", "4x6x2.5"]);
     assert_eq!((code, &finding(&hall, "volume")["severity"]), (0, &"fine".into()));
-    // A word is fitted to its room; larger letters are not.
+    // A word is fitted to its room, whereas letters of a given larger size are not.
     for room in ["1.5x1.5x1", "2x2x2", "4x3x2.5", "5x2x2"] {
         let (code, word, _) = run(at, &["check", "HI", "--room", room]);
         assert_eq!(finding(&word, "volume")["severity"], "fine", "{room}");
@@ -56,8 +56,8 @@ fn a_plan_and_a_word_are_judged_against_the_room() {
     assert_eq!((code, wide_code), (1, 1), "a typed height is kept: {word}, {wide}");
 }
 
-/// How large the word is, and whether the Lighthouse's stations, which no scene places,
-/// see all of its flight.
+/// The test measures how large the word is, and whether the Lighthouse stations in their default
+/// places see all of its flight.
 #[test]
 fn a_word_is_as_large_as_its_room_and_is_seen_there() {
     let folder = tempfile::tempdir().unwrap();
@@ -74,7 +74,7 @@ fn a_word_is_as_large_as_its_room_and_is_seen_there() {
         let fills = [(right - left) / largest_m[0], (top - bottom) / largest_m[1]];
         let sides: Vec<f64> =
             room.trim_end_matches('m').split('x').map(|side| side.parse().unwrap()).collect();
-        // Or as large as the camera shows from 0.3 m before the wall.
+        // Otherwise the word is as large as a camera 0.3 m in front of the wall can show.
         let least_m = placement["cameras"][0]["least_m"].as_f64().unwrap();
         let shown = least_m / (0.5 * sides[1] - 0.3);
         let fills = [fills[0], fills[1], shown];
@@ -132,7 +132,8 @@ fn export_refuses_what_check_stops_and_a_script_that_is_forced_says_so() {
     assert_eq!(code, 0, "{report}");
     let second = script(&at.join("out.py")).0.lines().nth(1).unwrap().to_owned();
     assert!(second.starts_with("# EXPORTED UNCHECKED, NOT SAFE TO FLY: volume ("), "{second}");
-    // What flies is what is checked; gains and log configurations fly nothing.
+    // Exports that fly are checked, but gains and log configurations are not, because they fly
+    // nothing.
     noctograph(at).args(["export", "HI", "--to", "cflib", "-o", "hi.py"]).assert().success();
     assert!(!script(&at.join("hi.py")).0.contains("UNCHECKED"));
     let gains = [&["export"], &large[..], &["--to", "gains", "-o", "gains.json"]].concat();
@@ -153,7 +154,7 @@ fn a_person_beside_the_take_off_mark_stops_check_and_export() {
     };
     assert_eq!(verdict("[[1.5, -0.3, 0.25]]"), (1, "stop".into(), 1));
     assert_eq!(verdict("[[1.5, -2.9, 0.25]]"), (0, "fine".into(), 0));
-    // Slower, a drone that fails comes less far.
+    // A slower drone covers less distance when it fails.
     let careful = ["HI", "--room", "4x6x2.5", "--profile", "careful"];
     let (code, report, _) = run(at, &[&["check"], &careful[..]].concat());
     assert_eq!(code, 0, "{report}");
@@ -174,7 +175,8 @@ fn preview_of_a_flight_that_check_stops_exits_1_and_writes_its_photo() {
     assert!(at.join("out/photo.png").is_file());
 }
 
-/// The light of the default scene's PID, which trails a trajectory by half a second.
+/// The default scene's PID lags behind a trajectory by half a second, so that the lights have to be
+/// timed for it.
 #[test]
 fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     let folder = tempfile::tempdir().unwrap();
@@ -192,7 +194,7 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     assert_eq!(warnings, previewed, "export warns as its preview does");
     assert!(warnings.contains("lags a trajectory"), "{warnings}");
 
-    // The same changes in the preview's plan, in the script and in the tables of a show.
+    // The preview's plan, the script and the tables of a show must contain the same light changes.
     let data = script(&at.join("noor.py")).1;
     let number = |value: &Value| value.as_f64().unwrap();
     let ahead_s = number(&data["trajectory"]["start_s"]);
@@ -216,7 +218,8 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     let changes: Vec<f64> = changes.collect();
     assert_eq!(changes.len(), flown.len());
     for (previewed_s, flown_s) in changes.iter().zip(&flown) {
-        // The trajectory takes off by the drone's clock, by which the script paces its lights.
+        // The trajectory runs on the drone's slow clock, by which the script scales the times of
+        // its lights.
         let on_board_s = previewed_s * SLOW_CLOCK;
         assert!((on_board_s - flown_s).abs() < 1e-4, "{previewed_s} s, {flown_s} s");
     }
@@ -226,7 +229,7 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
         serde_json::from_slice(&std::fs::read(at.join("noor.vviz")).unwrap()).unwrap();
     let colors = show["performances"][0]["payloadDescription"][0]["payloadActions"].as_array();
     let first = colors.unwrap().iter().position(|color| color["r"] != 0).unwrap();
-    // A viewer has no controller that trails: its lights are those of its own places.
+    // A viewer has no controller that lags, so that its lights are timed by the positions it shows.
     let ahead_s = changes[0] - first as f64 / 20.0;
     assert!((0.15..0.9).contains(&ahead_s), "{first} of 20 Hz, {changes:?}");
 }
@@ -249,7 +252,7 @@ fn check_and_export_count_the_same_entries_of_the_timing_memory() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let ring = ["--set", "plan.lights=[\"ring\"]", "--set", "light.ring=solid"];
-    // A stroke that is lit for longer than an entry lasts takes two of them.
+    // A stroke that is lit for longer than one memory entry can last takes two entries.
     for (word, more, fits) in [
         ("I", &["--set", "plan.stroke_speed_m_s=0.02"][..], true),
         ("L", &["--set", "plan.stroke_speed_m_s=0.01"], true),
@@ -286,7 +289,8 @@ fn no_stroke_of_a_drawing_ends_with_a_flash_of_the_next_color() {
     let at = folder.path();
     std::fs::write(at.join("colors.svg"), COLORS).unwrap();
     let deck = ["--set", "light.deck=color-led"];
-    // Positions of the design: the drone trails them, and its light is late as well.
+    // With the positions of the design as setpoints, the drone lags behind, and its light is late
+    // by the same time.
     let late = ["--set", "plan.reference=design", "--set", "letters.canvas_m=[1, 0.6]"];
     let late = [&late[..], &["--drawing", "colors.svg"]].concat();
     let to = ["--to", "cflib", "-o", "script.py"];
@@ -299,7 +303,7 @@ fn no_stroke_of_a_drawing_ends_with_a_flash_of_the_next_color() {
         assert_eq!(values.len(), 6, "each stroke has a color and an end: {values:x?}");
         let colors = values.iter().copied().filter(|value| *value > 0);
         assert!(values.iter().skip(1).step_by(2).all(|value| *value == 0), "{values:x?}");
-        // Blue, green and red, each by the byte that is strongest.
+        // Each color, blue, green or red, is identified by its strongest byte.
         let strongest =
             |color: u64| color.to_le_bytes().iter().enumerate().max_by_key(|it| it.1).unwrap().0;
         let mut shown: Vec<usize> = colors.map(strongest).collect();
@@ -322,7 +326,7 @@ fn preview_and_meter_recommend_one_exposure_and_check_its_evenness() {
             assert_eq!(recommended[key], camera[key], "{subject:?}: {recommended}, {camera}");
         }
         assert_eq!(recommended["trail_stops"], camera["metered"]["trail_stops"]);
-        // In a scene that does not meter it is the same.
+        // The result is the same in a scene without metering.
         let off = ["--set", "camera.metering=off", "--set", "camera.f_number=22"];
         let (_, by_hand, _) = run(at, &[&["meter"], subject, &off].concat());
         assert_eq!(&by_hand["recommended"], recommended, "{subject:?}");

@@ -1,4 +1,5 @@
-//! Claims about the second flight: room, camera and drone go with plans, flights and logs.
+//! Tests that room, camera and drone are stored with plans, flights and logs, so that the second
+//! flight uses them.
 
 use std::path::Path;
 
@@ -12,7 +13,7 @@ use crate::safety::{run, script};
 const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "640x360"];
 const ROOM: [&str; 2] = ["--room", "4x6x2.5"];
 
-/// The log that a script writes of a simulated flight.
+/// Returns the log that a script would write for a simulated flight.
 fn log(script: &Value, flight: &Path) -> Value {
     let flight = Flight::read_csv(flight).unwrap();
     let samples = || flight.samples.iter().step_by(3);
@@ -46,7 +47,7 @@ fn a_second_flight_is_in_the_room_of_the_first() {
     std::fs::write(at.join("HI_flight.json"), written.to_string()).unwrap();
     run_json(at, &["import", "HI_flight.json", "-o", "flown.csv"]);
     for flown in ["HI_flight.json", "flown.csv", "first/flight.csv"] {
-        // The photo is that of the camera in the room.
+        // The photo is taken by the camera in the room.
         run_json(at, &[&["expose", flown, "-o", "flown.png"], &SMALL[..]].concat());
         let verdict = run_json(at, &["score", "flown.png"]);
         assert_eq!(
@@ -60,13 +61,13 @@ fn a_second_flight_is_in_the_room_of_the_first() {
         run_json(at, &[&["export", "HI2.csv"], &to[..], &["HI2.py"]].concat());
         assert_eq!(fence("HI2.py"), fence("HI.py"), "{flown}");
     }
-    // The scene of a controller of one's own has no room: the plan's is kept.
+    // The scene of a custom controller has no room, so that the plan's room is kept.
     run_json(
         at,
         &[&["export", "HI2.csv", "--word", "HI", "--scene", "pid"], &to[..], &["pid.py"]].concat(),
     );
     assert_eq!(fence("pid.py"), fence("HI.py"));
-    // A second preview, of the log's scene and of the plan, stands in the room as well.
+    // A second preview, from the log's scene or from the plan, also uses the room.
     for again in [&["HI", "--scene", "HI_flight.json"][..], &["HI2.csv"]] {
         run_json(at, &[&["preview"], again, &["-o", "again"], &SMALL].concat());
         let scene = std::fs::read_to_string(at.join("again/scene.toml")).unwrap();
@@ -83,7 +84,7 @@ fn drones_that_share_a_word_share_its_room() {
     assert_eq!(checked["profile"]["room_m"], json!([4.0, 6.0, 2.5]));
     run_json(at, &["fly", "both/plan-1.csv", "both/plan-2.csv", "-o", "flown"]);
     assert_eq!(names_in(&at.join("flown")), ["flight-1.csv", "flight-2.csv", "scene.toml"]);
-    // Plans of two rooms are of no one scene.
+    // Plans for two different rooms have no common scene.
     run_json(at, &["plan", "I", "-o", "elsewhere.csv"]);
     let both = noctograph(at).args(["check", "both/plan-1.csv", "elsewhere.csv"]).assert().code(2);
     let said = String::from_utf8_lossy(&both.get_output().stderr).into_owned();
@@ -111,7 +112,7 @@ fn a_plan_of_which_nothing_says_its_room_is_not_exported() {
     }
     export(&ROOM).success();
     assert_eq!(script(&at.join("HI2.py")).1["limits"]["fence_m"][1], json!([1.9, 2.6, 2.4]));
-    // Forced, and outdoors, where there are no walls.
+    // The export is forced, and then repeated outdoors, where there are no walls.
     export(&["--unchecked"]).success();
     export(&["--profile", "outdoor"]).success();
 }
@@ -143,7 +144,7 @@ fn the_scene_of_an_earlier_file_of_the_same_name_is_forgotten() {
     let (_, checked, _) = run(at, &["check", "plan.csv"]);
     assert_eq!(checked["profile"]["room_m"], Value::Null);
     run_json(at, &["fly", "plan.csv", "-o", "flown.csv"]);
-    // A log of another program has no scene.
+    // A log of another program contains no scene.
     std::fs::write(at.join("log.csv"), "t,x,y,z\n0,0,0,0\n1,0,0,1\n2,0,0,1\n").unwrap();
     run_json(at, &["import", "log.csv", "--max-gap", "2", "-o", "flown.csv"]);
     assert!(!at.join("flown.scene.toml").exists(), "{:?}", names_in(at));

@@ -1,5 +1,6 @@
-//! `noctograph serve` over raw sockets: who is let in, what a visitor gets, what the operator does,
-//! and what the server survives. `tests/page` drives the page in a browser.
+//! Tests of `noctograph serve` over raw sockets: which requests are admitted, what a visitor
+//! receives, what the operator can do, and what the server survives. `tests/page` drives the page
+//! in a browser.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -12,15 +13,15 @@ use serde_json::{Value, json};
 
 use crate::cli::noctograph;
 
-/// A server that ends with its test.
+/// A server that is stopped when its test ends.
 struct Server {
     child: Child,
     port: u16,
-    /// Path of the visitors' page, with its token.
+    /// Path of the visitors' page, which contains its secret.
     path: String,
     /// Path of the operator's page.
     operator: String,
-    /// Its temporary folder, unless it is given one.
+    /// Temporary folder of the server, unless a folder is given.
     _temporary: tempfile::TempDir,
 }
 
@@ -32,7 +33,7 @@ impl Server {
         server
     }
 
-    /// A server whose temporary files are in a folder.
+    /// Starts a server whose temporary files are in the given folder.
     fn start_in(temporary: &Path, more: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_noctograph"))
             .arg("serve")
@@ -59,13 +60,14 @@ impl Server {
         TcpStream::connect(("127.0.0.1", self.port)).unwrap()
     }
 
-    /// Status, head and body of the answer to a request.
+    /// Returns the status, head and body of the answer to a request.
     fn ask(&self, request: &[u8]) -> (u16, String, Vec<u8>) {
         let mut stream = self.connect();
-        // A request that is refused early may not be taken whole.
+        // If a request is refused early, the server may not read all of it.
         let _ = stream.write_all(request);
         let mut answer = Vec::new();
-        // Where bytes of it were left unread, a reset follows the answer: what arrived is whole or not.
+        // If the server left bytes unread, a reset follows the answer. The answer itself may have
+        // arrived completely.
         let ended = stream.read_to_end(&mut answer);
         let end = answer.windows(4).position(|four| four == b"\r\n\r\n");
         let end = end.unwrap_or_else(|| panic!("no answer: {ended:?}")) + 4;
@@ -77,7 +79,7 @@ impl Server {
         (head[9..12].parse().unwrap(), head, body)
     }
 
-    /// The answer at a path from the root.
+    /// Returns the status and body of the answer at an absolute path.
     fn at(&self, path: &str) -> (u16, Vec<u8>) {
         let (status, _, body) = self.ask(&self.getting(path));
         (status, body)
@@ -101,7 +103,7 @@ impl Server {
         self.post_at(&format!("{}{route}", self.path), body)
     }
 
-    /// What the operator does.
+    /// Sends an operator's action, and returns the status and answer.
     fn operate(&self, route: &str, body: &Value) -> (u16, Value) {
         self.post_at(&format!("{}{route}", self.operator), body)
     }
@@ -122,18 +124,18 @@ impl Server {
         (head + &body).into_bytes()
     }
 
-    /// Sends a word to be flown, and returns status and answer.
+    /// Sends a word to be flown, and returns the status and answer.
     fn send(&self, visitor: &str, text: &str) -> (u16, Value) {
         self.post("entries", &sending(visitor, text))
     }
 
-    /// Sends a word, and returns the name of its entry.
+    /// Sends a word, and returns the id of its entry.
     fn sent(&self, visitor: &str, text: &str) -> String {
         let (_, sent) = self.send(visitor, text);
         sent["id"].as_str().unwrap_or_else(|| panic!("{sent}")).to_owned()
     }
 
-    /// A figure of the server's process, such as `Threads` or `VmRSS` in kB.
+    /// Returns a figure of the server's process, such as `Threads` or `VmRSS` in kB.
     fn figure(&self, name: &str) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
         let line = status.lines().find_map(|line| line.strip_prefix(&format!("{name}:")));
@@ -171,35 +173,35 @@ fn entry_of(photo: &Value) -> Value {
     json!({ "visitor": photo["visitor"], "photo": photo.to_string(), "language": "en" })
 }
 
-/// A file of an answer.
+/// Returns the content of a file in an answer.
 fn file(answer: &Value, name: &str) -> Vec<u8> {
     let text = answer["files"][name].as_str().unwrap_or_else(|| panic!("{name}: {answer}"));
     BASE64_STANDARD.decode(text).unwrap()
 }
 
-/// The key of what was refused.
+/// Returns the key of a refusal.
 fn key(answer: &Value) -> &str {
     answer["error"]["key"].as_str().unwrap_or_default()
 }
 
-/// Processes whose parent is another.
+/// Returns the ids of a process's children.
 #[cfg(target_os = "linux")]
 fn children(parent: u32) -> Vec<u32> {
     let processes = std::fs::read_dir("/proc").unwrap().flatten();
     let numbers = processes.filter_map(|it| it.file_name().to_str()?.parse::<u32>().ok());
     let is_child = |number: &u32| {
         let stat = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
-        // The name in brackets may hold anything.
+        // The process name in brackets may contain any characters.
         let mut after = stat.rsplit(") ").next().unwrap_or_default().split(' ');
         after.next() != Some("Z") && after.next() == Some(&parent.to_string())
     };
     numbers.filter(is_child).collect()
 }
 
-/// Time after which what a test waits for counts as endless, on a busy machine too.
+/// Time after which a wait counts as endless, even on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// Waits until something holds.
+/// Waits until a condition holds.
 fn soon(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !holds() {
@@ -289,12 +291,13 @@ fn only_a_page_of_this_server_is_let_in() {
     for (name, request, want) in cases {
         let (status, head, _) = server.ask(&request);
         assert_eq!(status, want, "{name}: {head}");
-        // What is no request at all is answered by the library.
+        // The HTTP library itself answers data that is not a valid request.
         let is_ours = ![400, 431].contains(&want);
         assert!(!is_ours || head.contains("X-Content-Type-Options: nosniff"), "{name}: {head}");
         assert!(!head.contains("Access-Control"), "{name}: no leave for other origins");
     }
-    // A visitor with an old code reads a sentence, anything else the reason.
+    // A browser with an outdated address gets a page with a sentence, and any other client the
+    // reason.
     let accept = "Accept: text/html\r\nAccept-Language: xx, fr-CH;q=0.9, de;q=0.8\r\n";
     let (status, head, page) = server.ask(&get("/", &format!("{own}{accept}")));
     assert_eq!(status, 403, "{head}");
@@ -307,13 +310,13 @@ fn only_a_page_of_this_server_is_let_in() {
     let (_, head, page) = server.ask(&get(path, &own));
     assert!(head.contains("frame-ancestors 'none'") && page.len() <= 100_000, "{} B", page.len());
 
-    // A head that never ends is waited for, and no longer than five seconds.
+    // The server waits at most five seconds for a head that never ends.
     let mut slow = server.connect();
     slow.write_all(b"GET / HTTP/1.1\r\nHost:").unwrap();
     let mut answer = String::new();
     slow.read_to_string(&mut answer).unwrap();
     assert!(answer.is_empty(), "{answer}");
-    // Nor is a body.
+    // The same applies to a body that never ends.
     let mut slow = server.connect();
     slow.write_all(&post(&format!("{json}Content-Length: 9\r\n"))).unwrap();
     slow.read_to_string(&mut answer).unwrap();
@@ -352,10 +355,10 @@ fn a_wish_reaches_no_file_and_no_flag() {
     refused(deep, "page-old");
     refused(json!({ "visitor": "../x", "word": "A" }), "page-old");
     refused(json!({ "visitor": "me", "word": "A", "aspect": 1e9 }), "page-old");
-    // No typeface has what is no character.
+    // No typeface contains an unassigned character.
     refused(word("A\u{378}"), "letter-missing");
 
-    // Words that look like flags and files are words.
+    // Texts that look like flags and files are still words.
     for text in ["--help", "x.csv", "-o"] {
         let (_, answer) = server.post("live", &word(text));
         assert!(answer["photo"].is_string(), "{text}: {}", answer["error"]);
@@ -371,7 +374,7 @@ fn a_visitor_gets_a_photo_and_its_files() {
     assert_eq!((&live["verdict"]["read"], &live["number"]), (&json!("OSLO"), &json!(7)), "{live}");
     assert!(live["photo"].as_str().unwrap().starts_with("data:image/jpeg;base64,/9j/"), "a JPEG");
     assert_eq!([&live["width"], &live["height"]], [960, 540]);
-    // The lamp comes to each letter's box, one after another.
+    // The lamp visits the boxes of the letters one after another.
     let (strokes, boxes) = (&live["replay"]["strokes"], &live["boxes"]);
     assert_eq!(boxes.as_array().unwrap().len(), 4);
     for stroke in strokes.as_array().unwrap() {
@@ -393,7 +396,8 @@ fn a_visitor_gets_a_photo_and_its_files() {
     let png = file(&large, "photo.png");
     let folder = tempfile::tempdir().unwrap();
     let typed = ["preview", "OSLO", "--size", "1920x1080", "--backend", "cpu", "-o", "."];
-    // For an audience: as it is read, hot pixels mapped out, an even floor.
+    // Words for an audience are written in reading order, with hot pixels removed and an even
+    // floor.
     let keys = [
         "--set=plan.style.order=reading",
         "--set=photo.noise.hot_pixel_frac=0",
@@ -437,7 +441,7 @@ fn a_script_that_is_not_safe_is_refused_with_its_reason() {
     assert_eq!(key(&said), "page-old", "what was flown already is no wish: {said}");
 }
 
-/// Every lamp of the page shines alone, in color and in white.
+/// Each lamp of the page writes separately, in color and in white.
 #[test]
 fn every_lamp_that_can_be_chosen_writes() {
     let server = Server::start(&[]);
@@ -461,7 +465,7 @@ fn every_lamp_that_can_be_chosen_writes() {
     }
 }
 
-/// The camera holds still while one draws on the pad, and a tap is a dot.
+/// The camera is fixed while a visitor draws on the pad, and a tap is a dot.
 #[test]
 fn the_pad_is_the_photograph() {
     let server = Server::start(&[]);
@@ -478,7 +482,7 @@ fn the_pad_is_the_photograph() {
             .map(|it| serde_json::from_value::<Vec<f64>>(it["at"].clone()).unwrap())
             .collect::<Vec<_>>()
     };
-    // Where a point of the pad is in the photo, in ten-thousandths.
+    // A point of the pad is converted to coordinates of the photo, in ten-thousandths.
     let place = |x: f64, side: f64| 1e4 * (0.5 + 0.8 * (x / side - 0.5));
     let near = |at: &[f64], [x, y]: [f64; 2], most: f64| {
         (at[1] - place(x, 1600.0)).abs() < most && (at[2] - place(y, 900.0)).abs() < most
@@ -501,18 +505,19 @@ fn a_scene_that_cannot_be_flown_is_refused_at_once() {
     noctograph(here.path()).args(["serve", "--port", &port]).assert().code(2);
 }
 
-/// A thousand wishes from 32 connections: each is answered or told to come again, and nothing is left.
+/// A thousand requests from 32 connections are all answered or asked to retry, and leave no threads
+/// or memory behind.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_crowd_leaves_neither_threads_nor_memory() {
     let server = Server::start(&[]);
-    // Refused by the scene, so that the line moves quickly.
+    // The scene refuses these requests, so that they are answered quickly.
     let wish = |n: usize| {
         let settings = json!({ "preset": "\"none\"" });
         json!({ "visitor": format!("v{n}"), "word": "A", "settings": settings })
     };
     (0..10).for_each(|n| drop(server.post("live", &wish(n))));
-    // The thread of the last answer may still be ending: one too many is counted at most.
+    // The thread of the last answer may still be ending, so that one more thread is allowed.
     let (threads, memory) = (server.figure("Threads"), server.figure("VmRSS"));
     let crowd = |first: usize| {
         let answers = (0..32).map(|n| server.post("live", &wish(32 * first + n)));
@@ -535,7 +540,7 @@ fn a_crowd_leaves_neither_threads_nor_memory() {
     assert_eq!(server.post("live", &word("OSLO")).1["verdict"]["read"], "OSLO", "it lives on");
 }
 
-/// Confirmed entries are there after a kill at any moment, and none is there in part.
+/// After a kill at any moment, all confirmed entries exist, and no entry exists partially.
 #[test]
 fn entries_survive_kills() {
     let folder = tempfile::tempdir().unwrap();
@@ -554,7 +559,7 @@ fn entries_survive_kills() {
             let body = sending(&format!("v{round}"), text);
             stream.write_all(&server.posting(&path, &body)).unwrap();
         }
-        // The first is made before the kill, the others in some rounds.
+        // The first entry is made before the kill, and the others only in some rounds.
         streams[0].0.read_exact(&mut [0]).unwrap();
         std::thread::sleep(Duration::from_millis(100 * round));
         server.kill();
@@ -580,7 +585,7 @@ fn entries_survive_kills() {
     let is_sorted = numbers.is_sorted();
     numbers.dedup();
     assert!(is_sorted && numbers.len() == kept.len(), "each has its own number");
-    // The next entry that is kept removes what a kill left.
+    // The next entry that is stored removes what a killed server left behind.
     server.sent("late", "I");
     let names = std::fs::read_dir(&gallery).unwrap().flatten().map(|entry| entry.file_name());
     assert!(names.into_iter().all(|name| !name.to_string_lossy().starts_with(".noctograph")));
@@ -597,7 +602,7 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let wall = || server.json(&format!("{}wall", server.path))["photos"].clone();
     assert_eq!(wall(), json!([]), "nothing hangs that nobody approved");
 
-    // Whose it is sees it, and nobody else does.
+    // The owner sees the entry, and nobody else does.
     let own = server.json(&format!("/e/{id}/entry.json"));
     assert_eq!((&own["state"], &own["title"]), (&json!("waiting"), &json!("I")));
     assert_eq!(server.at(&format!("/e/{id}/queue.json")).0, 404);
@@ -632,7 +637,7 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     assert_eq!((wall(), server.get(&format!("wall/{key_of}.jpg")).0), (json!([]), 404));
     act(&id, json!({ "do": "show" }));
 
-    // Both are approved, and written as scripts in their order.
+    // Both entries are approved, and exported as scripts in their order.
     act(&other, json!({ "do": "approve" }));
     let told = server.json(&format!("{}export.json", server.operator));
     assert_eq!([&told[0]["folder"], &told[1]["folder"]], ["01-LI", "02-I"], "{told}");
@@ -659,7 +664,8 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     let own = json!({ "do": "withdraw", "visitor": "late" });
     assert_eq!(server.post(&format!("entries/{withdrawn}"), &own).0, 200);
     assert_eq!(server.at(&format!("/e/{withdrawn}/entry.json")).0, 404);
-    // A name is not found by trying: NOCTOGRAPH_GUESSES=1000000 tries as many.
+    // The id of an entry cannot be found by trial. NOCTOGRAPH_GUESSES=1000000 makes this many
+    // trials.
     let n = std::env::var("NOCTOGRAPH_GUESSES").map_or(300, |n| n.parse().unwrap());
     let mut guess = 0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835_u128;
     for _ in 0..n {
@@ -758,7 +764,8 @@ fn a_hall_whose_room_is_not_known_is_told() {
     }
 }
 
-/// The wall waits for the operator on every server, unless it is opened; only its page knows codes.
+/// On every server the wall shows only approved entries, unless it is opened, and only the wall's
+/// page contains codes.
 #[test]
 fn only_an_open_wall_shows_what_nobody_approved() {
     for (flags, hung, rule) in
@@ -770,7 +777,7 @@ fn only_an_open_wall_shows_what_nobody_approved() {
         assert_eq!(wall["photos"].as_array().unwrap().len(), hung, "{flags:?}");
         let about = server.json(&format!("{}about.json", server.operator));
         assert_eq!((&about["wall"], &about["network"]), (&json!(rule), &json!(false)));
-        // No code leads to this machine itself.
+        // No QR code contains the loopback address.
         for path in [&server.path, &server.operator] {
             for name in ["qr.svg", "visitors.svg", "kiosk.svg", "wall.svg"] {
                 assert_eq!(server.at(&format!("{path}{name}")).0, 404, "{path}{name}");
@@ -784,7 +791,7 @@ fn only_an_open_wall_shows_what_nobody_approved() {
     }
 }
 
-/// A scene's drawing stands beside it, in the answer and in the gallery.
+/// The drawing of a scene is stored beside the scene, both in the answer and in the gallery.
 #[test]
 fn a_drawing_travels_with_its_scene() {
     let folder = tempfile::tempdir().unwrap();
@@ -809,7 +816,7 @@ fn a_drawing_travels_with_its_scene() {
     assert!(kept.unwrap() == again.unwrap(), "the scene gives its photograph");
 }
 
-/// What a page of another version sets is named, so that the page can leave it out.
+/// The refusal of an unknown setting names it, so that a page of another version can leave it out.
 #[test]
 fn a_setting_that_cannot_be_is_named() {
     let server = Server::start(&[]);
@@ -822,7 +829,7 @@ fn a_setting_that_cannot_be_is_named() {
     }
 }
 
-/// The addresses of visitors, operator, wall and entry lead to what is theirs, and to nothing else.
+/// The addresses of visitors, operator, wall and entry give access to their own resources only.
 #[test]
 fn no_address_leads_to_what_is_of_another() {
     let server = Server::start(&["--network"]);
@@ -877,7 +884,7 @@ fn no_address_leads_to_what_is_of_another() {
     for (path, want) in gets {
         assert_eq!(server.at(&path).0, want, "{path}");
     }
-    // A foreign page, a form and another method change nothing; nor does another machine.
+    // Requests by a foreign page, a form, another method or another machine change nothing.
     let path = format!("/o/{operator}/entries/{mine}");
     let posting = String::from_utf8(server.posting(&path, &approve)).unwrap();
     let host = format!("127.0.0.1:{}", server.port);
@@ -905,7 +912,8 @@ fn no_address_leads_to_what_is_of_another() {
     assert_eq!(own["state"], "waiting", "after all of it");
 }
 
-/// No path of this machine is told: not of the job, nor of the typefaces and files of the scene.
+/// No answer contains a path of this machine, such as those of a job or of the typefaces and files
+/// of the scene.
 #[test]
 fn no_path_of_the_host_is_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -948,7 +956,8 @@ fn no_path_of_the_host_is_told() {
     }
 }
 
-/// A sheet on a dark desk with a black stroke and a red one, seen askew, as a JPEG in base64.
+/// Returns a picture of a sheet on a dark desk with a black and a red stroke, taken at an angle, as
+/// a JPEG in base64.
 fn sheet_on_a_desk() -> String {
     const LINES: [([f64; 2], [f64; 2], [u8; 3]); 2] = [
         ([240.0, 200.0], [460.0, 260.0], [20; 3]),
@@ -980,7 +989,8 @@ fn sheet_on_a_desk() -> String {
     BASE64_STANDARD.encode(jpeg.into_inner())
 }
 
-/// Strokes and corners are shown where the picture has them, and what is chosen is what flies.
+/// Strokes and corners are reported at their positions in the picture, and exactly the selected
+/// strokes are flown.
 #[test]
 fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
     let server = Server::start(&[]);
@@ -1020,7 +1030,8 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
         assert!(scene.contains(&format!("{set} = \"")), "{scene}");
     }
 
-    // Other corners cut out another sheet; what is no sheet, and lists without end, are refused.
+    // Other corners crop the picture to another sheet. Impossible corners and endless lists are
+    // refused.
     let own = json!([[200, 150], [600, 150], [600, 300], [200, 300]]);
     let flat = "[200, 150, 600, 150, 600, 300, 200, 300]";
     let upper = live(json!({ "letters.corners_px": flat }));
@@ -1047,7 +1058,7 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
         );
     }
 
-    // Of what is too much for a flight, strokes can be left out, too.
+    // Strokes can also be left out of a drawing that is too large for a flight.
     let far: Vec<_> = (0..3000).map(|n| [[0, n], [1000, n]]).collect();
     let text = json!({ "strokes": far }).to_string();
     let long = json!({ "visitor": "me", "drawing": { "kind": "json", "text": text } });
@@ -1055,7 +1066,7 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
     assert_eq!(told["error"]["values"]["source"]["strokes"].as_array().unwrap().len(), 3000);
 }
 
-/// The page of a kiosk takes no settings and sends no downloads; that of a phone does.
+/// The page of a kiosk accepts no settings and offers no downloads, whereas that of a phone does.
 #[test]
 fn a_kiosk_is_an_address() {
     let folder = tempfile::tempdir().unwrap();
@@ -1088,7 +1099,7 @@ fn a_kiosk_is_an_address() {
     noctograph(here.path()).args(["serve", "--brand", "nowhere"]).assert().code(2);
 }
 
-/// Entries are limited by where they come from, and not by what a request says of its visitor.
+/// Entries are limited by the sender's address, and not by the visitor's name in the request.
 #[test]
 fn entries_are_limited_by_address_and_time() {
     let server = Server::start(&[]);
@@ -1112,7 +1123,7 @@ fn entries_are_limited_by_address_and_time() {
     soon("a moment later there is room", || server.send("late", "I").0 == 201);
 }
 
-/// What is refused since nothing can be written has not happened.
+/// An action that is refused because nothing can be written has no effect.
 #[cfg(unix)]
 #[test]
 fn what_cannot_be_written_is_not_done() {
@@ -1120,7 +1131,7 @@ fn what_cannot_be_written_is_not_done() {
     let gallery = folder.path().join("gallery");
     let server = Server::start(&["--gallery", gallery.to_str().unwrap()]);
     let ids = ["I", "LI"].map(|text| server.sent("me", text));
-    // A folder in the place of the file: root writes through any permissions.
+    // A folder takes the place of the file, because root ignores file permissions.
     std::fs::create_dir_all(gallery.join("queue.json/x")).unwrap();
     let queue = || server.json(&format!("{}queue.json", server.operator));
     let before = queue();
@@ -1132,7 +1143,7 @@ fn what_cannot_be_written_is_not_done() {
     assert_eq!(queue()["paused"], true);
 }
 
-/// An export waits for no photo of a visitor, nor for one that is made at the host's machine.
+/// An export waits neither for a visitor's photo nor for a photo on the host's machine.
 #[test]
 fn the_operator_does_not_wait_for_visitors() {
     let server = Server::start(&[]);
@@ -1161,7 +1172,7 @@ fn the_operator_does_not_wait_for_visitors() {
     }
 }
 
-/// What is asked for ends with its connection: news, and photos that nobody waits for any more.
+/// When a connection closes, its pending news and photos are abandoned.
 #[cfg(target_os = "linux")]
 #[test]
 fn those_who_hang_up_leave_nothing() {
@@ -1183,7 +1194,8 @@ fn those_who_hang_up_leave_nothing() {
     server.post("photos", &word("I"));
 }
 
-/// A folder that a killed server was writing is no entry, nor is one whose number no server gives.
+/// A folder that a killed server was writing is not an entry, and neither is a folder with an
+/// impossible number.
 #[test]
 fn what_was_not_finished_is_no_entry() {
     let folder = tempfile::tempdir().unwrap();
@@ -1205,7 +1217,8 @@ fn what_was_not_finished_is_no_entry() {
     assert_eq!(server.send("you", "I").1["number"], 8);
 }
 
-/// A gallery is one server's, links in it are not followed, and a foreign file does no harm.
+/// Only one server may use a gallery. Links in it are not followed, and a foreign file does no
+/// harm.
 #[cfg(unix)]
 #[test]
 fn a_gallery_is_not_what_somebody_puts_there() {
@@ -1237,14 +1250,14 @@ fn a_gallery_is_not_what_somebody_puts_there() {
         assert!(status == 404 && !body.starts_with(b"secret"), "{name}");
     }
     assert_eq!(server.at(&format!("/e/{}/entry.json", ids[1])).0, 404, "a link is no entry");
-    // A folder that has the next name by hand is not written into.
+    // A folder that was created by hand under the next name is not written into.
     std::fs::create_dir(gallery.join("0002-I")).unwrap();
     std::fs::write(gallery.join("0002-I/mine"), "by hand").unwrap();
     assert_eq!(server.send("you", "I").1["number"], 3);
     assert!(!gallery.join("0002-I/entry.json").exists());
 }
 
-/// Strangers who say nothing, or who go on talking after they were refused, keep nobody out.
+/// Clients that send nothing, or that continue to send after a refusal, do not block others.
 #[test]
 fn strangers_keep_nobody_out() {
     let server = Server::start(&[]);
@@ -1263,7 +1276,7 @@ fn strangers_keep_nobody_out() {
     assert!(is_closed, "a refused connection is closed, whatever it says");
 }
 
-/// Photos and scripts are made one at a time, and not for those who hung up.
+/// Photos and scripts are made one at a time, and not for clients that have disconnected.
 #[cfg(target_os = "linux")]
 #[test]
 fn jobs_wait_in_line_and_end_with_their_connection() {
@@ -1280,7 +1293,7 @@ fn jobs_wait_in_line_and_end_with_their_connection() {
     assert_eq!(server.post("live", &word("I")).0, 200);
 }
 
-/// A drawing that takes long ends in time, and costs nothing of the server's memory.
+/// A drawing that takes long is stopped in time, and does not use the server's memory.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_large_drawing_ends() {
@@ -1303,7 +1316,8 @@ fn a_large_drawing_ends() {
     assert!(answer.contains("200"), "it is answered, too");
 }
 
-/// A server that is killed leaves no process, and the next one removes what it left on the disk.
+/// A server that is killed leaves no process behind, and the next server removes what remains on
+/// the disk.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_killed_server_leaves_nothing() {
@@ -1315,7 +1329,7 @@ fn a_killed_server_leaves_nothing() {
     let mut server = Server::start_in(temporary.path(), &[]);
     server.sent("me", "I");
     server.post("live", &word("I"));
-    // One that is busy ends as well.
+    // A busy worker ends as well.
     let mut asking = server.connect();
     let path = format!("{}script", server.path);
     asking.write_all(&server.posting(&path, &word("NOOR"))).unwrap();

@@ -1,17 +1,18 @@
-//! Setups of a flight, each with what `check` says of it: what is dangerous stops or warns by the
-//! row that is about it, and what is ordinary does neither.
+//! Setups of a flight with the expected result of `check`. A dangerous setup stops or warns in the
+//! row that concerns it, and an ordinary setup does neither.
 
 use serde_json::Value;
 
 use crate::cli::{json, noctograph};
 
-/// The arguments of a check, and what it says: `stop ROW`, `warn ROW`, `error` with a part of its
-/// text, or nothing.
+/// The arguments of a check and its expected result: `stop ROW`, `warn ROW`, `error` with a part of
+/// its text, or nothing.
 type Setup = (&'static str, &'static str);
 
-/// A flight that meets something.
+/// Flights that come close to an object.
 const OBSTACLES: &[Setup] = &[
-    // Tables: on the mark, below and through the word, low below it, beside it, at its end.
+    // Tables stand on the take-off mark, below and through the word, low below it, beside it, and
+    // at its end.
     (
         r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[0.3,0.9],y_m=[-0.3,0.3],height_m=0.75}]"#,
         "error found a height of 0.5 m",
@@ -40,14 +41,16 @@ const OBSTACLES: &[Setup] = &[
         r#"NO --drones 2 --room 4x6x2.5 --set floor.steps=[{x_m=[-0.9,-0.5],y_m=[-0.3,0.3],height_m=0.3}]"#,
         "stop obstacles",
     ),
-    // The camera on the mark, before and behind the word, beside the landing, below the word.
+    // The camera stands on the take-off mark, in front of and behind the word, beside the landing,
+    // and below the word.
     ("I --room 4x6x2.5 --camera-at 0,0,0", "stop obstacles"),
     ("I --room 4x6x2.5 --camera-at 0,-0.3,1.15", "stop obstacles"),
     ("I --room 4x6x2.5 --camera-at 0,-0.4,0.3", "stop obstacles"),
     ("HI --room 4x6x2.5 --camera-at=-0.78,0.3,1.15", "stop obstacles"),
     ("HI --room 4x6x2.5 --camera-at=0.1,-0.1,0.05", "stop obstacles"),
     ("I --camera-at=0.1,-0.35,1 --set letters.canvas_m=[1,1]", "stop obstacles"),
-    // A station on a stand, one that hangs low, an anchor, a mirror across the word, a window.
+    // The objects are a station on a stand, a station that hangs low, an anchor, a mirror across
+    // the word, and a window.
     (
         r#"HI --room 4x6x2.5 --set sensors.lighthouse.stations=[{generation="v2",position_m=[0.2,0,1.1],yaw_rad=0,pitch_rad=0,roll_rad=0},{generation="v2",position_m=[2,2.5,2.4],yaw_rad=-2.4,pitch_rad=0.4,roll_rad=0}]"#,
         "stop obstacles",
@@ -64,7 +67,7 @@ const OBSTACLES: &[Setup] = &[
     ("HI --room 4x6x2.5 --set sensors.lighthouse.panes_m=[[[0,0.2,1],[0,-1,0]]]", "stop obstacles"),
 ];
 
-/// People who stand too near.
+/// Flights with people who stand too close.
 const PEOPLE: &[Setup] = &[
     ("HI --room 4x6x2.5 --set sensors.lighthouse.people_m=[[0.58,0,0.25]]", "stop people"),
     ("NOOR --room 4x6x2.5 --set sensors.lighthouse.people_m=[[1.5,-1.04,0.25]]", "stop people"),
@@ -86,7 +89,7 @@ const PEOPLE: &[Setup] = &[
     ),
 ];
 
-/// Rooms in another unit.
+/// Rooms whose size is probably in another unit.
 const ROOMS: &[Setup] = &[
     ("HI --room 13x20x8", "error is this in feet, a room of 3.96x6.1x2.44 m"),
     ("HI --room 30x40x9", "error is this in feet"),
@@ -97,7 +100,7 @@ const ROOMS: &[Setup] = &[
     ("HI --room 20x20x8m", "warn room"),
 ];
 
-/// A drone, a flight or surroundings that are not fit.
+/// Drones, flights or surroundings that are unsuitable.
 const UNFIT: &[Setup] = &[
     ("HI --room 4x6x2.5 --set letters.baseline_m=2.2", "stop volume"),
     ("HI --room 4x6x2.5 --set plan.stroke_speed_m_s=1.2", "stop speed"),
@@ -112,11 +115,12 @@ const UNFIT: &[Setup] = &[
     ("HI --room 4x6x2.5 --camera-at=0,-9,1", "warn frame"),
     ("HI --profile outdoor", "warn sunlight"),
     ("HELLO --room 4x6x2.5 --set plan.stroke_speed_m_s=0.02", "stop flight time"),
-    // The ring's light is hidden along whole bars, which a camera this high sees from above.
+    // A camera this high sees the bars from above, where the ring's light is hidden along their
+    // whole length.
     (r#"TEA --room 4x6x2.5 --set plan.lights=["ring"] --camera-at 0,-2.5,2.2"#, "warn picture"),
 ];
 
-/// What people set up on an ordinary evening.
+/// Setups of an ordinary evening.
 const ORDINARY: &[Setup] = &[
     ("I --room 4x6x2.5", ""),
     ("HI --room 4x6x2.5", ""),
@@ -137,7 +141,8 @@ const ORDINARY: &[Setup] = &[
     ("NO --room 5x6x2.5 --drones 2", ""),
     ("HI --room 4x6x2.5 --scene cf-brushless", ""),
     ("HI --room 6x8x3 --set sensors.lighthouse.people_m=[[0,-3.6,0.25]]", ""),
-    // A table at the wall, a stage below all, a window beside a floor of glass.
+    // The objects are a table at the wall, a stage below everything, and a window beside a glass
+    // floor.
     ("HI --room 4x6x2.5 --set floor.steps=[{x_m=[1.3,2],y_m=[1,2.4],height_m=0.75}]", ""),
     ("HI --room 4x6x2.5 --set floor.steps=[{x_m=[-2,2],y_m=[-1,3],height_m=0.15}]", ""),
     (
@@ -145,11 +150,12 @@ const ORDINARY: &[Setup] = &[
         "",
     ),
     ("HI --set camera.framing=fixed", ""),
-    // A room this small shows the headlights' beams: one of all has a warning.
+    // In a room this small the headlights' beams are visible, which is the only setup here with a
+    // warning.
     ("NO --room 3x3x2.5", "warn evenness"),
 ];
 
-/// What a check says that matters: its error, or all rows that stop or warn.
+/// Returns the error of a check, or all of its rows that stop or warn.
 fn said(setup: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let arguments: Vec<&str> = std::iter::once("check").chain(setup.split(' ')).collect();
@@ -173,7 +179,7 @@ fn said(setup: &str) -> Vec<String> {
     rows.into_iter().chain((!warnings.is_empty()).then_some(warnings)).collect()
 }
 
-/// Setups of which a check does not say what is wanted.
+/// Returns the setups for which the result of a check differs from the expected result.
 fn faults(setups: &[Setup]) -> Vec<String> {
     let unlike = |(setup, wanted): &Setup| {
         let said = said(setup);

@@ -1,4 +1,4 @@
-//! Studies as a person meets them: ranking, interruption, shards in processes of their own.
+//! Tests of studies by the command line: ranking, interruption, and shards in separate processes.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use crate::cli::{fails, json, names_in, noctograph};
 
-/// A small study: two scenes, two short words.
+/// Arguments of a small study with two scenes and two short words.
 const RANK: [&str; 9] =
     ["rank", "team", "geometric", "--words", "I:3,L:2", "--seed", "1", "--threads", "2"];
 
-/// The same command as a process that can be killed.
+/// Starts the same command as a process that can be killed.
 fn start(folder: &Path, arguments: &[&str]) -> std::process::Child {
     Command::new(assert_cmd::cargo::cargo_bin("noctograph"))
         .current_dir(folder)
@@ -25,7 +25,7 @@ fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap()
 }
 
-/// Waits until a file holds some lines; the process that writes it is still at it.
+/// Waits until a file contains `n` lines, while a process is still writing it.
 fn wait_for_lines(path: &Path, n: usize) {
     let patience = Instant::now() + Duration::from_secs(300);
     let lines = || std::fs::read(path).map_or(0, |b| b.iter().filter(|c| **c == b'\n').count());
@@ -59,7 +59,7 @@ fn rank_leaves_tables_flights_and_photos() {
     assert_eq!(csv.lines().count(), 1 + 10);
     let output = noctograph(folder.path()).args(RANK).args(["-o", "a", "--json"]).output().unwrap();
     let ranking = json(&output.stdout);
-    assert!(String::from_utf8(output.stderr).unwrap().contains("10 flights are there already"));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("already contains 10 flights"));
     let best = &ranking["measures"][0];
     assert_eq!((&best["place"], &best["n_flights"]), (&1.into(), &5.into()));
     assert!(
@@ -72,7 +72,7 @@ fn rank_leaves_tables_flights_and_photos() {
 #[test]
 fn a_scene_whose_every_photo_lacks_a_letter_ranks_below_one_that_reads() {
     let folder = tempfile::tempdir().unwrap();
-    // The shutter closes before the P is written, the last of the letters.
+    // The shutter closes before the last letter, P, is written.
     let late = "[camera]\nshutter_close_s = 31.9\n";
     std::fs::write(folder.path().join("late.toml"), late).unwrap();
     std::fs::write(folder.path().join("whole.toml"), "word = \"PARIS\"\n").unwrap();
@@ -149,7 +149,7 @@ fn a_killed_ranking_goes_on_to_the_same_numbers() {
     killed.kill().unwrap(); // SIGKILL
     killed.wait().unwrap();
     let left = std::fs::read(&flights).unwrap();
-    // What a write in mid-air would have left.
+    // The file then ends as after an interrupted write.
     std::fs::write(&flights, [&left[..], &left[..left.len() / 3]].concat()).unwrap();
     run("killed");
     for name in ["flights.csv", "ranking.csv", "ranking.json", "photos.png"] {
@@ -166,7 +166,7 @@ fn a_killed_ranking_goes_on_to_the_same_numbers() {
 #[test]
 fn a_full_disk_is_told_and_nothing_is_lost() {
     let folder = tempfile::tempdir().unwrap();
-    // Files may not grow beyond 1 KiB: two flights, as on a disk that is full.
+    // The file size is limited to 1 KiB, which is two flights, to simulate a full disk.
     let command = format!(
         "trap '' XFSZ; ulimit -f 1; exec {} {} -o out",
         assert_cmd::cargo::cargo_bin("noctograph").display(),

@@ -1,8 +1,10 @@
-//! The reference team's flight of NOOR: their log must give their tables and figures, and state what
-//! cannot be identified from it; their photograph must read, with the causes of its faults.
+//! Tests with the reference team's flight of NOOR. The team's log must reproduce the team's tables
+//! and figures, and the report must state what cannot be identified from it. The team's photograph
+//! must be read correctly, with the causes of its faults.
 //!
-//! Neither has a license, so neither is in the repository. `tests/run` runs these tests where
-//! `../shared/data` exists; by hand: `cargo test --release team_data -- --ignored`.
+//! Log and photograph have no license, so that they are not in the repository. `tests/run` runs
+//! these tests if `../shared/data` exists. To run them by hand, type `cargo test --release
+//! team_data -- --ignored`.
 
 use std::path::{Path, PathBuf};
 
@@ -20,7 +22,8 @@ use serde_json::Value;
 
 use crate::cli::{json, noctograph, run_json};
 
-/// A file of the team's; `NOCTOGRAPH_SHARED` names the folder that holds `data/`.
+/// Returns the path of a file of the team. `NOCTOGRAPH_SHARED` names the folder that contains
+/// `data/`.
 pub(crate) fn team_file(name: &str) -> PathBuf {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let shared = std::env::var_os("NOCTOGRAPH_SHARED").map_or_else(beside, PathBuf::from);
@@ -38,11 +41,12 @@ fn assert_near(found: &Value, want: [f64; 3], tolerance: f64) {
     }
 }
 
-/// The paper prints both tables for its flight 5: RMSE against the design 0.083, 0.058 and 0.068 m;
-/// of the observer against the firmware 0.012, 0.013 and 0.014 m, 0.003, 0.004 and 0.003 rad. The
-/// log is flight 4. Its figures, with NumPy's `interp` on a grid of 100 Hz over the whole log:
-/// 0.0986, 0.0513, 0.0681 m; 0.0135, 0.0181, 0.0201 m; 0.0022, 0.0286, 0.0173 rad. In the air the
-/// observers agree to a millimeter: 0.0010, 0.0005, 0.0008 m.
+/// The paper prints both tables for its flight 5. The RMSE relative to the design is 0.083, 0.058
+/// and 0.068 m, and that of the observer relative to the firmware is 0.012, 0.013 and 0.014 m, and
+/// 0.003, 0.004 and 0.003 rad. The log is that of flight 4, for which NumPy's `interp` on a grid of
+/// 100 Hz over the whole log gives 0.0986, 0.0513 and 0.0681 m, then 0.0135, 0.0181 and 0.0201 m,
+/// and 0.0022, 0.0286 and 0.0173 rad. In the air the observers agree to within a millimeter
+/// (0.0010, 0.0005 and 0.0008 m).
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_tables_1_and_2_come_from_their_log() {
@@ -53,7 +57,7 @@ fn the_teams_tables_1_and_2_come_from_their_log() {
         run_json(folder.path(), &[&files[..], &more].concat())
     };
     let whole = compared("all");
-    // Setpoints are held here, not joined by lines, which takes up to 6 mm off.
+    // The tolerance is 6 mm, because setpoints are held here instead of interpolated linearly.
     assert_near(&whole["b"]["tracking"]["rmse_m"], [0.0986, 0.0513, 0.0681], 0.006);
     assert_near(&whole["rmse_m"], [0.0135, 0.0181, 0.0201], 0.0003);
     assert_near(&whole["attitude_rmse_rad"], [0.0022, 0.0286, 0.0173], 0.0015);
@@ -64,7 +68,8 @@ fn the_teams_tables_1_and_2_come_from_their_log() {
     assert_near(own, [0.0; 3], 1e-12);
 }
 
-/// The paper's Figure 6 from above, with black lines at y = ±0.2 m, and its Figure 7 from the front.
+/// The plots reproduce the paper's Figure 6, from above with black lines at y = ±0.2 m, and its
+/// Figure 7, from the front.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_figures_6_and_7_come_from_their_log() {
@@ -86,10 +91,10 @@ fn the_teams_figures_6_and_7_come_from_their_log() {
     assert!(!front.contains("±0.2 m"), "no corridor from the front");
 }
 
-/// By eye: the white of the first O ends at two thirds of its bottom (x of 472 to 540 pixels), N leans
-/// to the left of its place, the second O and the R stand beside theirs. The leg of the R is
-/// white to the half. It is read without the word; told the word, every letter but the N is the
-/// likeliest: an M has a larger share.
+/// Judged by eye, the white of the first O ends at two thirds of its bottom (x from 472 to 540
+/// pixels), the N leans to the left of its place, and the second O and the R are displaced. Half of
+/// the R's diagonal is white. The photo is read without knowledge of the word. Given the word,
+/// every letter except the N is the likeliest at its place, where an M is more probable.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_photograph_reads_and_its_faults_are_found() {
@@ -97,7 +102,7 @@ fn the_teams_photograph_reads_and_its_faults_are_found() {
     let photo = photo.to_str().unwrap();
     let read = noctograph(folder.path()).args(["read", photo, "--json"]).output().unwrap();
     let text = json(&read.stdout)["text"].as_str().unwrap().to_owned();
-    // The leg of the R ends early: by its light it is a P.
+    // Because the diagonal of the R ends early, its light looks like a P.
     assert!(text.starts_with("NOO") && text.len() == 4, "{text}");
     let score = noctograph(folder.path())
         .args(["score", photo, "NOOR", "--scene", "team", "--json"])
@@ -123,8 +128,9 @@ fn the_teams_photograph_reads_and_its_faults_are_found() {
     }
 }
 
-/// The radio lost a corner of the first O, from 21.36 to 22.10 s: the advice names that gap, and blames
-/// no lamp for it. The letters are found without a scene, and the photo knows its word.
+/// The radio lost a corner of the first O, from 21.36 to 22.10 s. The advice names this gap, and
+/// does not attribute it to a lamp. The letters are inferred without a scene, and the photo
+/// contains its word.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_gaps_of_the_teams_log_are_not_the_faults_of_its_lamps() {
@@ -136,7 +142,8 @@ fn the_gaps_of_the_teams_log_are_not_the_faults_of_its_lamps() {
         let verdict = json(&score.unwrap().stdout);
         let causes = verdict["causes"].as_array().unwrap();
         let lost: Vec<&Value> = causes.iter().filter(|cause| cause["letter"] == 1).collect();
-        // Within the wide stroke of the body's light the corner's gap may not be dark.
+        // The gap at the corner may not be dark, because the stroke of light reflected by the body
+        // is wide.
         assert!(lost.iter().any(|cause| cause["kind"] == "log_gap"), "{causes:#?}");
         let blamed =
             |cause: &&&Value| cause["kind"] == "missing_run" && cause["gain"].as_f64() > Some(0.0);
@@ -144,7 +151,7 @@ fn the_gaps_of_the_teams_log_are_not_the_faults_of_its_lamps() {
     }
 }
 
-/// Flies the setpoints of the team's log of NOOR: our flight and theirs.
+/// Flies the setpoints of the team's log of NOOR. Returns the simulated and the real flight.
 fn flown_again(options: &SimOptions, seed: u64) -> (Flight, Flight) {
     let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
     let real = noctograph::logs::import(&team_file("noor_flight.json"), &bridged).unwrap();
@@ -153,14 +160,14 @@ fn flown_again(options: &SimOptions, seed: u64) -> (Flight, Flight) {
     (flown, real)
 }
 
-/// How far apart they are, on the same clock.
+/// Returns the RMS distance of the two flights on the same clock, in m.
 fn apart_m((flown, real): &(Flight, Flight)) -> Vector3<f64> {
     let options = ComparisonOptions { alignment: Alignment::Offset(0.0), ..Default::default() };
     compare(flown, real, &options).unwrap().rmse_m
 }
 
-/// An independent simulation of the plain model (SciPy; no noise, one constant torque) comes as
-/// close as 0.0249, 0.0325 and 0.0133 m, with holes of the log bridged by straight lines.
+/// An independent simulation of the basic model (in SciPy, without noise and with one constant
+/// torque) differs by 0.0249, 0.0325 and 0.0133 m, with gaps of the log bridged by straight lines.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_flight_is_flown_again_as_it_was() {
@@ -169,7 +176,8 @@ fn the_teams_flight_is_flown_again_as_it_was() {
     for (found_m, most_m) in plain_m.iter().zip([0.025, 0.033, 0.0135]) {
         assert!(*found_m <= most_m, "{plain_m}");
     }
-    // What the plain model lacks most: the drone rears up against its motion.
+    // The basic model lacks one large effect, which is added here: the drone pitches up against its
+    // motion.
     options.vehicle.airspeed_moment_n_s = 4.7e-4;
     let better_m = apart_m(&flown_again(&options, 0));
     assert!(better_m.x < 0.8 * plain_m.x, "{better_m} against {plain_m}");
@@ -187,25 +195,25 @@ fn flown_again_with_gusts_it_errs_as_much_as_it_did() {
         let rmse_m = track(&flown, Part::Airborne).unwrap().rmse_m;
         mean_sq += rmse_m.component_mul(&rmse_m) / 8.0;
     }
-    // The real flight, airborne, against its setpoints as the log holds them.
+    // The real flight in the air is compared with the setpoints in its log.
     for (found, real_m) in mean_sq.iter().map(|sq| sq.sqrt()).zip([0.097, 0.046, 0.059]) {
         assert!((found / real_m - 1.0).abs() < 0.1, "{found} m of {real_m} m");
     }
 }
 
-/// How well a band holds a flight.
+/// Agreement of a band with a flight.
 #[derive(Debug)]
 struct Held {
     /// Fraction of the times at which the flight is inside the band, on each axis.
     inside: Vector3<f64>,
-    /// Width of the band, relative to a band that holds the flight for nine tenths of the times.
+    /// Width of the band, relative to a band that contains the flight for nine tenths of the times.
     width: Vector3<f64>,
 }
 
 impl Held {
     /// Compares a flight with a band, at the band's times that have a sample within 20 ms.
     fn new(band: &Band, samples: &[FlightSample]) -> Self {
-        // Distances from the median, divided by that of the band's end on the same side.
+        // Distances from the median are divided by the distance of the band's end on the same side.
         let mut ratios: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in band.time_s.iter().zip(&band.ends_m) {
             let away_s = |sample: &FlightSample| (sample.time_s - time_s).abs();
@@ -228,8 +236,9 @@ impl Held {
     }
 }
 
-/// How the real flight lies, airborne, in the 90 % band of 40 replays under conditions: of the true
-/// positions, and of the estimates, which are what the log holds.
+/// Compares the real flight, in the air, with the 90 % band of 40 replays under conditions. Returns
+/// the agreement with the band of true positions, and with that of the estimates, which the log
+/// contains.
 fn held(conditions: &Conditions) -> [Held; 2] {
     let bridged = ImportOptions { max_gap_s: 1.0, ..ImportOptions::default() };
     let real = noctograph::logs::import(&team_file("noor_flight.json"), &bridged).unwrap();
@@ -270,8 +279,9 @@ fn the_band_of_the_room_holds_the_real_flight_nine_tenths_of_the_time() {
     assert!(truth.inside.z < 0.85 && estimate.inside.z < 0.85, "gusts alone are too narrow");
 }
 
-/// The folder with the team's log as an evening: their drone's trim by their own figures (1.0 and 0.4 mm),
-/// gusts and outages as the conditions of a room and an evening have them, which were taken from it.
+/// Importing the team's log as an evening gives the drone's trim that the team measured (1.0 and
+/// 0.4 mm), and the gusts and outages of the conditions `room` and `evening`, which were taken from
+/// this log.
 #[test]
 #[ignore = "needs ../shared/data"]
 fn the_teams_log_gives_back_the_conditions_that_were_taken_from_it() {
@@ -286,7 +296,7 @@ fn the_teams_log_gives_back_the_conditions_that_were_taken_from_it() {
     };
     near(&figures["thrust_frac"], 1.0, 0.03);
     near(&figures["gust_m_s"], 0.08, 0.02);
-    // Published lags of such rotors: 0.02 to 0.14 s.
+    // Published lags of such rotors range from 0.02 to 0.14 s.
     near(&figures["lag_s"], 0.08, 0.06);
     let outage =
         found["conditions"].as_array().unwrap().iter().find(|c| c["key"] == "radio_outage_s");

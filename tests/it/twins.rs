@@ -1,5 +1,6 @@
-//! Both backends leave the same film, bit by bit, and the film of `golden/expose/films.txt`. The
-//! lamps move by formulas, so that only the exposure moves it.
+//! Tests that both backends produce the same film bit by bit, and the film in
+//! `golden/expose/films.txt`. The lamps move by formulas, so that only changes of the exposure
+//! change the film.
 
 use std::fmt::Write;
 
@@ -11,7 +12,7 @@ use noctograph::light::{Emitter, Lamp, LightSample, LightTrace, LightTraceData};
 use crate::golden::assert_golden;
 use crate::gpu_required;
 
-/// A lamp on a figure of eight, sampled at `hz` for `duration_s`, beginning at a phase.
+/// Returns a lamp on a figure of eight, sampled at `hz` for `duration_s`, which starts at a phase.
 fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
     let emitter = Emitter {
         name: "figure".into(),
@@ -50,7 +51,7 @@ fn camera(change: impl FnOnce(&mut CameraOptions)) -> Camera {
 
 const WHITE: [f64; 3] = [1.0; 3];
 
-/// The level of each sample as a function of its time.
+/// Sets the level of each sample as a function of its time.
 fn leveled(mut lamp: Lamp, level: impl Fn(f64) -> f64) -> Lamp {
     lamp.samples.iter_mut().for_each(|sample| sample.level = level(sample.time_s));
     lamp

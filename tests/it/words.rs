@@ -1,5 +1,5 @@
-//! Names: words that are files, files that travel with their scene, texts of other systems, and
-//! names that are no Unicode.
+//! Tests of names: words that are files, files that are moved with their scene, texts of other
+//! systems, and names that are not valid Unicode.
 
 use std::path::Path;
 
@@ -51,7 +51,7 @@ fn a_plan_in_capitals_is_that_plan_and_a_word_is_never_guessed_from_a_file() {
     }
     assert!(refused(here, &["score", "photo.png", "plan.txt"]).contains("plan.txt"));
     assert!(refused(here, &["check", "gone.CSV"]).contains("gone.CSV"));
-    // A folder of other things is no plan, and --word is always a word.
+    // A folder without plans does not count as a plan, and the value of --word is always a word.
     succeeds(here, &["check", "NO"]);
     for verb in ["check", "plan", "scene", "coverage"] {
         succeeds(here, &[verb, "--word", "HI"]);
@@ -60,7 +60,7 @@ fn a_plan_in_capitals_is_that_plan_and_a_word_is_never_guessed_from_a_file() {
     assert!(refused(here, &["check", "NO"]).contains("wanted plan-1.csv first"));
 }
 
-/// A scene with a drawing, a font and a background in folders of their own.
+/// Writes a scene with a drawing, a font and a background in separate folders.
 fn illustrated(project: &Path) {
     for name in ["art", "faces", "rooms"] {
         std::fs::create_dir_all(project.join(name)).unwrap();
@@ -88,7 +88,7 @@ fn a_scene_travels_with_its_files_and_tells_no_folder_of_this_machine() {
     succeeds(&secret, &["plan", "--drawing", &absolute, "-o", "../plans/plan.csv"]);
     succeeds(&secret, &["scene", "--drawing", "art/logo.svg", "-o", "art/my.toml"]);
 
-    // Everything but the project goes to another place.
+    // Everything except the project is moved to another folder.
     let there = folder.path().join("there");
     std::fs::create_dir(&there).unwrap();
     for name in ["drawn", "written", "plans"] {
@@ -104,7 +104,7 @@ fn a_scene_travels_with_its_files_and_tells_no_folder_of_this_machine() {
     let beside = ["plan.csv", "plan.logo.svg", "plan.scene.toml"];
     assert_eq!(names_in(&there.join("plans")), beside);
     let inside = ["flight.csv", "logo.svg", "photo.png", "plan.csv", "report.html", "scene.toml"];
-    // The background is called as the photo is.
+    // The copy is renamed, because the background has the same name as the photo.
     assert_eq!(names_in(&there.join("drawn")), [&["2-photo.png"][..], &inside].concat());
     std::fs::rename(&secret, folder.path().join("moved")).unwrap();
     let moved = folder.path().join("moved");
@@ -185,7 +185,7 @@ fn a_name_that_is_no_unicode_is_shown_and_never_a_panic() {
     for verb in ["import", "identify", "expose", "locate", "check", "compare"] {
         run(&[verb], &odd("t.csv"));
     }
-    // The files of a scene are found in such a folder, too.
+    // The files of a scene are also found in such a folder.
     std::fs::create_dir(folder.path().join(odd("d2"))).unwrap();
     std::fs::write(folder.path().join(odd("d2")).join("logo.svg"), LOGO).unwrap();
     let inside = folder.path().join(odd("d2"));

@@ -1,5 +1,5 @@
-// The link of a photograph: all that makes it stands behind the `#` of the page's address, so that
-// any browser makes it again.
+// The link of a photograph contains all settings behind the `#` of the page's address, so that any
+// browser can make the photograph again.
 
 import { change, fresh, origin, state, take, watch } from "./state.js";
 import { seen } from "./sketch.js";

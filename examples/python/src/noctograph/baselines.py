@@ -12,7 +12,7 @@ from .learning import ACTIONS, OBSERVATIONS, VectorEnv
 
 
 class Drones(VecEnv):
-    """The drones of a `VectorEnv`. An episode that ends begins again in the same step."""
+    """The drones of a `VectorEnv`. When an episode ends, the next one begins in the same step."""
 
     def __init__(self, drones: VectorEnv) -> None:
         self._drones = drones

@@ -31,7 +31,7 @@ class Report(dict[str, Any]):
     text : str
         The table that the command prints.
     files : dict of str to bytes
-        The files it wrote, by name. Empty if they were written to a folder of yours.
+        The files that the command wrote, by name. Empty if they were written to a folder that you named.
     """
 
     def __init__(self, text: str, keys: dict[str, Any], files: dict[str, bytes] | None = None) -> None:
@@ -55,12 +55,13 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
     Parameters
     ----------
     verb : str
-        The command, as ``"coverage"``.
+        Name of the command, such as ``"coverage"``.
     *inputs : str, path, Scene, Flight, Plan or Shot
-        Its inputs. Objects are handed over as files.
+        Inputs of the command. Objects are passed as files.
     **options
-        Its options, ``max_gap=0.5`` for ``--max-gap=0.5``: ``True`` for a flag without a value, a list for
-        one that is repeated, a dict for ``set``, objects as for `inputs`.
+        Options of the command, such as ``max_gap=0.5`` for ``--max-gap=0.5``. Pass ``True`` for a flag without a
+        value, a
+        list for a flag that is repeated, a dict for ``set``, and objects as for `inputs`.
 
     Returns
     -------
@@ -76,7 +77,8 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
             raise InputError(*(part.replace(folder + os.sep, "") for part in parts)) from None
         keys = keys or {}
         if isinstance(keys.get("warnings"), list):
-            # Warnings about the file of an object are omitted, since the object has them already.
+            # Warnings about the file of an object are omitted, because the object already contains
+            # them.
             kept = [str(text) for text in keys["warnings"] if not str(text).startswith(folder + os.sep)]
             keys["warnings"] = [text.replace(folder + os.sep, "") for text in kept]
             for text_of_warning in keys["warnings"]:
@@ -85,7 +87,7 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
 
 
 def _words(folder: str, verb: str, *inputs: Any, **options: Any) -> list[str]:
-    """The command line of a command. Objects are written to files in `folder`."""
+    """Returns the command line of a command. Objects are written to files in `folder`."""
     count = 0
 
     def word(value: Any) -> str:
@@ -117,16 +119,16 @@ def follow(log: PathLike, *, output: PathLike | None = None, **options: Any) -> 
     Parameters
     ----------
     log : path
-        Log that an exported script keeps as it flies, ``NAME_flight.jsonl``. It may not exist yet.
+        Log that an exported script writes during the flight, ``NAME_flight.jsonl``. It may not exist yet.
     output : path, optional
-        Photo to write. Without it, ``report.files`` has the last one.
+        Photo to write. Without it, ``report.files`` contains the final photo.
     **options
-        Those of ``noctograph expose``, as ``plan="NIGHT.csv"``.
+        Options of ``noctograph expose``, such as ``plan="NIGHT.csv"``.
 
     Returns
     -------
     Report
-        That of ``noctograph expose``, when the flight has ended. Interrupt the cell to end it earlier.
+        Report of ``noctograph expose``, returned when the flight has ended. Interrupt the cell to stop earlier.
     """
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
         photo = Path(output) if output is not None else Path(folder, "photo.png")
@@ -153,14 +155,14 @@ def follow(log: PathLike, *, output: PathLike | None = None, **options: Any) -> 
 
 
 def _tell(lines: Iterable[str] | None, told: list[str]) -> None:
-    """Prints lines as they come, and keeps them."""
+    """Prints lines as they arrive, and stores them in `told`."""
     for line in lines or ():
         told.append(line)
         print(line, end="", flush=True)
 
 
 def _show_until(has_ended: Callable[[], bool], photo: Path) -> None:
-    """Shows a photo in a notebook each time that it was rewritten."""
+    """Shows a photo in a notebook whenever it has been rewritten."""
     notebook, last, ends = _notebook(), b"", False
     shown: Any = None
     while not ends:
@@ -176,7 +178,7 @@ def _show_until(has_ended: Callable[[], bool], photo: Path) -> None:
 
 
 def _notebook() -> Any:
-    """The module IPython.display in a notebook, or None."""
+    """Returns the module IPython.display in a notebook, or None."""
     try:
         ipython: Any = importlib.import_module("IPython")
         return importlib.import_module("IPython.display") if ipython.get_ipython() else None
@@ -185,7 +187,7 @@ def _notebook() -> Any:
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
-    """Runs a command that writes files, or one called `name`. Without an `output` its report has them."""
+    """Runs a command that writes files, or one file called `name`. Without `output` the report contains them."""
     if output is not None or options.get("region"):
         return command(verb, *inputs, output=output, **options)
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
@@ -198,7 +200,7 @@ def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = ""
 
 
 def check(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
-    """Everything that could go wrong with a flight: limits of the drone, battery, room, obstacles.
+    """Checks everything that could go wrong with a flight: limits of the drone, battery, room and obstacles.
 
     Parameters
     ----------
@@ -207,31 +209,31 @@ def check(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
     *plans : Plan
         Plans that fly together. The scene's word by default.
     **options
-        Those of ``noctograph check``, as ``profile="careful"``.
+        Options of ``noctograph check``, such as ``profile="careful"``.
 
     Returns
     -------
     Report
-        ``report["fly"]``, and ``report["findings"]`` with their advice.
+        Report with ``report["fly"]``, and with ``report["findings"]`` and their advice.
     """
     return command("check", *plans, scene=scene, **options)
 
 
 def export(scene: Scene | str, to: str, *plans: Plan, output: PathLike | None = None, **options: Any) -> Report:
-    """Exports files from which a drone or another program flies.
+    """Exports files for drones or other programs.
 
     Parameters
     ----------
     scene : Scene or str
         The scene.
     to : str
-        Format, as ``"poly4d"`` or ``"crazyswarm2"``. A wrong name lists them.
+        Format, such as ``"poly4d"`` or ``"crazyswarm2"``. The error for a wrong name lists all formats.
     *plans : Plan
         Plans that fly together. The scene's word by default.
     output : path, optional
-        File or folder to write to. Without it, ``report.files`` has the bytes.
+        File or folder to write to. Without it, ``report.files`` contains the bytes.
     **options
-        Those of ``noctograph export``, as ``tolerance=2`` (mm).
+        Options of ``noctograph export``, such as ``tolerance=2`` (mm).
 
     Returns
     -------
@@ -240,7 +242,7 @@ def export(scene: Scene | str, to: str, *plans: Plan, output: PathLike | None = 
     Raises
     ------
     InfeasibleError
-        Where `check` stops: the drone would not fly it safely, and nothing is written.
+        If `check` stops the flight, because it would not be safe. Nothing is written.
     """
     report = _with_files("export", *plans, scene=scene, to=to, output=output, **options)
     if not report.get("files"):
@@ -256,7 +258,7 @@ def identify(log: PathLike | Flight, **options: Any) -> Report:
     log : path or Flight
         The log.
     **options
-        Those of ``noctograph identify``, as ``scene``.
+        Options of ``noctograph identify``, such as ``scene``.
 
     Returns
     -------
@@ -278,14 +280,14 @@ def compare(
     Parameters
     ----------
     a, b : path or Flight
-        Logs or flights, as the measured one and the simulated one.
+        Logs or flights, such as a measured and a simulated flight.
     design : Plan, optional
-        What both were to fly, from their first times on, for flights that do not know it. Without a design a flight has no
-        tracking error, and the clocks are aligned by what was flown.
+        Plan that both flights followed from their first times on, for flights that do not contain a design. Without a
+        design a flight has no tracking error, and the clocks are aligned by the flown paths.
     output : path, optional
-        Folder for the plots; without it, ``report.files`` has them as SVG.
+        Folder for the plots. Without it, ``report.files`` contains them as SVG.
     **options
-        Those of ``noctograph compare``, as ``part="letters"``.
+        Options of ``noctograph compare``, such as ``part="letters"``.
 
     Returns
     -------
@@ -310,12 +312,13 @@ def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) ->
     Parameters
     ----------
     *ranges : path
-        CSV files of ranges, one for each drone; `noctograph locate --help` has the columns.
+        CSV files of ranges, one for each drone. `noctograph locate --help` describes the columns.
     output : path, optional
-        Folder for the positions and plots; without it, ``report.files`` has them.
+        Folder for the positions and plots. Without it, ``report.files`` contains them.
     **options
-        Those of ``noctograph locate``, as ``anchors="anchors.yaml"``; ``region=True`` without ranges, with a
-        `scene`, for the map of the shared-anchor observer.
+        Options of ``noctograph locate``, such as ``anchors="anchors.yaml"``. For the map of the shared-anchor
+        observer,
+        pass ``region=True`` and a `scene`, without ranges.
 
     Returns
     -------
@@ -332,14 +335,16 @@ def coverage(scene: Scene | str, *, output: PathLike | None = None, **options: A
     scene : Scene or str
         The scene.
     output : path, optional
-        SVG file for the map; without it, ``report.files["coverage.svg"]`` has the bytes.
+        SVG file for the map. Without it, ``report.files["coverage.svg"]`` contains the bytes.
     **options
-        Those of ``noctograph coverage``, as ``step=0.1`` (m).
+        Options of ``noctograph coverage``, such as ``step=0.1`` (m).
 
     Returns
     -------
     Report
-        ``report["bound_m"]``, the least error that ranges allow, 1 σ over three axes, m. Per letter beside it.
+        Report with ``report["bound_m"]``, the smallest error that ranges allow (1 σ over three axes, in m), and with
+        the bound
+        of each letter.
     """
     return _with_files("coverage", scene=scene, output=output, name="coverage.svg", **options)
 
@@ -352,32 +357,35 @@ def gains(scene: Scene | str, **options: Any) -> Report:
     scene : Scene or str
         The scene.
     **options
-        Those of ``noctograph gains``: ``motor_lag`` (s), ``bryson``.
+        Options of ``noctograph gains``: ``motor_lag`` (s) and ``bryson``.
 
     Returns
     -------
     Report
-        ``report["A"]`` (12, 12) and ``["B"]`` (12, 4) of the drone at hover, ẋ = A x + B u for small deviations;
-        ``["K"]`` of the regulator and ``["L"]`` of the observer, as lists of rows. ``["states"]`` and
-        ``["inputs"]`` name columns and rows. A, poles and margins have the drag of the air, K and L are designed
-        without it. Poles, margins and ``["bryson_r"]`` beside them.
+        ``report["A"]`` (12, 12) and ``["B"]`` (12, 4) describe the drone at hover, with ẋ = A x + B u for small
+        deviations.
+        ``["K"]`` of the regulator and ``["L"]`` of the observer are lists of rows. ``["states"]`` and ``["inputs"]``
+        name
+        the columns and rows. A, the poles and the margins include the drag of the air, whereas K and L are designed
+        without it. The report also contains the poles, the margins and ``["bryson_r"]``.
     """
     return command("gains", scene=scene, **options)
 
 
 def hold(scenario: str = "all", *, runs: int = 80, output: PathLike | None = None, **options: Any) -> Report:
-    """Simulates altitude hold with three imperfect sensors: errors of the estimate, and whether its σ is right.
+    """Simulates altitude hold with three imperfect sensors. Reports errors of the estimate, and whether its σ is
+    right.
 
     Parameters
     ----------
     scenario : str
         Name of a scenario, several separated by commas, or ``"all"``.
     runs : int
-        Flights of each.
+        Number of flights of each scenario.
     output : path, optional
-        Folder for the plots and tables; without it, ``report.files`` has them.
+        Folder for the plots and tables. Without it, ``report.files`` contains them.
     **options
-        Those of ``noctograph hold``, as ``model``, ``seed``.
+        Options of ``noctograph hold``, such as ``model`` and ``seed``.
 
     Returns
     -------
@@ -396,7 +404,7 @@ def meter(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
     *plans : Plan
         Plans that fly together. The scene's word by default.
     **options
-        Those of ``noctograph meter``.
+        Options of ``noctograph meter``.
 
     Returns
     -------

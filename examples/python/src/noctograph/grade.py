@@ -1,8 +1,8 @@
 """Grades a class: scenes and Python controllers for one task. A fault affects only its owner.
 
-A submission is a scene or a few of its keys (TOML), of which the task's controller keys may differ, or a
-controller in Python, as ``nc.fly`` takes it. The simulation runs here; a controller runs in a process of its own
-that is told the estimates and gives motor commands: see `isolated`.
+A submission is a scene or a few of its keys (TOML), whose controller keys may differ from the task's, or a
+controller in Python, as for ``nc.fly``. The simulation runs in this process. Each controller runs in a separate
+process, which receives the estimates and returns motor commands, see `isolated`.
 
 ``python -m noctograph.grade TASK SUBMISSIONS -o marks``
 """
@@ -40,24 +40,25 @@ from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
 
 #: Number of seeds for a word without one, as in ``noctograph rank --task``.
 SEEDS = 100
-#: Seeds below this can be guessed, as in ``noctograph rank``.
+#: Seeds below this limit can be found by trial, as in ``noctograph rank``.
 PUBLIC_SEEDS = 1 << 32
 #: Paths that Python itself needs.
 SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
-#: Time in which a guard has to end its processes, s. Then it is killed, and the kernel ends the rest.
+#: Time within which a guard has to end its processes, s. After it the guard is killed, and the kernel ends the others.
 GUARD_S = 10.0
 #: Time between checks for a stop and for further processes of a submission, s.
 STOPS_S = 0.1
-#: CPU time of other threads of a submission in flight, s: those of a package fall asleep within a millisecond.
+#: Most CPU time of a submission's other threads during a flight, s. Idle threads of a package fall asleep in 1 ms.
 WORKS_S = 0.02
-#: Largest source of a controller, bytes.
+#: Maximum size of a controller's source, bytes.
 MOST_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a controller in Python may take for a word: wall time of one step of all its flights, which are flown
-    together, and to be loaded, wall time and CPU time in all, s, and memory, MB."""
+    """Limits of a controller in Python for a word: wall time of one step of all its flights, which fly together, and
+    of
+    loading, total wall time and CPU time, all in s, and memory in MB."""
 
     step_s: float = 5.0
     load_s: float = 60.0
@@ -76,7 +77,7 @@ def _no_window() -> dict[str, str]:
 
 
 class Failed(Exception):
-    """Says why a submission has no place."""
+    """Reason why a submission has no place."""
 
 
 def _line(answer: bytes) -> str:

@@ -1,4 +1,4 @@
-"""Environments for reinforcement learning; they need gymnasium."""
+"""Environments for reinforcement learning, which need gymnasium."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from .errors import InputError
 
 Floats = NDArray[np.float32]
 
-#: Distance from the design at which a second of flight is worth nothing, m.
+#: Distance from the design, in m, from which on a second of flight has no reward.
 WORTHLESS_M = 0.1
 #: Largest motor command.
 MOTOR_MAX = 65_535.0
-#: Beyond any state of a drone in SI units: one that is farther than 10 km counts as lost.
+#: Bound of all states of a drone in SI units. A drone farther than 10 km away counts as lost.
 LARGEST = 1e5
 OBSERVATIONS = gymnasium.spaces.Box(-LARGEST, LARGEST, (18,), np.float32)
 ACTIONS = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
-    """Drones that write a word, flown by motor commands, N at a time, in one process, on all cores.
+    """N drones that write a word and are flown by motor commands, in one process and on all cores.
 
     An episode is the scene's plan from take-off to landing, planned as for the controller of `fly`, with new noise
-    and conditions each time. With the `AutoresetMode.NEXT_STEP` of gymnasium the step after an episode's last begins
-    the next one.
+    and conditions each time. With gymnasium's `AutoresetMode.NEXT_STEP`, the step after the last step of an episode
+    begins the next episode.
 
     Action, shape (N, 4), -1 to 1: commands of the motors m1 to m4. 0 is hover and -1 is off.
 
@@ -38,23 +38,23 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     and roll (3), velocity (3) and angular velocity (3) in the body frame. Velocity (3) and acceleration (3) of the
     design, in the world. All 0 once a drone has landed.
 
-    Reward: the step's duration in s, times 1 - d / 0.1 m with the true distance d from the design, never below 0; at
-    a landing, the flight's duration in s times the probability that its photo is read, too: what lands is worth
-    twice its duration at most. Over random policies and six words, the rank correlation of an episode's reward with its
-    photo's P(read) is 0.84 (examples/benchmark/reward.py).
-    A drone that turns over or flies away terminates its episode, as landing does. The info of a landing has
-    ``probability`` and ``read``: what the photo's reader makes of it.
+    Reward: the step's duration in s, times 1 - d / 0.1 m with the true distance d from the design, but at least 0. A
+    landing adds the flight's duration in s times the probability that its photo is read, so that a flight that lands
+    is worth at most twice its duration. Over random policies and six words, the rank correlation of an episode's
+    reward with its photo's P(read) is 0.84 (examples/benchmark/reward.py).
+    A drone that turns over or flies away terminates its episode, as landing does. The info of a landing contains
+    ``probability`` and ``read``, the verdict on its photo.
 
     Parameters
     ----------
     scene : Scene
-        What is flown, by one drone.
+        Scene that one drone flies.
     num_envs : int
         Number N of drones.
     control_hz : float
-        Actions a second; each is held for the nearest whole number of periods of ``rates.attitude_hz`` (500).
+        Actions per second. Each is held for the nearest whole number of periods of ``rates.attitude_hz`` (500).
     conditions : {"still", "room", "drone"} or path
-        What differs from episode to episode, as for `fly_many`.
+        What varies from episode to episode, as for `fly_many`.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
@@ -74,7 +74,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begins all episodes. `seed` also seeds those that follow."""
+        """Begins all episodes. `seed` also determines the seeds of later episodes."""
         first = seed[0] if isinstance(seed, list) else seed
         if first is not None or not hasattr(self, "_seeds"):
             self._seeds = np.random.default_rng(first)
@@ -86,7 +86,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._observe(seen), {}
 
     def step(self, actions: Any) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Holds motor commands for a step; begins the episodes that ended in the last one."""
+        """Applies motor commands for a step, and restarts the episodes that ended in the previous step."""
         if not hasattr(self, "_time_s"):
             raise InputError("step", "no episode", "a call of `reset` before it", "env.reset(seed=0) begins one")
         actions = np.asarray(actions, float)

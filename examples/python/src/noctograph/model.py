@@ -12,27 +12,29 @@ from ._noctograph import Scene
 Floats = NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
-#: Deviations by which `Model.linearize` takes differences: of a state, and of a motor command.
+#: Step sizes of the differences in `Model.linearize`, for a state and for a motor command.
 APART, APART_COMMAND = 1e-5, 1.0
 
 
 class Model:
-    """ẋ = f(x, u) of a scene's drone in still air: what the simulator flies, without what no controller knows.
+    """Equations of motion ẋ = f(x, u) of a scene's drone in still air, as in the simulator, without unknown
+    disturbances.
 
     States x, shape (..., 16): position (m, world: x to the viewer's right, y into the scene, z up), yaw, pitch and
     roll (rad; the body is turned by roll about x, then pitch about y, then yaw about z), velocity (m/s) and angular
     velocity (rad/s) in the body frame (x forward, y left, z up), speeds of the rotors m1 to m4 (rad/s). The first
-    twelve are a controller's ``state``. Of a scene whose motors answer at once they are all, shape (..., 12).
+    twelve are a controller's ``state``. If the scene's motors have no lag, these twelve are all states, shape (...,
+    12).
 
     Inputs u, shape (..., 4): commands of the motors m1 to m4, 0 to 65535.
 
-    Left out are gusts, the ground effect (5 % of the thrust at a height of 4 cm), the battery's sag and the floor. Of
-    a body that is straight up or down (pitch ±90°) yaw and roll are not defined.
+    The model leaves out gusts, the ground effect (5 % of the thrust at a height of 4 cm), the battery's sag and the
+    floor. If the body points straight up or down (pitch ±90°), yaw and roll are not defined.
 
     Parameters
     ----------
     scene : Scene
-        Its ``vehicle``.
+        The scene, whose ``vehicle`` is modeled.
     """
 
     def __init__(self, scene: Scene) -> None:

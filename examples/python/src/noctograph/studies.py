@@ -1,4 +1,4 @@
-"""Studies: many flights at once."""
+"""Studies, which simulate many flights at once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Controller = Callable[..., Any]
 class Outcomes:
     """Outcomes of N scenes, each flown with S seeds. Arrays are (N, S).
 
-    A lost drone leaves no photo: its probability and similarity are 0, the figures of its flight NaN.
+    A lost drone leaves no photo. Its probability and similarity are 0, and the figures of its flight are NaN.
 
     Attributes
     ----------
@@ -45,11 +45,11 @@ class Outcomes:
     similarity : ndarray of float64
         Likeness to the word's reference rendering, 0 to 1.
     legible, lost : ndarray of bool
-        The verdict. True if a drone crashed or flew out of control.
+        `legible` is the verdict, and `lost` is true if a drone crashed or flew out of control.
     contour_m : ndarray of float64
         Mean distance from the path in the word's plane, m.
     lag_s : ndarray of float64
-        Lag behind the design, s. A negative one is a lead.
+        Lag behind the design, s. A negative lag is a lead.
     rmse_x_m, rmse_y_m, rmse_z_m : ndarray of float64
         Root mean square error against the design, m.
     drift_y_m : ndarray of float64
@@ -57,13 +57,13 @@ class Outcomes:
     tilt_rad : ndarray of float64
         Largest roll or pitch, rad.
     saturated_frac : ndarray of float64
-        Share of the time in which a motor is saturated, 0 to 1.
+        Fraction of the time in which a motor is saturated, 0 to 1.
     duration_s : ndarray of float64
         Duration of the flight, s.
     energy_j : ndarray of float64
         Energy drawn from the battery, J.
     read : list of list of str
-        What is read in each photo.
+        Reading of each photo.
     """
 
     probability: Floats
@@ -243,28 +243,33 @@ def fly_many(
     Parameters
     ----------
     scenes : Scene or sequence of N Scene
-        What to fly.
+        The scenes to fly.
     seeds : int or sequence of S int
-        Seeds of the noise and of the conditions. A number S is the seeds from 0 to S − 1.
+        Seeds of the noise and of the conditions. A number S stands for the seeds from 0 to S − 1.
     gains : array_like (N, 4, 12) or (N, 4, 16), optional
-        Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene. (N, 4, 15) with
-        integrals of the position. Rows: torques about x, y, z (N m), thrust (N). Columns: position (m, world),
-        yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame. Four columns more,
-        as `Scene.gain` has, feed back the modeled rotors.
+        Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in a single scene, or (N, 4, 15) with
+        integrals
+        of the position. The rows are the torques about x, y, z (N m) and the thrust (N). The columns are position (m,
+        world), yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame. Four further
+        columns, as in `Scene.gain`, feed back the modeled rotors.
     controller : callable or type, optional
-        A controller of your own for one drone, as for `fly`: ``controller(state, reference)``, or with
-        ``time_s`` behind. All flights are in step, so that one with a memory is given as its class: one is
-        made for each flight, without arguments, or with the scene if its constructor has a `scene`.
+        Your own controller for one drone, as for `fly`: ``controller(state, reference)``, or ``controller(state,
+        reference, time_s)``. All flights advance in step, so pass a controller with internal state as its class. An
+        object is then created for each flight, with the scene if the constructor has a parameter `scene`.
     estimator : callable, optional
-        An estimator of your own for one drone, as for `fly`, made for each flight.
+        Your own estimator for one drone, as for `fly`, which is created for each flight.
     vectorized : bool
-        True if the controller takes all flights at once, arrays (N, 12), (N, 9) and (N,), and returns (N, 4):
-        as fast as the simulator. Rows of flights that are over are 0.
+        True if the controller processes all flights at once, as arrays (N, 12), (N, 9) and (N,), and returns (N, 4).
+        This
+        is as fast as the simulator itself. The rows of flights that have ended are 0.
     conditions : {"still", "room", "drone"} or path
-        What differs from seed to seed: only noise, or drafts, battery and light of a room, or the drone as
-        well, or a TOML file of conditions.
+        What varies from seed to seed: only the noise, or also drafts, battery and light of a room, or the drone as
+        well, or
+        the conditions in a TOML file.
     progress : bool or callable
-        True to show a bar (by tqdm if installed, else as text), or a function of flights done and of all.
+        True to show a progress bar (by tqdm if it is installed, else as text), or a function that is called with the
+        numbers
+        of finished and of all flights.
 
     Returns
     -------
@@ -316,32 +321,37 @@ def rank(
     Parameters
     ----------
     scenes : dict of str to Scene or tuple
-        The contenders by name. ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`, and
-        ``(scene, controller, estimator)`` with an estimator, too, where a controller of None is the scene's.
+        The contenders by name. ``(scene, controller)`` flies your own controller, as in `fly_many`, and ``(scene,
+        controller,
+        estimator)`` also your own estimator. A controller of None stands for the scene's.
     vectorized : bool
-        As for `fly_many`, of all controllers.
+        As for `fly_many`, for all controllers.
     words : sequence of str, or dict of str to int, optional
-        Words, with their numbers of seeds if these differ. The first scene's word by default.
+        Words, optionally with their numbers of seeds. The first scene's word by default.
     seeds : int
-        Seeds of each word.
+        Number of seeds of each word.
     conditions : str
         As for `fly_many`.
     seed : int
-        Seed that all seeds are drawn from.
+        Seed from which the seeds of all flights are derived.
     acuity : int, optional
-        Also finds the smallest letters that are read: this number of further seeds of each word at each of seven
-        cap heights, with a narrow lamp.
-        ``report["acuity"]["limits"]`` has them. Above a P(read) of 0.96 this ranks, and P(read) does not.
+        Number of further seeds of each word at each of seven cap heights with a narrow lamp, with which the smallest
+        legible letters are found. ``report["acuity"]["limits"]`` contains the result. Acuity also distinguishes
+        controllers with a P(read) above 0.96.
     folder : path, optional
-        Keeps the flights, so that the next call flies only what is new. Those of a class of your own are kept word
-        by word, while the file that defines it stays as it is. Those of other callables are not.
+        Folder that stores the flights, so that the next call simulates only new ones. Flights of your own class are
+        stored
+        word by word, as long as the file that defines the class is unchanged. Flights of other callables are not
+        stored.
     progress : bool or callable
         As for `fly_many`.
 
     Returns
     -------
     Report
-        The keys of ``noctograph rank --json``, and ``report["flights"]``. ``report.files`` has the tables as CSV.
+        Report with the keys of ``noctograph rank --json``, and ``report["flights"]``. ``report.files`` contains the
+        tables as
+        CSV.
     """
     if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
@@ -397,32 +407,34 @@ def tune(
 ) -> tuple[Scene, Report]:
     """Searches the settings with which a scene writes most legibly.
 
-    A candidate may take as long as the scene does; a shorter flight counts for nothing beside P(read).
+    A candidate's flight may be as long as the scene's. Shorter flights are preferred only if their P(read) is equal.
 
     Parameters
     ----------
     scene : Scene
-        Where the search begins.
+        Scene from which the search starts.
     words, seeds
-        As for `rank`; the seeds of a candidate.
+        As for `rank`, with the number of seeds of a candidate.
     knobs : sequence of str, optional
-        Keys to vary with their bounds, as ``"plan.stroke_speed_m_s=0.2..0.8"``. The usual ones of the
-        controller by default.
+        Keys to tune with their bounds, such as ``"plan.stroke_speed_m_s=0.2..0.8"``. By default, the usual keys of the
+        controller.
     budget : int
-        Flights in all.
+        Total number of flights.
     conditions, seed, folder
         As for `rank`.
     callback : callable, optional
-        Called with the flights so far and the best candidate, a dict. False ends the search, and what it
-        raises is raised.
+        Function that is called with the number of flights so far and the best candidate, a dict. The search ends if
+        the
+        function returns False. An exception of the function is passed on.
 
     Returns
     -------
     Scene
-        The tuned scene, or the one that the search began with, unless the best candidate is distinguishably better on
-        new seeds (``report["helped"]``).
+        The tuned scene if it is distinguishably better on new seeds (``report["helped"]``), otherwise the scene from
+        which
+        the search started.
     Report
-        The keys of ``noctograph tune --json`` and all candidates.
+        Report with the keys of ``noctograph tune --json`` and all candidates.
     """
     counted = _words(scene, words, seeds)
     text, keys, tuned = _tuning(scene, counted, knobs, budget, conditions, seed, folder, callback)

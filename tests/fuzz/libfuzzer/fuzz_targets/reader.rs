@@ -1,5 +1,5 @@
-//! A reader under libFuzzer, which `NOCTOGRAPH_FUZZ_ONLY` names; it begins with the stable mutator's
-//! seeds.
+//! Runs the reader named by `NOCTOGRAPH_FUZZ_ONLY` under libFuzzer, starting from the same seeds as
+//! the stable mutator.
 #![no_main]
 
 use std::path::Path;
@@ -20,7 +20,7 @@ static READER: LazyLock<readers::Reader> = LazyLock::new(|| {
 static FOLDER: LazyLock<tempfile::TempDir> =
     LazyLock::new(|| tempfile::tempdir().expect("a temporary folder"));
 
-/// Puts the seeds into the reader's corpus.
+/// Copies the seeds into the reader's corpus.
 fn sow() {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(READER.name);
     std::fs::create_dir_all(&corpus).expect("a folder of the corpus");
