@@ -1,16 +1,16 @@
 //! Acuity: the smallest letters of a contender that are still read. An eye chart likewise asks for
 //! the smallest letters.
 //!
-//! In: a study. Every contender flies its words on a ladder of cap heights, with a narrow lamp. Each
-//! rung has separate seeds, the same for all contenders. Out: [`Acuity`].
+//! In: a study. Every contender flies its words on a ladder of cap heights, with a narrow lamp.
+//! Each rung has separate seeds, the same for all contenders. Out: [`Acuity`].
 //!
-//! A flight counts the share of its letters that are read, as an eye chart is scored letter by
+//! A flight counts the fraction of its letters that are read, as an eye chart is scored letter by
 //! letter (Bailey, Bullimore, Raasch, Taylor, Investigative Ophthalmology & Visual Science 32,
-//! 1991). If letters are read above a height and not below it, the mean of this share over the
-//! ladder is the fraction of rungs above that height (method of Spearman 1908 and Kärber 1931). So
-//! the mean and its interval give a height and its interval, without a model of how legibility
-//! falls. The ladder is a study with a stratum for each rung, and [`rank`] compares two contenders
-//! flight by flight.
+//! 1991). If letters are read above a height and not below it, the mean fraction over the ladder is
+//! the fraction of rungs above that height (method of Spearman 1908 and Kärber 1931). So the mean
+//! and its interval give a height and its interval, without a model of how legibility falls. The
+//! ladder is a study with a stratum for each rung, and [`rank`] compares two contenders flight by
+//! flight.
 //!
 //! A ladder of stroke speeds distinguishes less: how an E is distorted at 1.6 m/s depends on that
 //! speed, so that P(read) does not fall evenly (docs/benchmark.md). Not done: limits beyond the
@@ -53,7 +53,7 @@ const MOST_M_S3: f64 = 10_000.0;
 pub struct Acuity {
     /// One for each contender.
     pub limits: Vec<HeightLimit>,
-    /// All pairs of contenders, compared by the mean share of their letters over the ladder.
+    /// All pairs of contenders, compared by the mean fraction of their letters over the ladder.
     pub pairs: Vec<Pair>,
 }
 
@@ -68,7 +68,7 @@ pub struct HeightLimit {
     pub n_flights: usize,
     /// Cap height at which half of its letters are read.
     pub cap_height_m: Estimate,
-    /// Share of letters that are read on each rung.
+    /// Fraction of letters that are read on each rung.
     pub rungs: Vec<Rung>,
 }
 
@@ -183,7 +183,7 @@ pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
     Acuity { limits: limits.collect(), pairs: ranking.pairs }
 }
 
-/// Returns the limit by Spearman and Kärber: the first `n · share` of n rungs are read, and the
+/// Returns the limit by Spearman and Kärber: the first `n · fraction` of n rungs are read, and the
 /// limit is half a rung beyond the last of these.
 fn limit_m(first_rung_m: f64, share: Estimate) -> Estimate {
     let [value, low, high] = [share.value, share.high, share.low].map(|share| {

@@ -220,7 +220,7 @@ def ranking(
     flown: Mapping[int, str],
     unranked: Mapping[str, str],
     progress: Callable[[int, int], object] | None,
-    faster: tuple[int, list[dict[int, str]]] | None = None,
+    smaller: tuple[int, list[dict[int, str]]] | None = None,
 ) -> tuple[str, _Keys]: ...
 def ladder(
     scenes: list[tuple[str, Scene]], words: list[tuple[str, int]], seed: int, n: int

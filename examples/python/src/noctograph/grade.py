@@ -323,11 +323,14 @@ def _warnings(task: Scene, handed: dict[str, bytes], seed: int) -> list[str]:
     sources = [name for name, source in handed.items() if source]
     if sources and seed < PUBLIC_SEEDS:
         found.append(f"seed {seed} can be found by trial, in flight: for marks of a class leave it out, or take 2^32 or more")
-    led = (task.get("plan.reference"), task.get("plan.light_clock")) != ("design", "setpoint")
-    if 0 < len(sources) < len(handed) and led:
+    # A controller in Python receives the design at each tick, and lights by the plan's clock.
+    tick_s = 1 / task.get("rates.control_hz")
+    alike = {"plan.reference": "design", "plan.light_clock": "setpoint", "plan.setpoint_interval_s": tick_s}
+    differ = [f"{key} = {json.dumps(value)}" for key, value in alike.items() if task.get(key) != value]
+    if 0 < len(sources) < len(handed) and differ:
         found.append(
-            "scenes are sent a plan that leads their lag, with lights timed by a rehearsal; controllers in Python are not: "
-            'plan.reference = "design" and plan.light_clock = "setpoint" in the task give both the same'
+            "scenes are sent a plan at intervals that leads their lag, with lights timed by a rehearsal; controllers in Python "
+            f"are not: both receive the same with {', '.join(differ)} in the task"
         )
     for name, source in handed.items():
         same = [other for other in sources if handed[other] == source]
