@@ -39,8 +39,9 @@ fn a_plan_that_outlasts_the_battery_is_named_before_it_is_flown() {
     for (charge_frac, warned) in [("1", false), ("0.1", true)] {
         let charge = format!("battery.charge_frac={charge_frac}");
         let command = ["plan", "HELLO", "--set", &charge, "-o", "plan.csv"];
-        let assert = noctograph().current_dir(&folder).args(command).assert().success();
-        let stderr = String::from_utf8_lossy(&assert.get_output().stderr).replace("\n         ", " ");
+        let assert = noctograph(folder.path()).args(command).assert().success();
+        let stderr =
+            String::from_utf8_lossy(&assert.get_output().stderr).replace("\n         ", " ");
         let is_named = stderr.contains("s in the air, and the battery hovers for");
         assert_eq!(is_named, warned, "{stderr}");
     }

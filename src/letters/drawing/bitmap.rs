@@ -78,7 +78,7 @@ pub(super) fn read(
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         return Err(photograph(file));
     }
-    let n_rulings = if field.is_photo { 0 } else { field.drop_rulings() };
+    let n_rulings = field.drop_rulings();
     // Patches of ink before lines: specks and surroundings would count as pens.
     let (patches, n_cut) = field.patches();
     let (patches, n_specks) = without_specks(patches, field.width.max(field.height) as f64);

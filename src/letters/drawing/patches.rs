@@ -28,7 +28,7 @@ const ALONG: f64 = 0.1;
 /// Lines across the edge of a picture, in and out, from which on they may be a paper's rulings.
 const RULINGS: usize = 8;
 /// Fraction of a picture in faint marks from which on there is a warning.
-const FAINT: f64 = 0.02;
+pub(super) const FAINT: f64 = 0.02;
 /// Lines from which on a picture is fine, as a QR code is.
 const FINE: usize = 60;
 

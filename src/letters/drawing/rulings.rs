@@ -1,9 +1,10 @@
 //! Rulings of paper in a clean scan: straight lines from edge to edge that are paler than the pen.
 
 use super::ink::Field;
+use super::patches::FAINT;
 
-/// Fewest rulings of a page.
-const LEAST: usize = 4;
+/// Fewest rulings of a page, and of one whose other rulings are too faint to be ink.
+const LEAST: [usize; 2] = [4, 1];
 /// Steepest ruling.
 const SLOPE: f64 = 0.02;
 /// Least fraction of a ruling that has ink, and least contrast there by that of its ends.
@@ -14,7 +15,14 @@ const INKED: f64 = 0.6;
 const PALE: f64 = 0.6;
 const DRAWING: f64 = 5e-4;
 /// Largest contrast of the pixels that are dropped, by that of the ruling.
-const RULED: f64 = 1.5;
+const RULED: f64 = 1.6;
+/// Quantile of the contrast along a ruling that is the ruling's. A slanting line is paler where it
+/// lies between two rows, and a pen's line along it is darker.
+const QUANTILE: f64 = 0.25;
+/// Least contrast across a mark by its greatest: compression and sharpening leave some beside it.
+const HALF: f64 = 0.5;
+/// Pixels from a picture's edge in which its marks are looked for, since a ruling may lie along it.
+const FRAME: usize = 8;
 /// Widest ruling, by the side that it crosses.
 const WIDTH: f64 = 0.012;
 
@@ -36,12 +44,14 @@ impl Field {
             [false, true].into_iter().flat_map(|is_upright| self.rulings(is_upright)).collect();
         let darkest = rulings.iter().map(|ruling| ruling.contrast).fold(0.0, f64::max);
         let n_dark = self.contrast.iter().filter(|contrast| PALE * **contrast > darkest).count();
-        if rulings.len() < LEAST || (n_dark as f64) < DRAWING * self.contrast.len() as f64 {
+        if rulings.len() < LEAST[usize::from(self.faint > FAINT)]
+            || (n_dark as f64) < DRAWING * self.contrast.len() as f64
+        {
             return 0;
         }
         for ruling in &rulings {
             let places = 1..=self.length(ruling.is_upright);
-            let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + 1));
+            let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + 2));
             let pale = pixels.filter(|pixel| self.contrast[*pixel] < RULED * ruling.contrast);
             for pixel in pale.collect::<Vec<usize>>() {
                 (self.ink[pixel], self.contrast[pixel]) = (0.0, 0.0);
@@ -79,7 +89,11 @@ impl Field {
     fn rulings(&self, is_upright: bool) -> Vec<Ruling> {
         let length = self.length(is_upright);
         // Narrow marks at both edges, then pairs of these with ink all the way between them.
-        let [first, last] = [1, length].map(|along| self.marks(is_upright, along));
+        let from_edge = |along: &dyn Fn(usize) -> usize| {
+            let mut marks = (0..FRAME.min(length)).map(|k| self.marks(is_upright, along(k)));
+            marks.find(|marks| !marks.is_empty()).unwrap_or_default()
+        };
+        let [first, last] = [from_edge(&|k| 1 + k), from_edge(&|k| length - k)];
         let pairs = first.iter().filter_map(|(start, width, contrast)| {
             let ends = last.iter().filter(|mark| (mark.0 - start).abs() <= SLOPE * length as f64);
             ends.map(|mark| Ruling {
@@ -88,19 +102,25 @@ impl Field {
                 width: (*width).max(mark.1),
                 contrast: contrast.min(mark.2),
             })
-            .find(|ruling| self.is_inked(ruling))
+            .find_map(|ruling| self.inked(ruling))
         });
         pairs.collect()
     }
 
-    /// True if there is ink along nearly all of a ruling.
-    fn is_inked(&self, ruling: &Ruling) -> bool {
+    /// The ruling with the contrast along it. `None` if there is no ink along nearly all of it.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
+    fn inked(&self, ruling: Ruling) -> Option<Ruling> {
         let length = self.length(ruling.is_upright);
-        let n_inked = (1..=length).filter(|along| {
-            let mut near = self.near(ruling, *along, 1);
-            near.any(|pixel| self.contrast[pixel] >= INKED * ruling.contrast)
+        let along = (1..=length).map(|along| {
+            let near = self.near(&ruling, along, 1).map(|pixel| self.contrast[pixel]);
+            near.fold(0.0, f64::max)
         });
-        n_inked.count() as f64 >= ALONG * length as f64
+        let mut along: Vec<f64> = along.collect();
+        along.sort_by(f64::total_cmp);
+        let [least, contrast] =
+            [1.0 - ALONG, QUANTILE].map(|quantile| along[(quantile * length as f64) as usize]);
+        let contrast = contrast.max(ruling.contrast);
+        (least >= INKED * ruling.contrast).then_some(Ruling { contrast, ..ruling })
     }
 
     /// Middle, width and contrast of each narrow mark of ink across the picture at a place.
@@ -114,9 +134,14 @@ impl Field {
         let mut start = 0;
         let mut marks = Vec::new();
         for run in contrasts.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
+            // The part of the run that is dark, which ends in a picture's margin of paper.
             let most = run.iter().copied().fold(0.0, f64::max);
-            if most > 0.0 && run.len() as f64 <= (WIDTH * side as f64).max(6.0) {
-                marks.push((start as f64 + 0.5 * (run.len() - 1) as f64, run.len(), most));
+            let dark = |contrast: &f64| *contrast >= HALF * most;
+            let (from, to) = (run.iter().position(dark), run.iter().rposition(dark));
+            let (from, to) = (from.unwrap_or(0), to.unwrap_or(0));
+            let width = to + 1 - from;
+            if most > 0.0 && width as f64 <= (WIDTH * side as f64).max(6.0) {
+                marks.push(((start + from) as f64 + 0.5 * (width - 1) as f64, width, most));
             }
             start += run.len();
         }
