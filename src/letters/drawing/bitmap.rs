@@ -82,7 +82,7 @@ pub(super) fn read(
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         return Err(photograph(file));
     }
-    let n_rulings = if field.is_photo { 0 } else { field.drop_rulings() };
+    let n_rulings = field.drop_rulings();
     // Specks and surroundings are dropped before lines are traced, because they would affect the
     // measured pen.
     let (patches, n_cut) = field.patches();

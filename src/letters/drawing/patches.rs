@@ -29,7 +29,7 @@ const ALONG: f64 = 0.1;
 /// Minimum number of lines across a picture's edge that may be rulings of the paper.
 const RULINGS: usize = 8;
 /// Fraction of a picture in faint marks above which there is a warning.
-const FAINT: f64 = 0.02;
+pub(super) const FAINT: f64 = 0.02;
 /// Minimum number of lines in a picture as fine as a QR code.
 const FINE: usize = 60;
 

@@ -1,9 +1,10 @@
 //! Rulings of paper in a clean scan: straight lines from edge to edge that are paler than the pen.
 
 use super::ink::Field;
+use super::patches::FAINT;
 
-/// Minimum number of rulings on a page.
-const LEAST: usize = 4;
+/// Minimum number of rulings on a page, and on a page whose other rulings are too faint to be ink.
+const LEAST: [usize; 2] = [4, 1];
 /// Maximum slope of a ruling.
 const SLOPE: f64 = 0.02;
 /// Minimum fraction of a ruling that has ink, and minimum contrast there relative to its ends.
@@ -14,7 +15,16 @@ const INKED: f64 = 0.6;
 const PALE: f64 = 0.6;
 const DRAWING: f64 = 5e-4;
 /// Maximum contrast of the pixels that are dropped, relative to that of the ruling.
-const RULED: f64 = 1.5;
+const RULED: f64 = 1.6;
+/// Quantile of the contrast along a ruling that is taken as the ruling's contrast. A slanting ruling
+/// is paler where it lies between two rows of pixels, and darker where a pen's line follows it.
+const QUANTILE: f64 = 0.25;
+/// Minimum contrast across a mark, relative to its maximum. Compression and sharpening leave some
+/// contrast beside a mark.
+const HALF: f64 = 0.5;
+/// Distance in pixels from a picture's edge within which its marks are sought, because a ruling may
+/// lie along the edge itself.
+const FRAME: usize = 8;
 /// Maximum width of a ruling, relative to the side that it crosses.
 const WIDTH: f64 = 0.012;
 
@@ -36,12 +46,14 @@ impl Field {
             [false, true].into_iter().flat_map(|is_upright| self.rulings(is_upright)).collect();
         let darkest = rulings.iter().map(|ruling| ruling.contrast).fold(0.0, f64::max);
         let n_dark = self.contrast.iter().filter(|contrast| PALE * **contrast > darkest).count();
-        if rulings.len() < LEAST || (n_dark as f64) < DRAWING * self.contrast.len() as f64 {
+        if rulings.len() < LEAST[usize::from(self.faint > FAINT)]
+            || (n_dark as f64) < DRAWING * self.contrast.len() as f64
+        {
             return 0;
         }
         for ruling in &rulings {
             let places = 1..=self.length(ruling.is_upright);
-            let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + 1));
+            let pixels = places.flat_map(|along| self.near(ruling, along, ruling.width / 2 + 2));
             let pale = pixels.filter(|pixel| self.contrast[*pixel] < RULED * ruling.contrast);
             for pixel in pale.collect::<Vec<usize>>() {
                 (self.ink[pixel], self.contrast[pixel]) = (0.0, 0.0);
@@ -78,8 +90,12 @@ impl Field {
     /// Returns the lines of one direction that have ink from edge to edge.
     fn rulings(&self, is_upright: bool) -> Vec<Ruling> {
         let length = self.length(is_upright);
-        // Pairs narrow marks at both edges that have ink all the way between them.
-        let [first, last] = [1, length].map(|along| self.marks(is_upright, along));
+        // Finds narrow marks near both edges, then pairs those with ink all the way between them.
+        let from_edge = |along: &dyn Fn(usize) -> usize| {
+            let mut marks = (0..FRAME.min(length)).map(|k| self.marks(is_upright, along(k)));
+            marks.find(|marks| !marks.is_empty()).unwrap_or_default()
+        };
+        let [first, last] = [from_edge(&|k| 1 + k), from_edge(&|k| length - k)];
         let pairs = first.iter().filter_map(|(start, width, contrast)| {
             let ends = last.iter().filter(|mark| (mark.0 - start).abs() <= SLOPE * length as f64);
             ends.map(|mark| Ruling {
@@ -88,19 +104,25 @@ impl Field {
                 width: (*width).max(mark.1),
                 contrast: contrast.min(mark.2),
             })
-            .find(|ruling| self.is_inked(ruling))
+            .find_map(|ruling| self.inked(ruling))
         });
         pairs.collect()
     }
 
-    /// True if there is ink along nearly all of a ruling.
-    fn is_inked(&self, ruling: &Ruling) -> bool {
+    /// The ruling with the contrast along it. `None` if there is no ink along nearly all of it.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
+    fn inked(&self, ruling: Ruling) -> Option<Ruling> {
         let length = self.length(ruling.is_upright);
-        let n_inked = (1..=length).filter(|along| {
-            let mut near = self.near(ruling, *along, 1);
-            near.any(|pixel| self.contrast[pixel] >= INKED * ruling.contrast)
+        let along = (1..=length).map(|along| {
+            let near = self.near(&ruling, along, 1).map(|pixel| self.contrast[pixel]);
+            near.fold(0.0, f64::max)
         });
-        n_inked.count() as f64 >= ALONG * length as f64
+        let mut along: Vec<f64> = along.collect();
+        along.sort_by(f64::total_cmp);
+        let [least, contrast] =
+            [1.0 - ALONG, QUANTILE].map(|quantile| along[(quantile * length as f64) as usize]);
+        let contrast = contrast.max(ruling.contrast);
+        (least >= INKED * ruling.contrast).then_some(Ruling { contrast, ..ruling })
     }
 
     /// Returns the middle, width and contrast of each narrow mark of ink across the picture at a
@@ -115,9 +137,14 @@ impl Field {
         let mut start = 0;
         let mut marks = Vec::new();
         for run in contrasts.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
+            // The part of the run that is dark, which ends in a picture's margin of paper.
             let most = run.iter().copied().fold(0.0, f64::max);
-            if most > 0.0 && run.len() as f64 <= (WIDTH * side as f64).max(6.0) {
-                marks.push((start as f64 + 0.5 * (run.len() - 1) as f64, run.len(), most));
+            let dark = |contrast: &f64| *contrast >= HALF * most;
+            let (from, to) = (run.iter().position(dark), run.iter().rposition(dark));
+            let (from, to) = (from.unwrap_or(0), to.unwrap_or(0));
+            let width = to + 1 - from;
+            if most > 0.0 && width as f64 <= (WIDTH * side as f64).max(6.0) {
+                marks.push(((start + from) as f64 + 0.5 * (width - 1) as f64, width, most));
             }
             start += run.len();
         }
