@@ -83,12 +83,12 @@ pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
 fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
     // Time is scaled so that the powers of A keep their size.
-    let a = a / a.norm().max(f64::MIN_POSITIVE);
+    let scaled = a / a.norm().max(f64::MIN_POSITIVE);
     let mut columns = Matrix::zeros(n, n * p);
     let mut block = c.clone();
     for power in 0..n {
         columns.columns_mut(power * p, p).copy_from(&block.transpose());
-        block *= &a;
+        block *= &scaled;
     }
     columns
 }
