@@ -498,7 +498,7 @@ fn thousands_separator<'a>(
     head: &Head,
     sign: u8,
 ) -> Result<Option<u8>> {
-    // A column's flags say if it has whole numbers of two or three digits, and if it has the sign.
+    // Per column: true if it has whole numbers of two or three digits, and true if it has `sign`.
     let mut columns = vec![[false; 2]; head.n_columns];
     let (mut first, mut is_clear) = (None, false);
     for line in rows {

@@ -8,7 +8,7 @@ use super::Matrix;
 /// of the step (sine: 1.7e-9 of the derivative). A hundredth of the step would lose as much to
 /// rounding.
 const STEP: f64 = 1e-4;
-/// Smaller of the two extrapolated steps. The error decreases with the fourth power of the step.
+/// Smaller of the two steps for the extrapolation. The error decreases with its fourth power.
 const FINE_STEP: f64 = 1e-3;
 /// Pivot relative to the largest below which a direction counts as unobservable.
 const RANK_TOLERANCE: f64 = 1e-9;
