@@ -127,12 +127,13 @@ impl Rules for StrokesData {
         // The cell and the moves of each glyph are checked together.
         for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
-            let cell = [left_m, baseline_m, width_m, cap_height_m];
+            let sizes_m = [left_m, baseline_m, width_m, cap_height_m];
             let numbers = moves.iter().flat_map(|step| {
                 let [from_m, to_m] = [step.from_m, step.to_m];
                 [from_m[0], from_m[1], to_m[0], to_m[1], step.pace]
             });
-            if let Some(value) = cell.into_iter().chain(numbers).find(|value| !is_number(*value)) {
+            if let Some(value) = sizes_m.into_iter().chain(numbers).find(|value| !is_number(*value))
+            {
                 return Err(odd_number("glyphs", row, value));
             }
             if let Some(Move { pace, .. }) = moves.iter().find(|step| step.pace <= 0.0) {

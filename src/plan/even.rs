@@ -219,10 +219,10 @@ impl Course<'_> {
     /// Adds a segment whose duration is rounded up to whole ticks. Fails beyond the longest flight.
     fn push(&mut self, letter: Option<usize>, path: Path, duration_s: f64) -> Result<()> {
         let n_ticks = (duration_s / RING_TICK_S - 1e-6).ceil();
-        let duration_s = n_ticks * RING_TICK_S;
-        self.state = path.state_at(duration_s);
+        let rounded_s = n_ticks * RING_TICK_S;
+        self.state = path.state_at(rounded_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
-        self.end_s += duration_s;
+        self.end_s += rounded_s;
         // The error comes before more of the flight is planned, sampled or flown.
         if self.end_s <= MAX_DURATION_S {
             return Ok(());

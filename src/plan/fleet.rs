@@ -400,7 +400,7 @@ pub fn downwash_approach(a: &Plan, b: &Plan) -> Option<Approach> {
         let is_near = horizontal_m < TOO_NEAR_M;
         (is_near && flies(a) && flies(b)).then_some(Approach { time_s, horizontal_m, vertical_m })
     });
-    approaches.min_by(|a, b| a.vertical_m.abs().total_cmp(&b.vertical_m.abs()))
+    approaches.min_by(|one, other| one.vertical_m.abs().total_cmp(&other.vertical_m.abs()))
 }
 
 #[cfg(test)]

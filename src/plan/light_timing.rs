@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn light_ends_with_the_strokes_at_any_lag() {
         let plan = noor();
-        // The error is up to half a tick, and 25 ms at 0.2 m/s is 5 mm.
+        // The error is up to half a tick (25 ms), which at 0.2 m/s is 5 mm.
         for (lag_s, most_m) in [(0.0, 0.0016), (0.5, 0.0016), (0.533, 0.0066)] {
             let flight = late(&plan, lag_s);
             let (_, ends) = time_lights(&plan, &flight, &LAMP, Between::Held).unwrap();

@@ -148,16 +148,22 @@ struct Pen {
 
 impl Pen {
     /// Adds a piece of constant acceleration that begins at a position with a velocity.
-    fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, duration_s: f64) {
-        let still = Vector2::zeros();
+    fn draw(
+        &mut self,
+        position_m: Vector2<f64>,
+        velocity_m_s: Vector2<f64>,
+        acceleration_m_s2: Vector2<f64>,
+        duration_s: f64,
+    ) {
+        let zero = Vector2::zeros();
         // The piece's integrals continue those of the previous piece.
         let before = self.pieces.last().map(|last| last.integrals_at(self.end_s));
-        let [_, integral_m_s, second_integral_m_s2] = before.unwrap_or([p, still, still]);
+        let [_, integral_m_s, second_integral_m_s2] = before.unwrap_or([position_m, zero, zero]);
         self.pieces.push(Piece {
             start_s: self.end_s,
-            position_m: p,
-            velocity_m_s: v,
-            acceleration_m_s2: a,
+            position_m,
+            velocity_m_s,
+            acceleration_m_s2,
             integral_m_s,
             second_integral_m_s2,
         });

@@ -28,6 +28,8 @@ pub struct StrokeEnd {
 
 /// Range in s around the flight's lag in which the lag at an edge is sought.
 const SEARCH_S: f64 = 0.3;
+/// Number of steps of that search to either side.
+const N_STEPS: i32 = 75;
 /// Cost in m per second of a lag that differs from the flight's (the drone may wait at an edge).
 const LAG_COST_M_S: f64 = 0.03;
 /// Maximum number of samples that determine the lag of a flight.
@@ -91,8 +93,8 @@ impl<'a> Aligned<'a> {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
             let fits = lags_s.map(|lag_s| {
                 let sampled = writing.iter().step_by(stride).copied();
-                let (offset_m, variance_m2) = aligned.offset_and_variance(sampled, lag_s);
-                (variance_m2, lag_s, offset_m)
+                let (mean_m, variance_m2) = aligned.offset_and_variance(sampled, lag_s);
+                (variance_m2, lag_s, mean_m)
             });
             let best = fits.min_by(|a, b| a.0.total_cmp(&b.0)).expect("a lag at least");
             (aligned.lag_s, offset_m) = (best.1, best.2);
@@ -140,8 +142,8 @@ impl<'a> Aligned<'a> {
     }
 
     /// Returns the lag in s with which the drone passes an edge of the design, given the lag at the
-    /// previous edge. This lag minimizes the distance from the edge plus a cost of lags that differ
-    /// from the flight's.
+    /// previous edge. This lag minimizes the squared distance from the edge plus the squared cost
+    /// of a lag that differs from the flight's.
     pub(super) fn lag_at_s(&self, edge: &Edge, previous_lag_s: f64) -> f64 {
         let cost = |lag_s: f64| {
             let error_m2 = (self.position_m(edge.time_s + lag_s) - edge.at_m).xz().norm_squared();
@@ -151,7 +153,8 @@ impl<'a> Aligned<'a> {
         // The search uses a grid, because the cost may have several minima, for example at the
         // crossing of two strokes.
         let middle_s = 0.5 * (previous_lag_s + self.lag_s);
-        let steps = (-75..=75).map(|step| middle_s + f64::from(step) / 75.0 * SEARCH_S);
+        let steps = (-N_STEPS..=N_STEPS)
+            .map(|step| middle_s + f64::from(step) / f64::from(N_STEPS) * SEARCH_S);
         steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(previous_lag_s)
     }
 

@@ -217,17 +217,19 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     // The drone is in the air from the first setpoint that is above the floor or belongs to a
     // letter, to the last such setpoint.
     let mut in_air = (0..heights_m.len()).filter(|row| {
-        let [z, floor] = heights_m[*row];
-        z > floor || plan.setpoints[*row].letter.is_some()
+        let [height_m, floor_m] = heights_m[*row];
+        height_m > floor_m || plan.setpoints[*row].letter.is_some()
     });
     let first = in_air.clone().next().unwrap_or(0);
     let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
     // Before and after that, setpoints of a ramp may be inside a step if the ramp rises above it.
     // In this case, the drone rests on the step with its motors off.
     let mut numbered = heights_m.iter().enumerate();
-    let refused = numbered.find(|(row, [z, floor])| {
-        let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);
-        *z > 0.0 && z <= floor && ((first..=last).contains(row) || !ramp.any(|[z, _]| z > floor))
+    let refused = numbered.find(|(row, [height_m, floor_m])| {
+        let mut ramp_m = heights_m.iter().filter(|[_, other_m]| other_m == floor_m);
+        *height_m > 0.0
+            && height_m <= floor_m
+            && ((first..=last).contains(row) || !ramp_m.any(|[other_m, _]| other_m > floor_m))
     });
     let Some((i, [height_m, floor_m])) = refused else { return Ok(()) };
     Err(input_error!(

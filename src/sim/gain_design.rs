@@ -188,7 +188,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     Ok(Design {
         a: dynamic(&dragged_a),
         b: dynamic(&b),
-        n_controller_states: feedback.a.nrows() - 12,
+        n_controller_states: feedback.a.nrows() - a.nrows(),
         margins: feedback.margins(),
         k: (!states.is_empty()).then_some(feedback.k),
         states,

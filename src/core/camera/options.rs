@@ -211,7 +211,7 @@ impl CameraOptions {
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = self.pose(bounds_m, middle)?;
-        // The lens of a phone is fixed, has one aperture, and its pictures have no distortion.
+        // A phone has a fixed lens with one aperture, and pictures without distortion.
         let fixed = body.fixed_lens;
         let depth_m = (camera_from_world * (middle - position_m)).z;
         let is_focused = !matches!(self.lens, LensModel::Custom(_)) && depth_m > LEAST_FOCUS_M;

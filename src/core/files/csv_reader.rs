@@ -170,8 +170,8 @@ impl Head {
         // refused with its line number.
         let title_line = both.first().or(fitting.last()).or(bare.last()).copied();
         let mut titles = title_line.map_or(Vec::new(), |index| separator.titles(lines[index]));
-        // In a table that pandas wrote with two levels of columns, the names of groups repeat.
-        // Titles of columns do not repeat.
+        // In a table that pandas wrote with two levels of columns, the names of groups repeat,
+        // which titles of columns never do.
         let in_groups =
             titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
         // A second line of short names contains units, or names within groups.
@@ -293,7 +293,7 @@ impl Sheet {
             return Err(input_error!(file, "{n} columns", "at most {MAX_COLUMNS}", "{hint}"));
         }
         budget.steps(STEPS_PER_BYTE * text.bytes.len())?;
-        // All numbers of a table have the same form.
+        // All numbers of a table have the same decimal and thousands separators.
         let mut sheet = Self::without_rows(&head);
         sheet.notes = text.notes.iter().chain(&head.notes).cloned().collect();
         let form =
@@ -498,7 +498,7 @@ fn thousands_separator<'a>(
     head: &Head,
     sign: u8,
 ) -> Result<Option<u8>> {
-    // A column's flags say if it has whole numbers of two or three digits, and if it has the sign.
+    // Per column: true if it has whole numbers of two or three digits, and true if it has `sign`.
     let mut columns = vec![[false; 2]; head.n_columns];
     let (mut first, mut is_clear) = (None, false);
     for line in rows {

@@ -223,7 +223,7 @@ impl Drop for Former {
     /// Puts the former files back in reverse order.
     fn drop(&mut self) {
         for (place, link) in self.0.drain(..).rev() {
-            // If a file cannot be put back, there is no other remedy.
+            // A failure is ignored, because there is no other way to put the file back.
             let _ = match link {
                 Some(link) => link.persist(&place).map_err(|error| error.error),
                 None => std::fs::remove_file(&place),

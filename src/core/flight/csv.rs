@@ -72,9 +72,9 @@ impl Flight {
         header.extend(self.extra.keys().cloned());
         let rows = self.samples.iter().enumerate().map(|(row, sample)| {
             let numbers = sample.numbers();
-            let standard = indices.iter().map(move |&index| numbers[index]);
+            let logged = indices.iter().map(move |&index| numbers[index]);
             let further = self.lights.values().chain(gap_column).chain(self.extra.values());
-            standard.chain(further.map(move |column| column[row]))
+            logged.chain(further.map(move |column| column[row]))
         });
         write_table(out, &header, rows)
     }
@@ -153,7 +153,7 @@ impl Flight {
             }
         }
         cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
-        check_whole(table, LETTER, MAX_QUANTITY, "0 outside letters, or the number of a letter")?;
+        check_whole(table, LETTER, MAX_QUANTITY, "the number of a letter, or 0 outside letters")?;
         check_whole(table, GAP, 1.0, "1 in the first row after a gap, else 0")?;
         let samples = (0..table.n_rows()).map(|row| {
             FlightSample::from_numbers(cells.map(|cell| cell.map_or(0.0, |column| column[row])))

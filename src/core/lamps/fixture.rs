@@ -163,7 +163,7 @@ impl Fixture {
             None => ("no parameter, because nothing commands this lamp", "set drive.command"),
             Some(channel) if Channel::named(channel).is_some() => (
                 "no parameter, because the channel belongs to a deck",
-                "give the lamp a separate channel: drive.command",
+                "set drive.command to a channel that no deck uses",
             ),
             Some(_) => return Ok(()),
         };

@@ -126,8 +126,13 @@ fn heading_rad(table: &Table) -> Result<f64> {
     match yaws_rad.iter().find(|other| **other != yaw_rad) {
         None => Ok(yaw_rad),
         Some(other) => {
-            let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
-            Err(Error::input(YAW_COLUMN, other, wanted, "turn the drone before take-off"))
+            let wanted = format!("{yaw_rad} as in the first row, because a plan has one heading");
+            Err(Error::input(
+                YAW_COLUMN,
+                other,
+                wanted,
+                "place the drone with the heading of the whole flight",
+            ))
         }
     }
 }

@@ -74,9 +74,9 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     // b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun compares them.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
-    let z = x - quarters * QUARTER[0];
-    let a = z - quarters * QUARTER[1];
-    let b = (z - a) - quarters * QUARTER[1];
+    let rest = x - quarters * QUARTER[0];
+    let a = rest - quarters * QUARTER[1];
+    let b = (rest - a) - quarters * QUARTER[1];
 
     // The polynomials give sine and cosine of a + b.
     let z = a * a;

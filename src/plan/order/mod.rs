@@ -111,7 +111,8 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    // Both limits precede the search for an order, whose time grows with the square of the number.
+    // Both limits are checked before the order is sought, in a time that grows with the square of
+    // the number of strokes.
     let (n_strokes, lit_s) = (drawn.len(), all_lit_s(&drawn, speed_m_s));
     let (problem, hint) = if n_strokes > MAX_STROKES {
         (

@@ -77,7 +77,7 @@ fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
         }
     }
     let flown = flight(0.004, 16.0, |t| round(0.31)(t - 0.3), round(0.3));
-    // The letter begins at 1 s, when the design that the drone follows has begun.
+    // The letter begins at 1 s, after the drone has begun to follow its delayed design.
     let late =
         flown.samples.iter().map(|s| FlightSample { letter: (s.time_s >= 1.0).then_some(0), ..*s });
     let flown = Flight::made(FlightData { samples: late.collect(), ..FlightData::default() });

@@ -8,7 +8,7 @@ use super::Matrix;
 /// of the step (sine: 1.7e-9 of the derivative). A hundredth of the step would lose as much to
 /// rounding.
 const STEP: f64 = 1e-4;
-/// Smaller of the two extrapolated steps. The error decreases with the fourth power of the step.
+/// Smaller of the two steps for the extrapolation. The error decreases with its fourth power.
 const FINE_STEP: f64 = 1e-3;
 /// Pivot relative to the largest below which a direction counts as unobservable.
 const RANK_TOLERANCE: f64 = 1e-9;
@@ -83,12 +83,12 @@ pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
 fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
     // Time is scaled so that the powers of A keep their size.
-    let a = a / a.norm().max(f64::MIN_POSITIVE);
+    let scaled = a / a.norm().max(f64::MIN_POSITIVE);
     let mut columns = Matrix::zeros(n, n * p);
     let mut block = c.clone();
     for power in 0..n {
         columns.columns_mut(power * p, p).copy_from(&block.transpose());
-        block *= &a;
+        block *= &scaled;
     }
     columns
 }

@@ -69,10 +69,10 @@ fn response(
 fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     let mut margins = Margins::default();
     // The steps of the logarithm are equal. A frequency at a pole of the open loop has no response.
-    let [low, high] = SWEEP_RAD_S.map(libm::log);
-    let step = (high - low) / f64::from(SWEEP_STEPS);
+    let [first, last] = SWEEP_RAD_S.map(libm::log);
+    let step = (last - first) / f64::from(SWEEP_STEPS);
     let samples = (0..=SWEEP_STEPS).map(|i| {
-        let frequency = libm::exp(low + step * f64::from(i));
+        let frequency = libm::exp(first + step * f64::from(i));
         Some((frequency, response(frequency)?))
     });
     let samples: Vec<Option<(f64, Complex<f64>)>> = samples.collect();

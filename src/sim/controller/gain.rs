@@ -16,7 +16,7 @@ use noctograph_core::error::{Error, Result};
 pub(crate) struct Gain {
     /// Gain K, 4×12, or 4×15 with integral action.
     pub(crate) k: DMatrix<f64>,
-    /// Gain K_u, which is zero for immediate rotors.
+    /// Gain `K_u`, which is zero for immediate rotors.
     pub(crate) k_rotor: Matrix4<f64>,
 }
 
@@ -65,9 +65,9 @@ pub(crate) fn with_integrals(
     if !options.controller.kind.integrates() {
         return [dynamic(a), dynamic(b)];
     }
-    let mut a = a.fixed_resize::<15, 15>(0.0);
-    a.fixed_view_mut::<3, 3>(12, 0).fill_with_identity();
-    [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
+    let mut augmented = a.fixed_resize::<15, 15>(0.0);
+    augmented.fixed_view_mut::<3, 3>(12, 0).fill_with_identity();
+    [dynamic(&augmented), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
 /// Returns the lag in s that a regulator models, which is the mean of the motors' rise and fall.

@@ -85,9 +85,9 @@ impl Lqr {
     /// Adds a tick's error to the integral, within its bound. With saturated motors, the integral
     /// can only decrease (anti-windup by conditional integration).
     fn integrate(&mut self, error_m: &Vector3<f64>, saturated: bool) {
-        for (sum, error_m) in self.sum.iter_mut().zip(error_m) {
-            if !saturated || *sum * error_m < 0.0 {
-                *sum = (*sum + error_m * self.tick_s).clamp(-MAX_SUM, MAX_SUM);
+        for (sum, axis_m) in self.sum.iter_mut().zip(error_m) {
+            if !saturated || *sum * axis_m < 0.0 {
+                *sum = (*sum + axis_m * self.tick_s).clamp(-MAX_SUM, MAX_SUM);
             }
         }
     }

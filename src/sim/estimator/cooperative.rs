@@ -139,14 +139,14 @@ impl Cooperative {
     /// their messages arrive.
     fn store(&mut self, readings: &Readings<'_>) {
         let time_s = self.dead_reckoning.time_s;
-        let variance = self.joint.model.range[TWO_WAY];
+        let range_variance = self.joint.model.range[TWO_WAY];
         let shared = |target, measured_m, variance| Shared { time_s, target, measured_m, variance };
         for range in readings.ranges {
             let target = Target::Anchor(range.anchor);
-            self.ranges.push(shared(target, range.distance_m, variance));
+            self.ranges.push(shared(target, range.distance_m, range_variance));
         }
         for PeerRange { drone, distance_m } in readings.peer_ranges {
-            self.ranges.push(shared(Target::Drone(*drone), *distance_m, variance));
+            self.ranges.push(shared(Target::Drone(*drone), *distance_m, range_variance));
             self.waiting.push((*drone, *distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
@@ -228,8 +228,8 @@ impl Cooperative {
             if self.share == Share::Estimates {
                 // The peer is assumed to be at its own estimate, whose variance the range's
                 // includes.
-                let (position_m, velocity_m_s, covariance) = message.estimate;
-                let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
+                let (peer_m, peer_m_s, covariance) = message.estimate;
+                let there_m = peer_m - peer_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
                 let peer_variance = direction.dot(&(covariance * direction));
                 let jacobian = here.jacobian(0, direction, Some(&world_from_body));

@@ -38,8 +38,9 @@ pub(super) struct Deck {
     noise: Noise,
     /// Sweeps of the first plane that wait for the second, for each station.
     first: Vec<Option<(f64, [f64; 4])>>,
-    /// Number of rotations since the dropped fraction was computed, and the time of that in s.
+    /// Number of rotations since the dropped fraction was computed.
     counted: f64,
+    /// Time in s at which the dropped fraction was computed.
     evaluated_s: f64,
     dropped_frac: f64,
 }

@@ -261,7 +261,7 @@ fn without_setpoints_lees_law_follows_the_last_one() {
     options.controller.kind = ControllerKind::Geometric;
     (options.radio.drones, options.radio.loss_frac) = (1, 1.0);
     let mut hover = plan(&[(0.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
-    // The controller converts a speed that it does not follow to a distance.
+    // The controller reads only positions, so that the speed moves the position that it follows.
     hover.edit(|hover| hover.setpoints[0].velocity_m_s.x = 0.2);
     hover.edit(|hover| hover.setpoints[1].position_m.x = 1.0);
     let flight = flown(&hover, &options, 1).unwrap();

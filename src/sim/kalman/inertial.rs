@@ -189,7 +189,7 @@ impl Normal {
             vv[(i, i)] += velocity;
             tt[(i, i)] += density.rate * span_s;
         }
-        // The blocks are written back to P, exactly symmetric.
+        // The blocks are made exactly symmetric, and written back to P.
         for (k, block) in [pp, vv, tt].iter().enumerate() {
             self.set(rows[k], rows[k], &((block + block.transpose()) * 0.5));
         }

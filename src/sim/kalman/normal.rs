@@ -277,8 +277,8 @@ mod tests {
         let mut h = DVector::zeros(n);
         for part in jacobian {
             match *part {
-                Part::One(state, jacobian) => h[state] = jacobian,
-                Part::Three(first, jacobian) => h.fixed_rows_mut::<3>(first).copy_from(&jacobian),
+                Part::One(state, derivative) => h[state] = derivative,
+                Part::Three(first, gradient) => h.fixed_rows_mut::<3>(first).copy_from(&gradient),
             }
         }
         h

@@ -20,6 +20,7 @@ fn preset(begin_toml: &str, scene_toml: &str) -> SimOptions {
     scene.try_into().expect("a preset's tables are settings")
 }
 
+/// Adds the keys of a table to another, replaces existing values, and merges nested tables.
 fn merge(into: &mut toml::Table, from: toml::Table) {
     for (key, value) in from {
         match (into.get_mut(&key), value) {

@@ -56,7 +56,8 @@ impl TimeOfFlight {
         self.clock.due(time_s)?;
         // The noise is drawn at every reading, even without a floor. A `noise_m` of 0 means exact
         // readings at any distance.
-        let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
+        let normal = self.noise.normal();
+        let error = if self.noise_m > 0.0 { normal } else { 0.0 };
         let down = -world_from_body().column(2);
         if down.z >= 0.0 {
             return None;

@@ -186,8 +186,8 @@ impl Sensors {
         let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
         let altimeters = carried.map(|sensor| match sensor {
             HeightSensor::TimeOfFlight => {
-                let sensor = TimeOfFlight::new(&options.time_of_flight, floor, streams);
-                Altimeter::TimeOfFlight(sensor)
+                let ranger = TimeOfFlight::new(&options.time_of_flight, floor, streams);
+                Altimeter::TimeOfFlight(ranger)
             }
             HeightSensor::Barometer => {
                 Altimeter::Barometer(Barometer::new(&options.barometer, streams))

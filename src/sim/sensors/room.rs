@@ -44,8 +44,8 @@ pub(super) struct Mirror {
 impl Room {
     /// Makes the room of the options. A mirror without a normal is left out.
     pub(super) fn new(options: &LighthouseOptions) -> Self {
-        let mirrors = options.mirrors_m.iter().map(|plane| (plane, false));
-        let planes = mirrors.chain(options.panes_m.iter().map(|plane| (plane, true)));
+        let perfect = options.mirrors_m.iter().map(|plane| (plane, false));
+        let planes = perfect.chain(options.panes_m.iter().map(|plane| (plane, true)));
         let mirrors = planes.filter_map(|([point_m, facing], is_glass)| {
             let facing = Vector3::from(*facing).try_normalize(0.0)?;
             Some(Mirror { point_m: Vector3::from(*point_m), facing, is_glass })

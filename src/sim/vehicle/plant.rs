@@ -367,8 +367,8 @@ mod tests {
         };
         assert_eq!(end(1), end(1));
         assert_ne!(end(1), end(2));
-        // The bits are recorded from an earlier run. They are the same in debug and release builds,
-        // and on every machine.
+        // The position's bits were recorded in an earlier run. They are the same in debug and
+        // release builds, and on every machine.
         let bits = end(1).position_m.map(f64::to_bits);
         assert_eq!(
             [bits.x, bits.y, bits.z],

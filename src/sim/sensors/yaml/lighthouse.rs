@@ -94,7 +94,7 @@ fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
     if config.geos.is_empty() {
         let content = match unknown.as_slice() {
             [] => "no base station under geos".to_owned(),
-            keys => format!("no base station under geos, but {}", keys.join(", ")),
+            others => format!("no base station under geos, but {}", others.join(", ")),
         };
         return Err(Error::input(file, content, "at least one", HINT));
     }
@@ -102,7 +102,7 @@ fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
         config.geos.iter().map(|(id, geometry)| station(generation, geometry, file, *id));
     let product = stations.collect::<Result<_>>()?;
     let geometries: Geometries = from_yaml(yaml, file, HINT)?;
-    unknown.extend(geometries.geos.values().flat_map(|keys| unknown_keys(keys, &GEOMETRY)));
+    unknown.extend(geometries.geos.values().flat_map(|geometry| unknown_keys(geometry, &GEOMETRY)));
     let mut warnings = calibration_warnings(&config);
     if !unknown.is_empty() {
         warnings.push(format!("{file}: unknown keys without effect: {}", unknown.join(", ")));
