@@ -205,7 +205,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
     }
 }
 
-/// Returns the error for a letter that a font lacks. The error's hint names a font that has the
+/// Returns the error for a letter that a font lacks. The error's hint says which fonts may have the
 /// letter.
 fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     let single_line = Font::open(SINGLE_LINE, Trace::CenterLine).ok();

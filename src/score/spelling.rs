@@ -98,6 +98,7 @@ fn symbol(letter: char) -> Option<usize> {
 pub(super) fn mean_ln_p(text: &str) -> f64 {
     let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
     let (sum, n) = words.fold((0.0, 0.0), |(sum, n), word| {
+        // A word with a digit has no symbols. The end of a word counts as a letter.
         let symbols: Option<Vec<usize>> = word.chars().map(symbol).collect();
         let n_letters = word.chars().count() as f64 + 1.0;
         let ln_p = match symbols {

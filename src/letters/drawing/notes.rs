@@ -81,8 +81,7 @@ pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
 /// Returns the text of a file in terms that usvg knows. Replaces https in namespaces, `:root`,
 /// `background:` and units in CSS transforms.
-pub(super) fn in_words_of_usvg(text: String) -> String {
-    let mut text = text;
+pub(super) fn in_words_of_usvg(mut text: String) -> String {
     for namespace in ["2000/svg", "1999/xlink"] {
         for quote in ['"', '\''] {
             let [with_https, with_http] =

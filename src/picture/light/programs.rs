@@ -259,8 +259,8 @@ pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     dies_from_rgb.map_or(full, |dies| dies * full).map(|luminance| luminance.max(0.0))
 }
 
-/// Returns the levels of the dies of the color LED deck, 0 to 1, by the integer arithmetic of
-/// `color_led_deck.c`.
+/// Returns the levels of the dies of the color LED deck, 0 to 1, which equal those of the integer
+/// arithmetic in `color_led_deck.c`.
 pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
     std::array::from_fn(|die| {
         let value = match levels {
@@ -268,6 +268,7 @@ pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4
             ColorLedLevels::Corrected => {
                 #[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
                 let scaled = (f32::from(wrgb[die]) * COLOR_LED_SCALE[die]) as u8;
+                // A square from 3 to 255, except that 0 stays dark.
                 match f64::from(scaled) / 255.0 {
                     0.0 => 0.0,
                     level => (3.0 + 252.0 * level * level).round(),

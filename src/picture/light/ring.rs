@@ -26,9 +26,9 @@ const DARK: Frame = [[0; 3]; RING_LEDS];
 /// The ring's channels in a plan: on, red, green and blue.
 pub(super) const CHANNELS: [&str; 4] = [RING.name, RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
-/// Returns the frames that the ring shows during a flight, each with its time, if they differ from
-/// the previous one. A ring without the channel `ring` is always on. A ring that is on when the
-/// flight starts has finished fading in.
+/// Returns the frames that the ring shows during a flight, each with its time, except those that
+/// repeat the previous frame. A ring without the channel `ring` is always on. A ring that is on at
+/// the start of the flight has finished fading in.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,

@@ -329,6 +329,7 @@ impl Photograph {
     /// Returns the reason to regard a picture as edited, or `None` if no tag shows editing.
     fn edited(&self) -> Option<String> {
         if let Some(software) = self.text(Tag::Software) {
+            // The added space lets `photos ` match at the end, but not within a longer word.
             let lower = format!("{} ", software.to_lowercase());
             if EDITORS.split(',').any(|editor| lower.contains(editor)) {
                 return Some(format!("the picture was edited with {}", software.trim()));

@@ -337,7 +337,7 @@ fn unusable_input_is_refused_by_name() {
     );
     let mut dark = noor.clone();
     dark.edit(|dark| dark.glyphs[1].moves.clear());
-    assert!(refuse(&dark, &shot.camera, &options).contains("leaves light"));
+    assert!(refuse(&dark, &shot.camera, &options).contains("lit stroke"));
     let mut wide = noor.clone();
     wide.edit(|wide| wide.glyphs[0].cell.width_m = 1e3);
     assert!(refuse(&wide, &shot.camera, &options).contains("width of a letter"));
