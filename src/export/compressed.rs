@@ -92,10 +92,12 @@ impl Compressed {
             }
             until_s += piece.polynomials().duration_s;
         }
-        let needs =
-            format!("{bytes} bytes compressed, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}");
-        let hint = "share the word among more drones, accept a larger distance from the design, or \
-                    send setpoints over the radio (script for cflib)";
+        let needs = format!(
+            "{bytes} bytes compressed, but the drone's memory holds \
+                 {TRAJECTORY_MEMORY_BYTES}"
+        );
+        let hint = "divide the word among more drones, accept a larger distance from the design, \
+                    or send setpoints over the radio (script for cflib)";
         Err(stretch.too_long(until_s, &needs, hint))
     }
 
@@ -143,11 +145,11 @@ impl Compressed {
         bytes.extend(END_WITHOUT_GOAL);
         if bytes.len() > TRAJECTORY_MEMORY_BYTES {
             let what = format!(
-                "{} bytes with take-off and landing, the drone's memory holds \
+                "{} bytes with take-off and landing, but the drone's memory holds \
                  {TRAJECTORY_MEMORY_BYTES}",
                 bytes.len()
             );
-            let hint = "share the word among more drones, or send setpoints over the radio";
+            let hint = "divide the word among more drones, or send setpoints over the radio";
             return Err(Error::infeasible(what, hint));
         }
         Ok(bytes)
@@ -286,7 +288,8 @@ fn check_range(stretch: &Stretch) -> Result<()> {
         if let Some(far_m) = setpoint.position_m.iter().find(|x| x.abs() >= MAX_COORDINATE_M) {
             return Err(Error::infeasible(
                 format!(
-                    "a compressed trajectory reaches to ±{MAX_COORDINATE_M} m, the plan to {far_m} m"
+                    "a compressed trajectory reaches ±{MAX_COORDINATE_M} m, but the plan reaches \
+                     {far_m} m"
                 ),
                 "write closer to the origin, or smaller",
             ));

@@ -81,11 +81,11 @@ pub fn flown(
     let Some(near) = near else { return Ok(flown) };
     Err(Error::infeasible(
         format!(
-            "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
-             for its turn in the air",
+            "with trajectories on board, two drones come within {:.2} m at {:.1} s, because one of \
+             them waits for its turn in the air",
             near.horizontal_m, near.time_s
         ),
-        "send setpoints, or share the word among fewer drones",
+        "send setpoints, or divide the word among fewer drones",
     ))
 }
 

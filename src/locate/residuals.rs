@@ -133,9 +133,9 @@ impl Located {
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
             let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
             format!(
-                "{}: {refused:.0} % of the ranges refused, residuals with a median of {median:+.1} cm \
-                 and a scatter of {scatter:.1} cm: the range is biased or has an error that changes, an \
-                 anchor is not where the file says, or clocks do not agree",
+                "{}: {refused:.0} % of the ranges refused, residuals with a median of {median:+.1} \
+                 cm and a scatter of {scatter:.1} cm: the range is biased, its error changes, an \
+                 anchor is not at its position in the file, or the clocks do not agree",
                 link.link
             )
         });

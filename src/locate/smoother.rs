@@ -185,8 +185,10 @@ pub(super) fn checked(
         if !sample.is_measurement() {
             let wanted = "a distance from 0 m to 10 km";
             let n_broken = samples.iter().filter(|sample| !sample.is_measurement()).count();
-            let hint =
-                format!("leave out what is not a measurement, {n_broken} of {}", samples.len());
+            let hint = format!(
+                "remove the lines that are not measurements, {n_broken} of {}",
+                samples.len()
+            );
             return Err(Error::input(place, distance_m, wanted, hint));
         }
         let is_listed = match *link {
@@ -194,7 +196,8 @@ pub(super) fn checked(
             Link::Drones(i, j) => i < n_drones && j < n_drones && i != j,
         };
         if !is_listed {
-            let wanted = format!("{} anchors, from 0, and {n_drones} drones", anchors_m.len());
+            let wanted =
+                format!("{} anchors, numbered from 0, and {n_drones} drones", anchors_m.len());
             let hint = "list every anchor, and give a log of every drone";
             return Err(Error::input(place, link, wanted, hint));
         }

@@ -58,8 +58,8 @@ pub(super) fn start(
                  do not determine the positions",
                 means.len()
             ),
-            "three anchors per drone, or more drones that range to each other, are needed; a \
-                   drone that flies with its motion sensors does with fewer",
+            "three anchors per drone, or more drones that range to each other, are needed; a drone \
+             that flies with its motion sensors needs fewer",
         ));
     }
     // A small eigenvalue of the information JᵀJ is a direction that the ranges leave open.

@@ -84,13 +84,13 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
         block.columns.push(Column::new(name.to_owned(), values));
     }
     let mut log = Recording { blocks: vec![block], ..Recording::new(job.file) };
-    log.warn("read-as", "read as a folder of gym-pybullet-drones: one file a variable");
+    log.warn("read-as", "read as a folder of gym-pybullet-drones, with one file for each variable");
     let is_read = |path: &PathBuf| variables.iter().any(|(read, ..)| read == path);
     let others = entries_in(Path::new(job.file))?.into_iter().filter(|path| !is_read(path));
     let others: Vec<String> = others.map(|path| file_name(&path)).collect();
     if !others.is_empty() {
         let others = shortened(&others);
-        log.warn("not-read", format!("not read, as they are no variables: {others}"));
+        log.warn("not-read", format!("not read, because they are not variables: {others}"));
     }
     Ok(log)
 }
@@ -106,7 +106,7 @@ fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     // Any other file would have titles or more columns.
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
-        let hint = "remove files that are not variables of the simulator from the folder";
+        let hint = "remove the files that are not variables of the simulator from the folder";
         return Err(Error::input(file, actual, "time and value, without a header", hint));
     }
     head.titles = ["t", "value"].map(str::to_owned).into();

@@ -54,7 +54,13 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     log.blocks.iter_mut().for_each(|block| rotate_to_z_up(block, axes));
     if let Some(why) = why {
         let axes = axes.name();
-        log.warn("axes-turned", format!("its world is taken as {axes}, {why}: turned to {to}"));
+        log.warn(
+            "axes-turned",
+            format!(
+                "the world's axes are taken as {axes}, {why}, and turned \
+             to {to}"
+            ),
+        );
     }
     Ok(log)
 }
@@ -143,9 +149,9 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let rises_along_y = climbs_along_y && (is_low || !is_level);
 
     let unseen = if climbs_along_y {
-        "it rises and ends straight along y, at one height z"
+        "the flight rises and ends straight along y, at one height z"
     } else {
-        "no axis shows a take-off or a landing straight along it"
+        "no take-off or landing is straight along an axis"
     };
     if !(is_below || is_flat || rises_along_y) {
         return Ok(z_up_guess(unseen));
@@ -163,7 +169,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
             let down = format!("goes down to z = {lowest_m:.2} m from where it starts or ends");
             (Axes::ZDown, format!("since it {down}"))
         }
-        (false, true) => (Axes::YUp, "since it takes off and lands only along y".to_owned()),
+        (false, true) => (Axes::YUp, "because it takes off and lands only along y".to_owned()),
         (false, false) if is_below => {
             return Ok(z_up_guess(&format!(
                 "most of the flight is below zero (z = {middle_m:.2} m)"

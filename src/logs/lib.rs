@@ -319,7 +319,7 @@ fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
     Error::input(
         file,
         content,
-        "a log: AE483 JSON, CSV of cfclient, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
+        "a log: AE483 JSON, cfclient CSV, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
          range CSV",
         "convert the log to CSV with a header t,x,y,z,yaw,pitch,roll",
     )

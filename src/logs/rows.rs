@@ -173,7 +173,7 @@ pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
         return Ok(());
     }
     let n = block.time_s.len();
-    let rows = format!("{n_apart} of {n} rows at another place at the same time");
+    let rows = format!("{n_apart} of {n} rows with the time of another row, but at another place");
     let hint = "keep the rows of one drone, and check that the timestamps have all their digits";
     Err(Error::input(file, rows, "one place at a time", hint))
 }

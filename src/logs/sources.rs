@@ -368,7 +368,7 @@ impl<'a> Search<'a> {
         // Assuming zero pitch and roll displaces the lamp by only millimeters.
         yaw.values.iter_mut().for_each(|value| *value *= factor);
         let text = "of the attitude, only the yaw is logged";
-        self.warn(YAW_ONLY, format!("{text} ({name}): the drone counts as level"));
+        self.warn(YAW_ONLY, format!("{text} ({name}): the drone is assumed to be level"));
         self.used.insert(name);
         let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
         Some(vec![yaw, level.clone(), level])

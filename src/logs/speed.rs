@@ -60,8 +60,8 @@ pub(super) fn check(
         let text = format!("the position has {seen}: glitches of its sensor?");
         return Ok(is_far.then(|| Diagnostic::warning(GLITCHES, text)));
     }
-    let hint = "name the unit of the columns (x_cm, x_mm) or of the times (t_ms, t_min); keep the \
-                rows of one drone alone; a drone that is as fast: raise the limit";
+    let hint = "name the unit of the columns (x_cm, x_mm) or of the times (t_ms, t_min); keep only \
+                the rows of one drone; or raise the limit, if the drone is this fast";
     Err(Error::input("max_speed_m_s", seen, "the position of one drone, in m and s", hint)
         .in_file(file, None))
 }

@@ -185,7 +185,7 @@ mod tests {
             "cy.toml.txt refused: not called *.toml",
             "dora.zip refused: an archive: unpack it",
             "eve_13/gains.py refused: a controller in Python: python -m noctograph.grade flies it",
-            "ida_14 refused: no file *.toml is in it",
+            "ida_14 refused: it contains no file *.toml",
             "bo_12/more refused: a folder in a student's folder",
         ] {
             assert!(rows.iter().any(|row| row == wanted), "{wanted}: {rows:?}");

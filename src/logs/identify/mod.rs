@@ -148,7 +148,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     let mut accelerations = accelerations(flight, &airborne, &mut left_out);
     let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
-        let text = "the acceleration points down on average: the drone is taken to hover";
+        let text = "the acceleration points down on average, so that the drone is assumed to hover";
         left_out.push(Diagnostic::warning("acceleration-down", text));
         accelerations = None;
         k_f_n = thrust_per_command_n(flight, samples, None, assumed);
@@ -510,7 +510,7 @@ mod tests {
             flight.samples.iter_mut().for_each(|sample| sample.motors = [40_000.0; 4])
         });
         let error = identify(&flight, &assumed).unwrap_err().to_string();
-        assert!(error.contains("never turn the drone"), "as the evening's page says: {error}");
+        assert!(error.contains("never rotate the drone"), "as the evening's page says: {error}");
     }
 
     #[test]

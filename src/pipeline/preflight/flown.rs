@@ -91,8 +91,8 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
                 "an altitude error of up to {:.0} mm, a twentieth of the letters' height",
                 50.0 * cap_height_m
             ),
-            "write larger letters, or fewer where a canvas shrinks them \
-         ({letters.cap_height_m}, {letters.canvas_m}), or fly a better height sensor",
+            "write larger letters ({letters.cap_height_m}), or fewer if the canvas shrinks them \
+             ({letters.canvas_m}), or fly a better height sensor",
         )
 }
 
@@ -133,7 +133,8 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                     "subtract the mean error ({plan.mean_error_m})"
                 }
                 Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-                    "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
+                    "find what disturbs the flight: the wind ({air.wind_m_s}), or the positions of \
+                     the stations"
                 }
             },
         )
@@ -240,7 +241,8 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     Diagnostic::check("battery", severity, rest_v).within(limit_v).detailed(detail).say(
         actual,
         wanted,
-        "charge it ({battery.charge_frac}), write fewer letters, or share them ({plan.drones=2})",
+        "charge the battery ({battery.charge_frac}), write fewer letters, or divide them between \
+         drones ({plan.drones=2})",
     )
 }
 
@@ -301,11 +303,12 @@ fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
             0.0 => "none".to_owned(),
             s => format!("{:.0} ms of light two stops above the rest{}", 1e3 * s, at_time(time_s)),
         },
-        format!("less than {:.0} ms of it", 1e3 * MAX_DWELL_S),
+        format!("less than {:.0} ms of such light", 1e3 * MAX_DWELL_S),
         match (&plan.style, plan.light_clock) {
             (Style::Even(_), _) => {
-                "lower {plan.stroke_speed_m_s}, so that the drone need not brake, or dim the light \
-                 with the speed ({plan.style.exposure=dimmed}, for a ring or a color LED)"
+                "lower {plan.stroke_speed_m_s}, so that the drone does not have to brake, or dim \
+                 the light with the speed ({plan.style.exposure=dimmed}, for a ring or a color \
+                 LED)"
             }
             (_, LightClock::Setpoint) => {
                 "plan with {plan.style=even}, or set {plan.light_clock=light}"

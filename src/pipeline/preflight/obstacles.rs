@@ -95,7 +95,10 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     let wanted_m = paths.audience_from_m;
     let row = Diagnostic::check("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
     Some(row.timed(time_s).say(
-        format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
+        format!(
+            "person {person} is {least_m:.2} m away from the flight sideways{}",
+            at_time(time_s)
+        ),
         format!("{wanted_m:.1} m or more, which a drone without commands can cover"),
         "move people farther away ({sensors.lighthouse.people_m}), or fly slower \
          ({plan.style.dark_speed_m_s})",

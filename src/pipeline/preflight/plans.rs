@@ -171,8 +171,8 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
         let row = Diagnostic::check("speed", Severity::Stop, speed_m_s).within(most_m_s);
         return row.timed(time_s).say(
             format!(
-                "positions move at {moved_m_s:.2} m/s, velocities are {velocity_m_s:.2} m/s, and differ \
-                 by {:.0} % of the path",
+                "positions move at {moved_m_s:.2} m/s, but velocities are {velocity_m_s:.2} m/s, \
+                 which differs by {:.0} % of the path",
                 100.0 * mismatch_frac
             ),
             format!("velocities that agree with the positions, up to {most_m_s} m/s"),

@@ -197,7 +197,10 @@ fn ceiling(profile: &Profile) -> Diagnostic {
     let room_m = profile.room_m.unwrap_or_default();
     let height_m = room_m[2];
     Diagnostic::check("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
-        format!("a ceiling at {height_m} m: if these are feet, {} m are meant", from_feet(room_m)),
+        format!(
+            "a ceiling at {height_m} m: if these are feet, the ceiling is at {} m",
+            from_feet(room_m)
+        ),
         "the room's true size in meters, because the fence is at its walls",
         "measure a wall, or give feet as in 13x20x8ft ({expose.room_m})",
     )

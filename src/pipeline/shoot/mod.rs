@@ -275,7 +275,7 @@ impl Shoot {
         if n <= MAX_SAMPLES {
             return Ok(());
         }
-        let hint = "thin the flights out, or cut them to the time of the picture";
+        let hint = "remove some rows of the flights, or cut them to the time of the picture";
         Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
     }
 
