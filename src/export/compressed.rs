@@ -119,7 +119,8 @@ impl Compressed {
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            // Two bits encode each axis: 0, 1 or 3 further control points are the codes 0, 1 and 2.
+            // Two bits encode each axis: 0, 1 or 3 further control points have the codes 0, 1
+            // and 2.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
@@ -171,13 +172,14 @@ impl Compressed {
         [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
     }
 
-    /// Returns the pieces as Bézier curves, each with its duration (s) and four control points (m).
+    /// Returns the pieces as Bézier curves, each with its duration, s, and four control points, m.
     pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
         self.pieces.iter().map(|piece| (piece.polynomials().duration_s, piece.curve_m())).collect()
     }
 }
 
-/// Returns the four control points of an axis as a cubic, mm. In a line they are evenly spaced.
+/// Returns the four control points of an axis as a cubic, mm. The points of a line are evenly
+/// spaced.
 fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
     match points_mm {
@@ -245,7 +247,8 @@ fn piece(
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
         });
-        // Otherwise it is a cubic Hermite piece, with inner control points v T/3 from its ends.
+        // Otherwise the axis is a cubic Hermite piece, with inner control points v T/3 from its
+        // ends.
         let third_s = duration_s / 3.0;
         let [from_start_m, to_end_m] = [start, end].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [

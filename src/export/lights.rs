@@ -53,7 +53,7 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Finds the parameter of a channel, of a deck or a custom lamp. Refuses others.
+    /// Finds the parameter of a channel of a deck or a custom lamp. Refuses other channels.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -383,7 +383,8 @@ mod tests {
                 [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
             {
                 let shown = screen_rgb(&deck_command(channel, 1.0, wrgb), &options);
-                // The dies' gamut exceeds the screen's, and their drives have few steps.
+                // The gamut of the dies is larger than the screen's, and their drives have few
+                // steps.
                 for (actual, wanted) in shown.iter().zip(srgb) {
                     let error = f64::from(*actual) - f64::from(wanted);
                     assert!(error.abs() <= 4.0, "{channel}: {shown:?} instead of {srgb:?}");

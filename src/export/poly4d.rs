@@ -316,7 +316,7 @@ mod tests {
         }
     }
 
-    /// Returns the bytes given to the firmware, its responses, and their trajectory.
+    /// Returns the bytes that the firmware was given, its responses, and the trajectory.
     fn recorded_pieces() -> (Vec<u8>, Vec<Row>, Poly4d) {
         let (bytes, rows) = read(include_str!("recorded/poly4d.txt"));
         let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));

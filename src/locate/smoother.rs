@@ -37,7 +37,7 @@ pub struct LocateOptions {
     /// Standard deviation of a range.
     pub range_sigma_m: f64,
     /// Density of the drones' acceleration, (m/s²)/√Hz. A lower density makes the path smoother,
-    /// but it lags in curves.
+    /// but the path lags in curves.
     pub acceleration_m_s2_sqrt_hz: f64,
     /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,

@@ -1,4 +1,5 @@
-//! Checks the plausibility of flights from a caller's arrays, which have no titles, like tables.
+//! Checks the plausibility of flights from a caller's arrays, which have no titles, in the same way
+//! as tables.
 
 use super::recording::{Block, Channel, Column, Recording};
 use super::{ImportOptions, frames, mapper, plain_csv, speed};

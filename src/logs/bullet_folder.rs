@@ -60,7 +60,7 @@ fn variable(stem: &str) -> Option<(String, usize)> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for the files of several drones, and for a file of another kind.
+/// Returns [`Error::Input`] for the files of several drones, and for a file that is not a variable.
 pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].2;
     if let Some((path, ..)) = variables.iter().find(|(.., number)| *number != drone) {

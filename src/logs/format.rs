@@ -67,7 +67,7 @@ fn has_ranges(head: &Head) -> bool {
     head.titles.iter().any(|title| title.starts_with("ranging."))
 }
 
-/// Returns true for a flight file with ranges, an imported log without the log's clock.
+/// Returns true for a flight file with ranges, an imported log that does not keep the log's clock.
 pub(super) fn is_imported(head: &Head) -> bool {
     head.has(FLIGHT[0]) && head.has("letter") && has_ranges(head)
 }

@@ -113,7 +113,8 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// Returns the positions of a block's rows that have all three coordinates, if more than two.
+/// Returns the positions of a block's rows that have all three coordinates, if there are more than
+/// two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -180,12 +181,13 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     Ok((axes, Some(why)))
 }
 
-/// Returns true if the flight starts or ends with a straight climb from its lowest position.
+/// Returns true if the flight starts or ends with a climb along one axis from its lowest position.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// Returns true if the rows, in the order of `from_end`, start at the lowest and climb straight.
+/// Returns true if the rows, in the order of `from_end`, start at the lowest position and climb
+/// straight.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],

@@ -3,17 +3,20 @@
 //! Firmware without [`Feature::HALF_PRECISION`] rounds the mantissa up without a carry into an
 //! exponent that is odd. A value that rounds to 0.5, 2, 8 or another 2·4ⁿ is therefore logged as
 //! exactly half of it. All other values are right. A sample that is half of both its neighbors is
-//! such a value, and the right value is twice the sample. Logs on the card are not affected.
+//! such a value, and the right value is twice the sample. Logs on the card do not use half
+//! precision.
 
 use half::f16;
 
 use super::recording::{Column, Recording};
 use noctograph_core::crazyflie::{Feature, Release};
 
-/// Maximum distances from twice the sample, relative to it: of a neighbor, and of their mean.
+/// Maximum distances from twice the sample, relative to it: of each neighbor, and of the neighbors'
+/// mean.
 const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
-/// Maximum number of such samples in a row, because few values lose their carry.
+/// Maximum number of such samples in a row, because the range of values that lose their carry is
+/// narrow.
 const LONGEST: usize = 4;
 /// Decimal steps per unit in a text. Values with a finer resolution are binary numbers.
 const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
@@ -57,7 +60,7 @@ fn rows_without_carry(values: &[f64]) -> Vec<usize> {
     let (mut rows, mut start) = (Vec::new(), 0);
     for run in values.chunk_by(|a, b| a == b) {
         let (value, end) = (run[0], start + run.len());
-        // A suspect is a run of equal values between two neighbors about twice as large.
+        // A suspect is a run of equal values between two neighbors that are about twice as large.
         if start > 0 && end < values.len() && run.len() <= LONGEST && may_have_lost(value) {
             let (before, after) = (values[start - 1], values[end]);
             let mean = f64::midpoint(before, after);

@@ -245,7 +245,8 @@ struct List<'a> {
     indices: Vec<f64>,
 }
 
-/// Numbers in rows, by the names of their columns, missing ones as NaN, and different texts.
+/// Numbers in rows, by the names of their columns, with NaN for missing ones, and the different
+/// texts.
 #[derive(Default)]
 struct Rows {
     columns: BTreeMap<String, Vec<f64>>,
@@ -460,7 +461,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds columns of equal length as a block. Without a folder, names may be those of plain CSV.
+    /// Adds columns of equal length as a block. Without a folder, the names may be those of plain
+    /// CSV.
     fn table(
         &mut self,
         folder: &str,

@@ -38,7 +38,7 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
     if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return log;
     }
-    // Positions sent by motion capture describe the same path, and estimates nearly so.
+    // Positions sent by motion capture describe the same path, and estimates nearly the same.
     let path = moving_channels(&log, "ae483log.p_{x y z}_mocap")
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));

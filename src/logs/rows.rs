@@ -123,7 +123,7 @@ pub(super) fn join_times(
 }
 
 /// Returns the title of the whole seconds and the fraction's unit for a title of fractions of a
-/// second. For `stamp_nanosecs` these are `stamp_secs` and 1e-9.
+/// second. For `stamp_nanosecs`, title and unit are `stamp_secs` and 1e-9.
 pub(super) fn whole_seconds_title(title: &str) -> Option<(String, f64)> {
     let plain = simplified(title);
     FRACTIONS.iter().find_map(|(fraction_name, unit_s)| {

@@ -224,7 +224,8 @@ impl GrowingLog {
         Self { file, path: path.to_owned(), lines, budget }
     }
 
-    /// Reads what the script has added. The last line may be incomplete. Returns true if it did.
+    /// Reads what the script has added. The last line may be incomplete. Returns true if anything
+    /// was added.
     ///
     /// # Errors
     ///
@@ -234,7 +235,7 @@ impl GrowingLog {
         let mut bytes = Vec::new();
         let read = self.file.read_to_end(&mut bytes);
         read.map_err(|source| Error::read(&self.path, source))?;
-        // The limit is that of a complete file, so that what can be followed can be imported.
+        // The limit is that of a complete file, so that a log that can be followed can be imported.
         self.budget.bytes(bytes.len())?;
         self.lines.push(&bytes, &self.budget)?;
         // A file that cannot become a log is refused at once, instead of waiting for more.

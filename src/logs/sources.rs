@@ -38,7 +38,7 @@ const ALIVE_FRACTION: f64 = 0.1;
 /// Minimum range of the positions of a moving drone, which exceeds the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
-/// Codes of warnings: a heading but no attitude, and a source that diverged.
+/// Codes of the warnings about a heading without an attitude, and about a source that diverged.
 const YAW_ONLY: &str = "yaw-only";
 const DIVERGED: &str = "source-diverged";
 
@@ -343,7 +343,8 @@ impl<'a> Search<'a> {
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
         let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
         let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
-        // If angles are frozen while quaternions change, their observer did not run.
+        // If angles are frozen while quaternions change, the angles come from an observer that did
+        // not run.
         let quaternions = if angles.as_deref().is_some_and(is_alive) {
             None
         } else {

@@ -23,7 +23,8 @@ const SPIKE_M_S2: f64 = 40.0;
 const SPIKE_M: f64 = 0.1;
 const RETURN_FRACTION: f64 = 0.5;
 
-/// Minimum number of fast steps that are no glitches, and minimum fraction of moving steps.
+/// Minimum number of fast steps that are not just glitches, and their minimum fraction of all
+/// moving steps.
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 

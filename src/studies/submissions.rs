@@ -122,8 +122,8 @@ fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// Returns the shortest end of a path that no other submission has, or the whole path if there is
-/// none.
+/// Returns the shortest end of a path that no other submission has, or the whole path if it is
+/// given twice.
 fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
         // The end without the file's extension is tried first.

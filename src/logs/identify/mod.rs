@@ -219,8 +219,8 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Returns true if standard deviations are finite and positive. A frozen value's weight would be
-/// infinite.
+/// Returns true if standard deviations are finite and positive. The weight of a frozen value would
+/// be infinite.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
@@ -365,8 +365,8 @@ mod tests {
 
     #[test]
     fn a_pendulum_test_gives_the_inertia() {
-        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 at its center, T = 2π √(2 l / 3
-        // g).
+        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 about its center, and T = 2π √(2
+        // l / 3 g).
         let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
         let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
         assert!((inertia - 1.0 / 12.0).abs() < 1e-12, "{inertia}");

@@ -1,4 +1,4 @@
-//! Tests tables of other programs: one flight in all notations, what is refused and named.
+//! Tests tables of other programs: one flight in all notations, what is refused, and what is named.
 
 use std::fmt::Write;
 

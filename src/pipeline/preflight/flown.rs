@@ -27,7 +27,7 @@ const MAX_DWELL_S: f64 = 0.1;
 const MAX_STREAK_FRAC: f64 = 0.1;
 /// Maximum exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
 /// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times that
-/// at five, which looks like two pens. The headlights in NOOR, which can be read, have 4.2.
+/// at five, which looks like two pens. The headlights in NOOR, which can be read, have 4.2 stops.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
 /// Maximum time at a motor's limit that does not affect the flight, because the time constant of a
 /// Crazyflie's motors is at least 0.07 s.
@@ -181,7 +181,8 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
 /// thrust is for attitude control and climbing. A Crazyflie 2.1 with two decks needs two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
-/// Checks the fraction of the maximum thrust that hovering needs at the flight's final voltage.
+/// Checks the fraction of the maximum thrust that hovering needs at the voltage at the end of the
+/// flight.
 fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();

@@ -312,7 +312,8 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-/// Shrinks a scene's canvas to what its camera shows from inside a room, if it frames the word.
+/// Shrinks a scene's canvas to the area that its camera shows from inside a room, if the camera
+/// frames the word.
 pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     let (Framing::Word(_), Some([width_m, height_m])) =
         (&scene.camera.framing, scene.letters.canvas_m)

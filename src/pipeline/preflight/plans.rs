@@ -92,7 +92,8 @@ struct Segment {
     goes_on: bool,
 }
 
-/// Minimum time over which a speed is computed from positions, despite a file's rounding.
+/// Minimum time over which a speed is computed from positions, because positions in files are
+/// rounded.
 const SEGMENT_S: f64 = 0.1;
 
 /// Returns the path in the air as segments of at least [`SEGMENT_S`]. A single jump, for which

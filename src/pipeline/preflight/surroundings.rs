@@ -69,7 +69,8 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
     let heard = stations.filter(|(station, _)| !silent.contains(station));
     sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    // Short outages of the other stations are bridged, so that these stations always send.
+    // Short outages of the other stations are bridged, so that these stations count as always
+    // sending.
     sensors.lighthouse.silent.clear();
     if sensors.lighthouse.stations.is_empty() {
         Ok(0.0)

@@ -351,7 +351,8 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// Begins a flight of the first plan in which a user's controller or estimator steps along.
+    /// Begins a flight of the first plan in which a user's controller or estimator is called at
+    /// each step.
     ///
     /// # Panics
     ///
@@ -369,7 +370,8 @@ impl Shoot {
     /// camera behind the word, from where it appears mirrored. Returns [`Error::Infeasible`] for a
     /// camera too close to a lamp.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
-        // The graphics device and the reader take long to prepare, which the flight's time hides.
+        // The graphics device and the reader take long to prepare, so that this is done during the
+        // flight.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
@@ -394,8 +396,8 @@ impl Shoot {
     }
 
     /// Exposes recordings that may have grown since the last photograph on the same film. Only
-    /// their new light is drawn, on the processor. The photo is that of [`Self::take`] but not
-    /// read.
+    /// their new light is drawn, on the processor. The photo is that of [`Self::take`], except that
+    /// it is not read.
     ///
     /// # Errors
     ///
@@ -411,8 +413,8 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// Returns a reader of the strokes, or `None` if the photo is not read or its word cannot be
-    /// judged.
+    /// Returns a reader of the strokes, or `None` if the photo is not read, or if its word cannot
+    /// be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

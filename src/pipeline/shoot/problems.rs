@@ -54,7 +54,8 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";
 
-/// Maximum fraction of a lamp's light that may face away from the camera: the end of a stroke.
+/// Maximum fraction of a lamp's light that may face away from the camera, which allows for the end
+/// of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
 /// Maximum length of a continuous path, in cap heights, along which a lamp may face away. The check

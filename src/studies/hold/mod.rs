@@ -4,7 +4,8 @@
 //! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes
 //! with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
 //! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] keeps the altitude constant with
-//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: scalar and full.
+//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: a scalar one and the
+//! full simulator.
 //!
 //! Limits of the filter: while the throttle is constant, α⁰ and α¹ are not separately observable
 //! (rank 5 of 6, and 4 while the satellites are silent). Only the hover throttle −α⁰/α¹ is

@@ -12,7 +12,8 @@ use noctograph_pipeline::shoot::Shot;
 const SIDE_PX: f64 = 560.0;
 const MARGIN_PX: f64 = 56.0;
 const CAP_PX: f64 = 9.0;
-/// Distance between camera and audience if no room is known: space for the photographer.
+/// Assumed distance between camera and audience if no room is known, which leaves space for the
+/// photographer.
 const AUDIENCE_M: f64 = 1.0;
 const GRAY: Rgb = [150; 3];
 const WORD: Rgb = [230, 159, 0];

@@ -101,7 +101,8 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
 
 /// Lays out rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The width is the widest row's. The height is that of all rows with two lines of text each.
+    // The width is that of the widest row. The height is that of all rows with two lines of text
+    // each.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });
@@ -156,7 +157,8 @@ fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
             let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
             let index = 3 * (y * width + x);
             if x < width && index + 3 <= sheet.rgb8.len() {
-                // Thin strokes cover only half a pixel and are drawn with twice the contrast.
+                // Thin strokes cover only half a pixel, so that they are drawn with twice the
+                // contrast.
                 let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
                 #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
                 sheet.rgb8[index..index + 3].fill((f32::from(GROUND) + ink) as u8);
