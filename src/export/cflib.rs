@@ -281,8 +281,7 @@ fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let letters_s = stretch.start_s() + stretch.duration_s();
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
     let last_airborne = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
-    // The run-out may extend beyond the plan's landing. The flight waits for the lights in any
-    // case.
+    // The run-out may extend beyond the landing. The flight waits for the lights in any case.
     letters_s.min(last_airborne.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
 }
 

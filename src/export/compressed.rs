@@ -178,8 +178,7 @@ impl Compressed {
     }
 }
 
-/// Returns the four control points of an axis as a cubic, mm. The points of a line are evenly
-/// spaced.
+/// Returns an axis's four control points as a cubic, mm. The points of a line are evenly spaced.
 fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
     match points_mm {
@@ -247,8 +246,7 @@ fn piece(
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
         });
-        // Otherwise the axis is a cubic Hermite piece, with inner control points v T/3 from its
-        // ends.
+        // Otherwise the axis is cubic (Hermite), with inner control points v T/3 from its ends.
         let third_s = duration_s / 3.0;
         let [from_start_m, to_end_m] = [start, end].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [

@@ -193,8 +193,7 @@ mod tests {
         let vehicle = &sim.vehicle;
         let force = mellinger["ctrlMel.kp_z"] * 0.01;
         assert!((force - lee["ctrlLee.mass"] * lee["ctrlLee.Kpos_Pz"] * 0.01).abs() < 1e-12);
-        // The expected value is the torque of motors at their lever arms, commanded for an error of
-        // 0.1 rad.
+        // The expected value is the motors' torque, commanded for an error of 0.1 rad.
         let error = 2.0 * libm::sin(0.1);
         let roll = mellinger["ctrlMel.kR_xy"] * error;
         let torque = 4.0 * (command * roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;

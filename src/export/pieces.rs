@@ -313,8 +313,7 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    /// Returns true if a piece between two setpoints is short enough and close enough to the
-    /// design.
+    /// Returns true if a piece is short enough and close enough to the design.
     fn is_near(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> bool {
         let motion = (self.motion)(from, to, previous, rounding);
         let start_s = self.stretch.time_s(from);
@@ -325,8 +324,7 @@ impl<P> Fit<'_, P> {
             })
     }
 
-    /// Returns the last setpoint of the longest piece from `from` that is close enough to the
-    /// design.
+    /// Returns the last setpoint of the longest piece from `from` that follows the design.
     fn farthest(&self, from: usize, previous: &[P]) -> usize {
         let last = self.stretch.last();
         gallop(from + 1, last, |to| self.is_near(from, to, previous, Rounding::Nearest))

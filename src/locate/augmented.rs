@@ -233,8 +233,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Locates drones with the linear filter of the augmented state then with an extended Kalman
-/// filter.
+/// Locates drones with the augmented state's linear filter, then with an extended Kalman filter.
 ///
 /// # Errors
 ///

@@ -14,8 +14,7 @@ use noctograph_core::statistics::median;
 const SIGMA_PER_MAD: f64 = 1.4826;
 /// Standard error of a median relative to that of a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
-/// Number of standard errors from which a median is not zero. Chance reaches it once in two
-/// million.
+/// Number of standard errors from which a median is not zero (by chance once in two million).
 const SURE_SIGMAS: f64 = 5.0;
 /// Minimum median that matters, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;

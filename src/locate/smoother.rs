@@ -185,10 +185,7 @@ pub(super) fn checked(
         if !sample.is_measurement() {
             let wanted = "a distance from 0 m to 10 km";
             let n_broken = samples.iter().filter(|sample| !sample.is_measurement()).count();
-            let hint = format!(
-                "remove the lines that are not measurements, {n_broken} of {}",
-                samples.len()
-            );
+            let hint = format!("remove what is not a measurement, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
         let is_listed = match *link {

@@ -23,8 +23,7 @@ const START_SPEED_M_S: f64 = 0.5;
 /// the drones there, as fractions of the anchors' extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
 const APART: f64 = 0.05;
-/// Cost, m², that is added for positions outside the room, which exceeds the cost of any fit
-/// inside.
+/// Cost, m², of positions outside the room, which exceeds the cost of any fit inside.
 const OUTSIDE_M2: f64 = 1e9;
 /// Minimum decrease of the cost, m², at which another start is better.
 const LEAST_DECREASE_M2: f64 = 1e-9;

@@ -171,8 +171,7 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     }
     let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
     let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
-    // A measured rate is preferred to that of a firmware that the log names. An assumed rate is
-    // last.
+    // A measured rate is preferred to that of a named firmware, and an assumed rate is last.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))

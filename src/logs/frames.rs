@@ -113,8 +113,7 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// Returns the positions of a block's rows that have all three coordinates, if there are more than
-/// two.
+/// Returns the positions of a block's rows with all three coordinates, if there are more than two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -157,8 +156,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     if !(is_below || is_flat || rises_along_y) {
         return Ok(z_up_guess(unseen));
     }
-    // With z up the drone would be below the floor, on it, or level, so that other axes are
-    // checked.
+    // With z up the drone would be below the floor, on it, or level. Other axes are checked.
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
             let flight = "a flight that rises along -z and along y";
@@ -218,8 +216,7 @@ fn climbs<'a>(
 mod tests {
     use super::*;
 
-    /// Returns a flight with take-off, an L on the wall and landing, converted by `to` to another
-    /// frame.
+    /// Returns a flight of take-off, an L on the wall and landing, in another frame by `to`.
     fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {
         let place = |t: f64| [(t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0)];
         let rows: Vec<[f64; 3]> = (0..=80).map(|i| to(place(0.1 * f64::from(i)))).collect();

@@ -11,20 +11,17 @@ use half::f16;
 use super::recording::{Column, Recording};
 use noctograph_core::crazyflie::{Feature, Release};
 
-/// Maximum distances from twice the sample, relative to it: of each neighbor, and of the neighbors'
-/// mean.
+/// Maximum distances of each neighbor, and of their mean, from twice the sample, relative to it.
 const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
-/// Maximum number of such samples in a row, because the range of values that lose their carry is
-/// narrow.
+/// Maximum number of such samples in a row, because few values lose their carry.
 const LONGEST: usize = 4;
 /// Decimal steps per unit in a text. Values with a finer resolution are binary numbers.
 const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
 /// Minimum number of decimal steps in a value, because small counts are not measurements.
 const STEPS: f64 = 64.0;
 
-/// Doubles the samples that lost their carry, with a warning, unless the log's firmware keeps the
-/// carry.
+/// Doubles samples that lost their carry, with a warning, unless the log's firmware keeps it.
 pub(super) fn restored(mut log: Recording) -> Recording {
     let release = log.firmware.as_deref().and_then(Release::parse);
     if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {

@@ -245,8 +245,7 @@ struct List<'a> {
     indices: Vec<f64>,
 }
 
-/// Numbers in rows, by the names of their columns, with NaN for missing ones, and the different
-/// texts.
+/// Numbers in rows, by names of columns, with NaN for missing ones, and the different texts.
 #[derive(Default)]
 struct Rows {
     columns: BTreeMap<String, Vec<f64>>,
@@ -461,8 +460,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds columns of equal length as a block. Without a folder, the names may be those of plain
-    /// CSV.
+    /// Adds columns of equal length as a block. Without a folder, names may be those of plain CSV.
     fn table(
         &mut self,
         folder: &str,

@@ -147,8 +147,7 @@ settings! {
 
     /// Axes of a world frame.
     pub enum Axes {
-        /// Axes of the format, or else z up, or the only axis along which the drone can have taken
-        /// off.
+        /// Axes of the format, or else z up, or the only axis along which a take-off is possible.
         "auto" => Auto,
         /// z up.
         "z-up" => ZUp,

@@ -259,8 +259,7 @@ impl Columns {
         } else if !is_known && !is_expected(&title) {
             unknown = Some(format!("{title} (column {number})"));
         }
-        // If two columns contain the same quantity, the first is used, provided that they belong to
-        // one body.
+        // Of two columns with the same quantity, the first is used if they belong to one body.
         if is_known && let Some((first, first_body)) = self.from.get(&name) {
             if *first_body != body {
                 let place = format!("columns {first} and {title}");

@@ -343,8 +343,7 @@ impl<'a> Search<'a> {
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
         let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
         let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
-        // If angles are frozen while quaternions change, the angles come from an observer that did
-        // not run.
+        // Angles that are frozen while quaternions change come from an observer that did not run.
         let quaternions = if angles.as_deref().is_some_and(is_alive) {
             None
         } else {
@@ -597,8 +596,7 @@ mod tests {
 
     #[test]
     fn thirty_two_bits_hold_an_attitude() {
-        // The test compresses (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…), whose largest component is
-        // w.
+        // The quaternion (x, y, z, w) is (0.1, −0.2, 0.3, 0.927…), whose largest component is w.
         let pack = |part: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "at most 511")]
             let size = (part.abs() / std::f64::consts::FRAC_1_SQRT_2 * 511.0 + 0.5) as u32;

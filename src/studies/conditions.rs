@@ -258,8 +258,7 @@ impl Conditions {
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
     }
 
-    /// Raises the scene's gusts to at least those of the conditions, and adds drag if there is
-    /// none.
+    /// Raises the scene's gusts to at least those of the conditions, and adds missing drag.
     fn draw_gusts(&self, sim: &mut SimOptions) {
         if self.gust_m_s <= 0.0 {
             return;

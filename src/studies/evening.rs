@@ -47,8 +47,7 @@ const LEAST_FLIGHTS: usize = 3;
 /// common to all flights. In nine simulated flights of known thrust the error was below three
 /// standard deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
-/// Maximum total size of an evening's logs: thirty flights of ten minutes, fifty variables at 100
-/// Hz.
+/// Maximum size of an evening's logs: thirty flights of ten minutes, fifty variables at 100 Hz.
 const LOGS_LIMIT: Limit = Limit {
     bytes: 512 << 20,
     what: "the logs of an evening",
@@ -354,8 +353,7 @@ fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
     within.map(|[start_s, end_s]| end_s - start_s).collect()
 }
 
-/// Returns the figures of a flight from `air`, its samples in the air, or the flaw that prevents
-/// it.
+/// Returns a flight's figures from `air`, its samples in the air, or the flaw that prevents it.
 fn figures(
     flight: &Flight,
     air: &[FlightSample],

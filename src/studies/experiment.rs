@@ -1,5 +1,4 @@
-//! Experimental design: which contender flies which word with which seed. [`evaluate`] flies the
-//! design.
+//! Study design: which contender flies which word with which seed. [`evaluate`] flies the design.
 
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};

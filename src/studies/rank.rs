@@ -102,8 +102,7 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     let named: Vec<_> = ranked.iter().map(|(m, values)| (&*m.contender, &values[..])).collect();
     let pairs = pairs(&named);
     let mut measures: Vec<Measures> = ranked.into_iter().map(|(measures, _)| measures).collect();
-    // A new place begins with the first contender that differs from the first one at the previous
-    // place.
+    // A new place begins with a contender that differs from the first one at the previous place.
     let mut first_of_place = 0;
     for index in 0..measures.len() {
         let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
@@ -186,8 +185,7 @@ fn strata(
     words.collect()
 }
 
-/// Computes the measures of one contender, except its place. `first` is the index of its first
-/// record.
+/// Computes a contender's measures, except its place. `first` is the index of its first record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // Photos are sorted from the worst to the best. A flight with a lost drone has no photo.

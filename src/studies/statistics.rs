@@ -126,8 +126,7 @@ pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     if values.len() < 2 {
         return Estimate { value, low: 0.0, high: 1.0 };
     }
-    // The probabilities of good flights are near 1, so that further values near 1 would change
-    // little.
+    // Good flights have probabilities near 1, so that further values near 1 would change little.
     let [lowest, highest] =
         [value, 1.0 - value].map(|distance| UNSEEN * (2.0 * distance).clamp(0.0, 1.0).sqrt());
     let [low, high] = Posterior::ends(values, [(0.0, lowest), (1.0, highest)]);
@@ -313,8 +312,7 @@ fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     subsets.collect()
 }
 
-/// Returns the mean of the subset given by an index into each table, or `None` for the empty
-/// subset.
+/// Returns the mean of the subset given by an index into each table, or `None` for an empty one.
 fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>) -> Option<f64> {
     let sums = tables.iter().zip(indices).map(|(table, index)| table[index % table.len()]);
     let (sum, n) = sums.fold((0.0, 0), |(sum, n), (more, count)| (sum + more, n + count));

@@ -40,8 +40,7 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
-        // Lost flights and identical submissions are noted, because the person who marks must look
-        // at them.
+        // Lost flights and identical submissions are noted, because a person must look at them.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
         let mut row = value(measures);

@@ -167,8 +167,7 @@ impl Candidate {
 pub struct Tuned {
     /// The scene with the best knobs if they won the test, otherwise the original scene.
     pub scene: Scene,
-    /// Test of the finals' winner against the original scene. `None` if the original scene won the
-    /// finals.
+    /// Test of the finals' winner against the original scene. `None` if the original scene won.
     pub test: Option<(Study, Ranking)>,
     /// Figures of the finals' winner in the finals.
     pub best: Candidate,

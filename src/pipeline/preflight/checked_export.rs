@@ -195,8 +195,7 @@ impl CheckedExport {
         is_unsafe.then(|| reason.to_owned())
     }
 
-    /// Returns true if no check stops the flights of a shoot, or if unsafe flights are exported as
-    /// well.
+    /// Returns true if no check stops a shoot's flights, or if unsafe flights are exported as well.
     fn may_fly(&self, shoot: &Shoot) -> bool {
         self.options.is_unchecked
             || preflight(shoot, &self.options.profile)

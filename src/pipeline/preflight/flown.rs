@@ -181,8 +181,7 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
 /// thrust is for attitude control and climbing. A Crazyflie 2.1 with two decks needs two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
-/// Checks the fraction of the maximum thrust that hovering needs at the voltage at the end of the
-/// flight.
+/// Checks the fraction of the maximum thrust for hovering at the voltage at the end of the flight.
 fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();

@@ -77,8 +77,7 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`preflight`]. If a flight is infeasible, its element of the list is an
-/// error.
+/// Returns the errors of [`preflight`]. The list contains an error for an infeasible flight.
 pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let drones = 0..shoot.plans.len();
     if !shoot.is_one_simulation() {

@@ -62,8 +62,7 @@ impl Paths {
         // A drone without commands flies on until its motors stop, and then falls from its maximum
         // height: v (t + √(2 h / g)).
         let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // The distance is rounded up to the printed decimals, so that the message and the check
-        // agree.
+        // The distance is rounded up to the printed decimals, so that message and check agree.
         Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
@@ -204,8 +203,7 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     beacons.collect()
 }
 
-/// Returns mirrors and panes as obstacles, except horizontal ones, because drones fly above a
-/// floor.
+/// Returns mirrors and panes as obstacles, except horizontal ones, above which drones fly.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;

@@ -92,8 +92,7 @@ struct Segment {
     goes_on: bool,
 }
 
-/// Minimum time over which a speed is computed from positions, because positions in files are
-/// rounded.
+/// Minimum time over which a speed is computed from positions, which are rounded in files.
 const SEGMENT_S: f64 = 0.1;
 
 /// Returns the path in the air as segments of at least [`SEGMENT_S`]. A single jump, for which

@@ -69,8 +69,7 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
     let heard = stations.filter(|(station, _)| !silent.contains(station));
     sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    // Short outages of the other stations are bridged, so that these stations count as always
-    // sending.
+    // The other stations count as always sending, because short outages are bridged.
     sensors.lighthouse.silent.clear();
     if sensors.lighthouse.stations.is_empty() {
         Ok(0.0)
@@ -131,8 +130,7 @@ fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks the steady wind plus two standard deviations of the gusts. Light drones have a lower
-/// limit.
+/// Checks steady wind plus two standard deviations of gusts. Light drones have a lower limit.
 fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {

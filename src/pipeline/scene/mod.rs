@@ -144,8 +144,7 @@ impl Scene {
         folder: &Path,
         settings: &[(&str, &str)],
     ) -> Result<Self> {
-        // The layers are, from the lowest to the highest: preset, implied values, file, single
-        // settings.
+        // The layers, lowest first, are: preset, implied values, file, single settings.
         let mut set_keys = Table::new();
         for (key, value) in settings {
             let setting = text::single_setting(key, value)?;

@@ -1,5 +1,4 @@
-//! Finds keys without effect, with the reason: they belong to another choice, or to a part that is
-//! off.
+//! Finds keys without effect, with the reason: another choice, or a part that is switched off.
 
 use toml::{Table, Value};
 
@@ -230,8 +229,7 @@ fn is_off(value: &Value) -> bool {
         || value.as_str().is_some_and(str::is_empty)
 }
 
-/// Returns the values at a dotted key. If the path contains a list, each of its tables contributes
-/// one.
+/// Returns the values at a dotted key. In a list on the path, each table contributes one.
 fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     key.split('.').fold(vec![values], |values, part| {
         let rows = values.into_iter().flat_map(|value| match value {

@@ -127,8 +127,7 @@ impl Stop {
 /// A drone that flies, if it differs from the one that the scene describes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actual {
-    /// Body, battery, air and sensors of the drone. The controller and the estimator are the
-    /// scene's.
+    /// Body, battery, air and sensors of the drone. Controller and estimator are the scene's.
     pub sim: SimOptions,
     /// Lamps of the drone.
     pub light: LightOptions,
@@ -370,8 +369,7 @@ impl Shoot {
     /// camera behind the word, from where it appears mirrored. Returns [`Error::Infeasible`] for a
     /// camera too close to a lamp.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
-        // The graphics device and the reader take long to prepare, so that this is done during the
-        // flight.
+        // Graphics device and reader are prepared during the flight, because this takes long.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,

@@ -214,8 +214,7 @@ pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagno
                     ({photo.ambient_cd_m2})";
         return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
-    // `brightest` and `median` are the levels that the brightest pixels and half of all pixels
-    // reach.
+    // `brightest` and `median` are the levels that the brightest and half of all pixels reach.
     let [brightest, median] = [BRIGHTEST_FRAC, 0.5]
         .map(|frac| (0..256).rev().find(|level| at_least_frac[*level] >= frac).unwrap_or(0));
     let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";

@@ -235,8 +235,7 @@ fn add_exposure_problem(
         if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
             verdict.refuse(Reason::NoLight);
         }
-        // An obstacle that was found earlier is the cause of a missing trail, so that it stays
-        // first.
+        // An obstacle found earlier causes the missing trail, so that it stays first.
         let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
         problems.insert(usize::from(is_hidden), exposed);
     }

@@ -146,8 +146,7 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the height sensor stepped for at least two
-    /// samples.
+    /// Returns the times at which the floor below the sensor stepped, for two samples or more.
     pub fn events_s(&self) -> Vec<f64> {
         // State 4 is the height sensor's bias, which equals minus the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);
@@ -213,8 +212,7 @@ mod tests {
             let flight =
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
-            // The error grows at once to the bound that the ranger sets over a known floor, and
-            // stays there.
+            // The error grows at once to the bound set by the ranger over a known floor, and stays.
             let [before_m, first_m, later_m @ .., after_m] =
                 [19.9, 20.1, 20.5, 22.0, 25.0, 29.9, 31.1].map(|time_s| {
                     let mut samples = flight.samples.iter();

@@ -290,8 +290,7 @@ fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f6
     canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
-/// Returns the range from the smallest to the largest value. Without values its start is after its
-/// end.
+/// Returns the range from smallest to largest value. Without values its start is after its end.
 pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let empty = f64::INFINITY..f64::NEG_INFINITY;
     values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))

@@ -131,7 +131,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws numbered grid lines every meter, or every 10 or 100 m in a large room. The lines at 0 are
+/// Draws numbered grid lines every meter, or every 10 or 100 m in a large room. Lines at 0 are
 /// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
