@@ -189,7 +189,7 @@ fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     let (plan, release) = (&job.plans[drone], job.sim.vehicle.firmware);
     let trajectory = Compressed::encode(release, plan, job.tolerance_m)?;
     if drone >= job.flown.len() {
-        let what = "as a trajectory on board the flight is not safe";
+        let what = "the flight is not safe as a trajectory on board";
         return Err(Error::infeasible(what, "export the trajectory to see why"));
     }
     Ok(trajectory)
@@ -281,7 +281,7 @@ fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let letters_s = stretch.start_s() + stretch.duration_s();
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
     let last_airborne = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
-    // The run-out may extend beyond the plan's landing. The lights are waited for anyway.
+    // The run-out may extend beyond the landing. The flight waits for the lights in any case.
     letters_s.min(last_airborne.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
 }
 
@@ -321,7 +321,10 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
         } else if !continues(plan, previous_row, row) || setpoint.letter != previous.letter {
             let (hz, time_s) = (1.0 / interval_s, previous.time_s);
             return Err(Error::infeasible(
-                format!("{hz:.0} setpoints per second at {time_s:.2} s, but the radio carries 50"),
+                format!(
+                    "{hz:.0} setpoints per second at {time_s:.2} s, but the radio carries 50 \
+                     per second"
+                ),
                 "raise plan.setpoint_interval_s, or fly a trajectory on board",
             ));
         }
@@ -506,7 +509,7 @@ mod tests {
         assert!(times_s(&[a, corner, other, d]).is_err(), "the next letter begins");
         let turns = setpoint(1.0, 1.3, 0.5);
         let error = times_s(&[a, turns, setpoint(1.01, 1.2, 0.0), d]).unwrap_err().to_string();
-        assert!(error.contains("100 setpoints a second at 1.00 s"), "{error}");
+        assert!(error.contains("100 setpoints per second at 1.00 s"), "{error}");
         let apart = [a, setpoint(0.52, 0.7, 0.0), setpoint(0.54, 0.6, 0.0)];
         assert_eq!(times_s(&apart).unwrap(), [0.5, 0.52, 0.54], "50 a second are sent");
         assert_eq!(times_s(&[a, setpoint(9.5, 1.0, 0.0)]).unwrap(), [0.5], "to the end");

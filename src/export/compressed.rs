@@ -92,10 +92,12 @@ impl Compressed {
             }
             until_s += piece.polynomials().duration_s;
         }
-        let needs =
-            format!("{bytes} bytes compressed, the drone's memory holds {TRAJECTORY_MEMORY_BYTES}");
-        let hint = "share the word among more drones, accept a larger distance from the design, or \
-                    send setpoints over the radio (script for cflib)";
+        let needs = format!(
+            "{bytes} bytes compressed, but the drone's memory holds \
+                 {TRAJECTORY_MEMORY_BYTES}"
+        );
+        let hint = "divide the word among more drones, accept a larger distance from the design, \
+                    or send setpoints over the radio (script for cflib)";
         Err(stretch.too_long(until_s, &needs, hint))
     }
 
@@ -117,7 +119,8 @@ impl Compressed {
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            // Two bits encode each axis: 0, 1 or 3 further control points are the codes 0, 1 and 2.
+            // Two bits encode each axis: 0, 1 or 3 further control points have the codes 0, 1
+            // and 2.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
@@ -143,11 +146,11 @@ impl Compressed {
         bytes.extend(END_WITHOUT_GOAL);
         if bytes.len() > TRAJECTORY_MEMORY_BYTES {
             let what = format!(
-                "{} bytes with take-off and landing, the drone's memory holds \
+                "{} bytes with take-off and landing, but the drone's memory holds \
                  {TRAJECTORY_MEMORY_BYTES}",
                 bytes.len()
             );
-            let hint = "share the word among more drones, or send setpoints over the radio";
+            let hint = "divide the word among more drones, or send setpoints over the radio";
             return Err(Error::infeasible(what, hint));
         }
         Ok(bytes)
@@ -169,13 +172,13 @@ impl Compressed {
         [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
     }
 
-    /// Returns the pieces as Bézier curves, each with its duration (s) and four control points (m).
+    /// Returns the pieces as Bézier curves, each with its duration, s, and four control points, m.
     pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
         self.pieces.iter().map(|piece| (piece.polynomials().duration_s, piece.curve_m())).collect()
     }
 }
 
-/// Returns the four control points of an axis as a cubic, mm. In a line they are evenly spaced.
+/// Returns an axis's four control points as a cubic, mm. The points of a line are evenly spaced.
 fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
     match points_mm {
@@ -243,7 +246,7 @@ fn piece(
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
         });
-        // Otherwise it is a cubic Hermite piece, with inner control points v T/3 from its ends.
+        // Otherwise the axis is cubic (Hermite), with inner control points v T/3 from its ends.
         let third_s = duration_s / 3.0;
         let [from_start_m, to_end_m] = [start, end].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [
@@ -286,7 +289,8 @@ fn check_range(stretch: &Stretch) -> Result<()> {
         if let Some(far_m) = setpoint.position_m.iter().find(|x| x.abs() >= MAX_COORDINATE_M) {
             return Err(Error::infeasible(
                 format!(
-                    "a compressed trajectory reaches to ±{MAX_COORDINATE_M} m, the plan to {far_m} m"
+                    "a compressed trajectory reaches ±{MAX_COORDINATE_M} m, but the plan reaches \
+                     {far_m} m"
                 ),
                 "write closer to the origin, or smaller",
             ));

@@ -1,4 +1,4 @@
-//! Exports to Crazyswarm2: a polynomial CSV for each drone, `crazyflies.yaml`, a Python script.
+//! Exports to Crazyswarm2: a CSV file for each drone, `crazyflies.yaml` and a Python script.
 //!
 //! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads it to the drone's
 //! memory with an offset in pieces. The script uses Crazyswarm2's Python interface
@@ -78,8 +78,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
 /// controllers and drones that the firmware does not support, and a plan for another clock.
 fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
-    // Lamps are timed for the flight under the scene's controller, which no other may therefore
-    // fly.
+    // Lamps are timed for a flight under the scene's controller, so that no other one may fly it.
     let Some(controller) = firmware_controller(kind) else {
         let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
         let hint = "choose one of these, or fly your own controller with the script for cflib";

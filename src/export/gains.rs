@@ -7,8 +7,8 @@
 //!   of the body rate, which the scene lacks, is 0.
 //! - `pid`: the gains of the firmware's cascade (`posCtlPid`, `velCtlPid`, `pid_attitude`,
 //!   `pid_rate`), which the scene flies.
-//! - `lqr` and its variants: the matrix as a C header for a custom controller, such as the AE483
-//!   course's.
+//! - `lqr` and its variants: the matrix as a C header for a custom controller, such as that of the
+//!   AE483 course.
 
 use nalgebra::DMatrix;
 use serde_json::{Map, json};
@@ -20,7 +20,8 @@ use noctograph_sim::{Law, SimOptions};
 
 type Parameters = Vec<(String, f64)>;
 
-/// Returns the firmware parameters of the scene's controller. Empty if the firmware lacks it.
+/// Returns the firmware parameters of the scene's controller. Empty if the firmware lacks this
+/// controller.
 pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind.law() {
         Law::Geometric => lee(sim),
@@ -106,7 +107,8 @@ fn object(parameters: Parameters) -> Map<String, serde_json::Value> {
     parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
 }
 
-/// Returns `gains.json` with parameters, or `gains.h` for a state feedback. Refuses others.
+/// Returns `gains.json` with parameters, or `gains.h` for a state feedback. Refuses other
+/// controllers.
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let kind = sim.controller.kind;
     let json = match kind.law() {
@@ -191,8 +193,7 @@ mod tests {
         let vehicle = &sim.vehicle;
         let force = mellinger["ctrlMel.kp_z"] * 0.01;
         assert!((force - lee["ctrlLee.mass"] * lee["ctrlLee.Kpos_Pz"] * 0.01).abs() < 1e-12);
-        // The expected value is the torque of motors at their lever arms, commanded for an error of
-        // 0.1 rad.
+        // The expected value is the motors' torque, commanded for an error of 0.1 rad.
         let error = 2.0 * libm::sin(0.1);
         let roll = mellinger["ctrlMel.kR_xy"] * error;
         let torque = 4.0 * (command * roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;

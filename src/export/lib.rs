@@ -131,7 +131,7 @@ impl Format {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
-    /// Returns true if the files contain only the letters' trajectory, which begins and ends in the
+    /// Returns true if files contain only the letters' trajectory, which begins and ends in the
     /// air.
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)

@@ -53,7 +53,7 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Finds the parameter of a channel, of a deck or a custom lamp. Refuses others.
+    /// Finds the parameter of a channel of a deck or a custom lamp. Refuses other channels.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -119,8 +119,8 @@ fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Returns a command for each change of a plan's lights, in order of time. The lights are initially
-/// dark.
+/// Returns a command for each change of a plan's lights, which are initially dark, in order of
+/// time.
 ///
 /// # Errors
 ///
@@ -383,7 +383,7 @@ mod tests {
                 [("color-led", color_led_wrgb(srgb, plain)), ("ring", [0, r, g, b])]
             {
                 let shown = screen_rgb(&deck_command(channel, 1.0, wrgb), &options);
-                // The dies' gamut exceeds the screen's, and their drives have few steps.
+                // The dies' gamut is larger than the screen's, and their drives have few steps.
                 for (actual, wanted) in shown.iter().zip(srgb) {
                     let error = f64::from(*actual) - f64::from(wanted);
                     assert!(error.abs() <= 4.0, "{channel}: {shown:?} instead of {srgb:?}");

@@ -1,4 +1,4 @@
-//! Variables to log in a flight, which [`crate::logs`] reads: for cfclient, µSD card and script.
+//! Variables to log, which [`crate::logs`] reads: for cfclient, the µSD card and the script.
 //!
 //! Formats: log configurations of cfclient (`cfclient/configs/log/*.json`), and `config.txt` of the
 //! µSD deck (firmware documentation, "Micro SD card deck"). A radio block can contain 26 bytes.

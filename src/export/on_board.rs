@@ -81,11 +81,11 @@ pub fn flown(
     let Some(near) = near else { return Ok(flown) };
     Err(Error::infeasible(
         format!(
-            "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
-             for its turn in the air",
+            "with trajectories on board, two drones come within {:.2} m at {:.1} s, because one of \
+             them waits for its turn in the air",
             near.horizontal_m, near.time_s
         ),
-        "send setpoints, or share the word among fewer drones",
+        "send setpoints, or divide the word among fewer drones",
     ))
 }
 
@@ -100,7 +100,7 @@ pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f
     plans.iter().try_for_each(fits)
 }
 
-/// Returns the pieces of a plan's trajectory. Refuses one that does not fit.
+/// Returns the pieces of a plan's trajectory. Refuses a trajectory that does not fit.
 pub(super) fn pieces(
     release: Release,
     plan: &Plan,
@@ -133,8 +133,8 @@ fn flown_alone(
     let lit = plan.lit();
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     for time_s in sample_times_s(plan, &timeline) {
-        // Lights and letter are those of the plan's last setpoint. Before the first one, they are
-        // dark.
+        // Lights and letter are those of the plan's last setpoint. Before the first setpoint,
+        // lights are dark.
         let plan_time_s = time_s + timeline.zero_s + SAME_TIME_S;
         let row = plan.setpoints.partition_point(|s| s.time_s <= plan_time_s).checked_sub(1);
         out.lit.push(row.map_or(0.0, |row| lit[row]));

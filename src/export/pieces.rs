@@ -236,9 +236,9 @@ pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
 /// Method by which a piece's numbers are rounded to those of its form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rounding {
-    /// To the nearest number.
+    /// Rounds to the nearest number.
     Nearest,
-    /// To those neighboring numbers with the least acceleration.
+    /// Rounds to those neighboring numbers with the least acceleration.
     Gentlest,
 }
 
@@ -282,7 +282,7 @@ pub(super) fn pieces<P>(
                 end = Some(shorter_end);
             }
         }
-        // After the last retry, the least effort is used, even if beyond the limits.
+        // After the last retry, the piece with the least effort is used, even beyond the limits.
         let next = end.map(|end| (end, Rounding::Nearest));
         let next = next.or_else(|| fit.gentlest(choice.start, &pieces));
         let (end, rounding) = next.expect("the next setpoint");
@@ -294,7 +294,7 @@ pub(super) fn pieces<P>(
     pieces
 }
 
-/// The first setpoint of a piece, and the setpoints not yet tried as its end.
+/// Start of a piece, and the setpoints that have not been tried as its end.
 struct Choice {
     start: usize,
     untried_ends: Range<usize>,
@@ -313,7 +313,7 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    /// Returns true if a piece between two setpoints is short and close enough to the design.
+    /// Returns true if a piece is short enough and close enough to the design.
     fn is_near(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> bool {
         let motion = (self.motion)(from, to, previous, rounding);
         let start_s = self.stretch.time_s(from);
@@ -324,7 +324,7 @@ impl<P> Fit<'_, P> {
             })
     }
 
-    /// Returns the end of the longest piece from `from` that is close enough to the design.
+    /// Returns the last setpoint of the longest piece from `from` that follows the design.
     fn farthest(&self, from: usize, previous: &[P]) -> usize {
         let last = self.stretch.last();
         gallop(from + 1, last, |to| self.is_near(from, to, previous, Rounding::Nearest))

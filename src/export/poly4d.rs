@@ -54,7 +54,7 @@ impl Poly4d {
         let fitting = &trajectory.pieces[..MAX_PIECES - 1];
         let until_s = fitting.iter().map(|piece| piece.duration_s).sum();
         let n_bytes = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
-        let needs = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
+        let needs = format!("{n} pieces of degree 7, but the drone's memory holds {MAX_PIECES}");
         let other = if flies_heading(release, plan.yaw_rad) {
             format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
         } else {
@@ -90,10 +90,10 @@ impl Poly4d {
         let n = pieces.len();
         if n > MAX_PIECES {
             let what = format!(
-                "{n} pieces with take-off and landing, the drone's memory holds {MAX_PIECES}"
+                "{n} pieces with take-off and landing, but the drone's memory holds {MAX_PIECES}"
             );
             let hint =
-                "share the word among more drones, or accept a larger distance from the design";
+                "divide the word among more drones, or accept a larger distance from the design";
             return Err(Error::infeasible(what, hint));
         }
         Ok(Self { pieces, ..self })
@@ -316,7 +316,7 @@ mod tests {
         }
     }
 
-    /// Returns the bytes given to the firmware, its responses, and their trajectory.
+    /// Returns the bytes that the firmware was given, its responses, and the trajectory.
     fn recorded_pieces() -> (Vec<u8>, Vec<Row>, Poly4d) {
         let (bytes, rows) = read(include_str!("recorded/poly4d.txt"));
         let number = |chunk: &[u8]| f64::from(f32::from_le_bytes(chunk.try_into().unwrap()));

@@ -17,7 +17,7 @@ pub const FRAME_M: f64 = 0.15;
 /// Maximum distance of the drone from the plan's start before take-off, m. Farther away, its path
 /// to the first letter is not the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
-/// Minimum distance of people from any flight, m: an arm's length and a step back (assumed).
+/// Minimum distance of people from any flight, m: an arm's length and a step (an assumption).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
 /// Maximum difference of the heading from the plan's before take-off, rad: 10°. The difference
 /// moves the light of headlights sideways by its sine. A drone that points along another axis is
@@ -42,7 +42,8 @@ pub const WRONG_S: f64 = 0.5;
 /// Minimum voltage at rest if the scene's drone has no battery, V. A Crazyflie's cell is then
 /// charged to about 28 %, and the flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
-/// Variance of a coordinate at which the position is lost in the air, relative to the settled one.
+/// Variance of a coordinate at which the position is lost in the air, relative to the settled
+/// variance.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
 /// all platforms).
@@ -280,7 +281,8 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
 
-    /// Returns a flight of a short word from a charge, and true if the battery lasts.
+    /// Returns a flight of a short word from a charge, and true if the battery lasts by the table's
+    /// rule.
     fn flown(charge_frac: f64) -> (Battery, bool) {
         let mut options = SimOptions::default();
         options.battery.capacity_ah = 0.25;

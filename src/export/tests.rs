@@ -292,7 +292,7 @@ fn crazyswarm2_gets_a_trajectory_of_each_drone_its_configuration_and_one_script(
         let durations_s: Vec<f64> = durations_s.map(|text| text.parse().unwrap()).collect();
         let lasts_s: f64 = durations_s.iter().sum();
         let lands_s = number("end_s") - number("start_s") + 3.0;
-        // The drone descends to 0.1 m below the floor at 0.3 m/s, then has no goal for 1 s.
+        // The drone descends to 0.1 m below the floor at 0.3 m/s, and then has no goal for 1 s.
         let down_s = (stretch.setpoints[stretch.last()].position_m.z + 0.1) / 0.3 + 1.0;
         assert!((lasts_s - lands_s - down_s).abs() < 0.02, "{lasts_s} {lands_s} {down_s}");
     }

@@ -87,20 +87,18 @@ impl Timeline {
         let start_s = stretch.start_s() - zero_s;
         let hover_s = start_s + stretch.duration_s() + HOVER_S;
         let land_s = (last_m.z / SINK_M_S).max(MIN_LAND_S);
+        let rest = |time_s, position_m| Rest { time_s, position_m };
         Self {
             zero_s,
             before: [
-                Rest { time_s: 0.0, position_m: Vector3::new(home_m.x, home_m.y, 0.0) },
-                Rest { time_s: TAKE_OFF_S, position_m: above_m },
-                Rest { time_s: 2.0 * TAKE_OFF_S, position_m: first_m },
-                Rest { time_s: start_s, position_m: first_m },
+                rest(0.0, Vector3::new(home_m.x, home_m.y, 0.0)),
+                rest(TAKE_OFF_S, above_m),
+                rest(2.0 * TAKE_OFF_S, first_m),
+                rest(start_s, first_m),
             ],
             after: [
-                Rest { time_s: hover_s, position_m: last_m },
-                Rest {
-                    time_s: hover_s + land_s,
-                    position_m: Vector3::new(last_m.x, last_m.y, 0.0),
-                },
+                rest(hover_s, last_m),
+                rest(hover_s + land_s, Vector3::new(last_m.x, last_m.y, 0.0)),
             ],
         }
     }

@@ -56,8 +56,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
-/// Returns the steps of a drone from each sampled position to the next, beginning with a step of
-/// zero.
+/// Returns a drone's steps from each sampled position to the next, beginning with a step of zero.
 fn steps(flown: &Plan) -> Vec<Value> {
     // The steps are differences of rounded positions, so that rounding errors do not accumulate.
     let positions_m = samples(flown, POSITION_HZ).map(|(_, position_m)| position_m);

@@ -154,7 +154,7 @@ impl Augmented {
         Positions::with(anchors_m, Normal::new(positions_m, covariance_m2), gate_sigmas)
     }
 
-    /// Returns the positions mirrored at the anchors' middle, `along` being the least certain
+    /// Returns the positions mirrored at the anchors' middle, where `along` is the least certain
     /// direction.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
         let n_anchors = self.anchors_m.len().max(1) as f64;
@@ -233,8 +233,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Locates drones with the linear filter of the augmented state then with an extended Kalman
-/// filter.
+/// Locates drones with the augmented state's linear filter, then with an extended Kalman filter.
 ///
 /// # Errors
 ///
@@ -297,7 +296,8 @@ mod tests {
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
-        // Two drones fly figures in space, from starts 3 m off, which the filter does not trust.
+        // Two drones fly figures in space, from starts with an error of 3 m, which the filter does
+        // not trust.
         let mut random = Random(5);
         let anchors_m = GEOMETRIES[0].1.map(Vector3::from);
         fn place(drone: usize, time_s: f64) -> Vector3<f64> {
@@ -322,8 +322,8 @@ mod tests {
     }
 
     /// Returns how many of 60 starts, with an error of 5 m over both drones, are within 25 cm after
-    /// 20 s of writing. `linear` selects the linear filter, which is handed over in a room, instead
-    /// of only the extended Kalman filter.
+    /// 20 s of writing. If `linear` is true, the linear filter starts and hands over in a room.
+    /// Otherwise the extended Kalman filter starts.
     fn converged(anchors_m: [[f64; 3]; 3], linear: bool, room: Option<&Room>) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
         let place = path();

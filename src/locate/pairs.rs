@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{Link, RangeSample};
 
-/// Maximum differences between two logs of a range, in s and m: logs round to millimeters.
+/// Maximum differences between two logs of a range, in s and m, because logs round to millimeters.
 const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 

@@ -29,7 +29,7 @@ pub(super) struct Model<'a> {
 }
 
 /// Sum of the normalized innovations squared of accepted ranges, and numbers of accepted and
-/// rejected ones.
+/// rejected ranges.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     pub(super) sum: f64,

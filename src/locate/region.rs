@@ -25,7 +25,7 @@ pub(super) const FIVE_LINKS: [Link; 5] = [
 const RATE_HZ: f64 = 100.0;
 /// Ratio of the final to the initial error from which an observer counts as diverged.
 const DIVERGED: f64 = 3.0;
-/// Eigenvalue of the information, relative to the largest, of an unobservable direction.
+/// Maximum eigenvalue of the information for an unobservable direction, relative to the largest.
 const UNOBSERVABLE: f64 = 1e-9;
 /// Seed of the random initial errors.
 const SEED: u64 = 0x5eed;
@@ -51,7 +51,7 @@ pub struct Observability {
     /// Standard deviations along the principal directions, in ascending order, infinite if
     /// unobservable.
     pub sigmas_m: [f64; 6],
-    /// The least certain direction: coordinates of the first drone, then of the second.
+    /// The least certain direction: coordinates of the first drone, and then of the second.
     pub worst: [f64; 6],
 }
 
@@ -178,14 +178,14 @@ fn information_of_round(
     sigma_m: f64,
 ) -> Matrix6<f64> {
     let anchors_m = [observer.own_m[0], observer.own_m[1], observer.shared_m];
-    let unranged = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
+    let without_ranges = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
     let places = DVector::from_iterator(6, positions_m.iter().flatten().copied());
-    let (by_ranges, _) = residuals(&anchors_m, &unranged, &places);
+    let (by_ranges, _) = residuals(&anchors_m, &without_ranges, &places);
     let by_ranges = by_ranges.fixed_view::<5, 6>(0, 0);
     if outputs == Outputs::Ranges {
         return by_ranges.transpose() * by_ranges / (sigma_m * sigma_m);
     }
-    // The three outputs are sums of squared ranges. Rows are derivatives by the five ranges.
+    // The three outputs are sums of squared ranges. Their rows are derivatives by the five ranges.
     let ranges = observer.ranges(positions_m);
     let [d11, d22] = ranges.own_m.map(|d| 2.0 * d);
     let [d13, d23] = ranges.shared_m.map(|d| 2.0 * d);

@@ -14,7 +14,7 @@ use noctograph_core::statistics::median;
 const SIGMA_PER_MAD: f64 = 1.4826;
 /// Standard error of a median relative to that of a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
-/// Number of standard errors from which a median is not zero. By chance: once in two million.
+/// Number of standard errors from which a median is not zero (by chance once in two million).
 const SURE_SIGMAS: f64 = 5.0;
 /// Minimum median that matters, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
@@ -22,7 +22,7 @@ const LEAST_BIAS_SIGMAS: f64 = 0.25;
 const MOST_REFUSED_FRAC: f64 = 0.05;
 const MOST_REFUSED: usize = 5;
 /// Bounds of the mean normalized innovation squared if the assumed noise and motion are right
-/// within 15 %, and the number of standard deviations of chance that widen them for few ranges.
+/// within 15 %, and the number of standard deviations of chance by which few ranges widen them.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 const NIS_SIGMAS: f64 = 3.0;
 
@@ -133,9 +133,9 @@ impl Located {
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
             let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
             format!(
-                "{}: {refused:.0} % of the ranges refused, residuals with a median of {median:+.1} cm \
-                 and a scatter of {scatter:.1} cm: the range is biased or has an error that changes, an \
-                 anchor is not where the file says, or clocks do not agree",
+                "{}: {refused:.0} % of the ranges refused, residuals with a median of {median:+.1} \
+                 cm and a scatter of {scatter:.1} cm: the range is biased, its error changes, an \
+                 anchor is not at its position in the file, or the clocks do not agree",
                 link.link
             )
         });

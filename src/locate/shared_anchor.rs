@@ -169,7 +169,7 @@ fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
         let wanted =
             "two anchors per drone, one of them the same, and the range between the drones";
         let anchors = format!("anchors {:?} and {:?}", heard[0], heard[1]);
-        Error::input("ranges", anchors, wanted, "take --observer smooth or enlarged")
+        Error::input("ranges", anchors, wanted, "choose --observer smooth or enlarged")
     })
 }
 

@@ -37,7 +37,7 @@ pub struct LocateOptions {
     /// Standard deviation of a range.
     pub range_sigma_m: f64,
     /// Density of the drones' acceleration, (m/s²)/√Hz. A lower density makes the path smoother,
-    /// but it lags in curves.
+    /// but the path lags in curves.
     pub acceleration_m_s2_sqrt_hz: f64,
     /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,
@@ -185,8 +185,7 @@ pub(super) fn checked(
         if !sample.is_measurement() {
             let wanted = "a distance from 0 m to 10 km";
             let n_broken = samples.iter().filter(|sample| !sample.is_measurement()).count();
-            let hint =
-                format!("leave out what is not a measurement, {n_broken} of {}", samples.len());
+            let hint = format!("remove what is not a measurement, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
         let is_listed = match *link {
@@ -194,7 +193,8 @@ pub(super) fn checked(
             Link::Drones(i, j) => i < n_drones && j < n_drones && i != j,
         };
         if !is_listed {
-            let wanted = format!("{} anchors, from 0, and {n_drones} drones", anchors_m.len());
+            let wanted =
+                format!("{} anchors, numbered from 0, and {n_drones} drones", anchors_m.len());
             let hint = "list every anchor, and give a log of every drone";
             return Err(Error::input(place, link, wanted, hint));
         }

@@ -23,12 +23,11 @@ const START_SPEED_M_S: f64 = 0.5;
 /// the drones there, as fractions of the anchors' extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
 const APART: f64 = 0.05;
-/// Cost, m², that is added for positions outside the room, which exceeds the cost of any fit
-/// inside.
+/// Cost, m², of positions outside the room, which exceeds the cost of any fit inside.
 const OUTSIDE_M2: f64 = 1e9;
 /// Minimum decrease of the cost, m², at which another start is better.
 const LEAST_DECREASE_M2: f64 = 1e-9;
-/// Eigenvalue of the information, relative to the largest, of an unobservable direction.
+/// Maximum eigenvalue of the information for an unobservable direction, relative to the largest.
 const UNOBSERVABLE: f64 = 1e-4;
 
 /// Returns the state that best fits the ranges of each drone's first second, with velocities of
@@ -41,8 +40,8 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // If the logs of two drones start at different times, their range does not belong to both
-    // starts.
+    // If the logs of two drones start at different times, the range between them does not belong to
+    // both starts.
     let mut means = means(heard_s, samples);
     let simultaneous = Vec::from_iter(means.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
@@ -58,11 +57,11 @@ pub(super) fn start(
                  do not determine the positions",
                 means.len()
             ),
-            "three anchors per drone, or more drones that range to each other, are needed; a \
-                   drone that flies with its motion sensors does with fewer",
+            "three anchors per drone, or more drones that range to each other, are needed; a drone \
+             that flies with its motion sensors needs fewer",
         ));
     }
-    // A small eigenvalue of the information JᵀJ is a direction that the ranges leave open.
+    // A small eigenvalue of the information JᵀJ belongs to a direction that the ranges leave open.
     let positions_m = best_fit(anchors_m, n, &means, room);
     let jacobian = residuals(anchors_m, &means, &positions_m).0;
     let information = jacobian.transpose() * jacobian;

@@ -26,7 +26,7 @@ impl Track {
     }
 
     /// Returns the displacement from the start of the track to `time_s`. The displacement is
-    /// interpolated linearly between samples, zero before the first one and constant after the last
+    /// interpolated linearly between samples, zero before the first and constant after the last
     /// one.
     pub(super) fn moved_m(&self, time_s: f64) -> Vector3<f64> {
         let after = self.time_s.partition_point(|t| *t <= time_s);

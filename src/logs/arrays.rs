@@ -1,4 +1,5 @@
-//! Checks the plausibility of flights from a caller's arrays, which have no titles, like tables.
+//! Checks the plausibility of flights from a caller's arrays, which have no titles, in the same way
+//! as tables.
 
 use super::recording::{Block, Channel, Column, Recording};
 use super::{ImportOptions, frames, mapper, plain_csv, speed};
@@ -15,7 +16,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     }
     let first_s = samples[0].time_s;
     let text = format!(
-        "its clock begins at {first_s} s, and so does a photograph's exposure, instead of at 0 s"
+        "its clock begins at {first_s} s instead of at 0 s, and so does the exposure of a photo"
     );
     let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", text));
     // The flight's columns are put in a table, to which the checks of tables apply.
@@ -67,7 +68,7 @@ fn repeated_times(samples: &[FlightSample]) -> Option<Diagnostic> {
     (repeats as f64 > FEW_REPEATS * steps as f64).then(|| {
         let text = format!(
             "{repeats} of {steps} times repeat the one before, at another position: are they \
-             timestamps in float32? Subtract the first in float64"
+             timestamps in float32? Subtract the first one in float64"
         );
         Diagnostic::warning("time-repeated", text)
     })
@@ -84,8 +85,8 @@ fn far_design(samples: &[FlightSample]) -> Option<Diagnostic> {
     let median_m = *distances_m.get(samples.len() / 2)?;
     (median_m > FAR_M).then(|| {
         let text = format!(
-            "the design is {median_m:.1} m from what was flown (median): is it in the same units \
-             and axes, and of this flight?"
+            "the design is {median_m:.1} m from the flown positions (median): is it in the same \
+             units and axes, and of this flight?"
         );
         Diagnostic::warning("design-far", text)
     })

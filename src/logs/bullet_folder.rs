@@ -30,8 +30,13 @@ const NAMES: [(&str, &str); 12] = [
     ("wz", "wz_world_rad_s"),
 ];
 
-/// A variable's file: its path, the name of the variable, and the number of the drone.
-type Variable = (PathBuf, String, usize);
+/// A variable's file.
+pub(super) struct Variable {
+    path: PathBuf,
+    name: String,
+    /// Number of the drone.
+    drone: usize,
+}
 
 /// Returns the variables in a folder, or `None` if it is not such a folder.
 ///
@@ -40,11 +45,11 @@ type Variable = (PathBuf, String, usize);
 /// Returns [`Error::Io`] if the folder cannot be read.
 pub(super) fn variables(folder: &Path) -> Result<Option<Vec<Variable>>> {
     let variables = entries_in(folder)?.into_iter().filter_map(|path| {
-        let (name, number) = variable(path.file_name()?.to_str()?.strip_suffix(".csv")?)?;
-        Some((path, name, number))
+        let (name, drone) = variable(path.file_name()?.to_str()?.strip_suffix(".csv")?)?;
+        Some(Variable { path, name, drone })
     });
     let variables: Vec<Variable> = variables.collect();
-    let has = |name: &str| variables.iter().any(|(_, variable, _)| variable == name);
+    let has = |name: &str| variables.iter().any(|variable| variable.name == name);
     Ok(NAMES[..3].iter().all(|(name, _)| has(name)).then_some(variables))
 }
 
@@ -60,17 +65,17 @@ fn variable(stem: &str) -> Option<(String, usize)> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for the files of several drones, and for a file of another kind.
+/// Returns [`Error::Input`] for the files of several drones, and for a file that is not a variable.
 pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
-    let drone = variables[0].2;
-    if let Some((path, ..)) = variables.iter().find(|(.., number)| *number != drone) {
-        let actual = format!("files of drone {drone} and {}", path.display());
+    let drone = variables[0].drone;
+    if let Some(other) = variables.iter().find(|variable| variable.drone != drone) {
+        let actual = format!("files of drone {drone} and {}", other.path.display());
         let hint = "copy the files of each drone to a separate folder, and import each";
         return Err(Error::input(job.file, actual, "one drone", hint));
     }
     // All files must contain the same times as the first one.
     let mut block = Block { name: "bullet".into(), ..Block::default() };
-    for (path, variable, _) in variables {
+    for Variable { path, name, .. } in variables {
         let [time_s, values] = columns(path, job)?;
         if block.columns.is_empty() {
             block.time_s = time_s;
@@ -79,18 +84,18 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
             let actual = "other times than in the files before it";
             return Err(Error::input(path.display(), actual, "the same times", hint));
         }
-        let listed = NAMES.iter().find(|(name, _)| name == variable);
-        let name = listed.map_or(variable.as_str(), |(_, name)| *name);
-        block.columns.push(Column::new(name.to_owned(), values));
+        let listed = NAMES.iter().find(|(listed, _)| listed == name);
+        let title = listed.map_or(name.as_str(), |(_, title)| *title);
+        block.columns.push(Column::new(title.to_owned(), values));
     }
     let mut log = Recording { blocks: vec![block], ..Recording::new(job.file) };
-    log.warn("read-as", "read as a folder of gym-pybullet-drones: one file a variable");
-    let is_read = |path: &PathBuf| variables.iter().any(|(read, ..)| read == path);
+    log.warn("read-as", "read as a folder of gym-pybullet-drones, with one file for each variable");
+    let is_read = |path: &PathBuf| variables.iter().any(|variable| variable.path == *path);
     let others = entries_in(Path::new(job.file))?.into_iter().filter(|path| !is_read(path));
     let others: Vec<String> = others.map(|path| file_name(&path)).collect();
     if !others.is_empty() {
         let others = shortened(&others);
-        log.warn("not-read", format!("not read, as they are no variables: {others}"));
+        log.warn("not-read", format!("not read, because they are not variables: {others}"));
     }
     Ok(log)
 }
@@ -106,7 +111,7 @@ fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     // Any other file would have titles or more columns.
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
-        let hint = "remove files that are not variables of the simulator from the folder";
+        let hint = "remove the files that are not variables of the simulator from the folder";
         return Err(Error::input(file, actual, "time and value, without a header", hint));
     }
     head.titles = ["t", "value"].map(str::to_owned).into();

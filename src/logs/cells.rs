@@ -13,7 +13,8 @@ pub(super) const DAY_S: f64 = 86_400.0;
 const LONGEST_DATE: usize = 48;
 
 /// Reads the rows below a header. Also returns which columns contain dates or times of day, whose
-/// values are in seconds. Texts are an error in a column that `is_needed`, and a note otherwise.
+/// values are in seconds. Texts are an error in a column for which `is_needed` is true, and a note
+/// otherwise.
 pub(super) fn read_rows(
     text: &Text<'_>,
     head: Head,
@@ -184,7 +185,8 @@ fn days_from_date(date: &str) -> Option<i64> {
     if !fits {
         return None;
     }
-    // Years begin in March, which puts the leap day last (Howard Hinnant, days_from_civil).
+    // Years begin in March, which makes the leap day the last day (Howard Hinnant,
+    // days_from_civil).
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;

@@ -52,7 +52,7 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
         return Ok(());
     }
     let disorder = format_args!("{falls} of {n} times earlier than in the row above");
-    Err(Error::input(file, disorder, "rows in the order of their times", "sort them by time"))
+    Err(Error::input(file, disorder, "rows in the order of their times", "sort the rows by time"))
 }
 
 /// Undoes wraps of a block, drops spikes, and keeps only the longest stretch between restarts.
@@ -171,7 +171,7 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     }
     let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
     let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
-    // A measured rate is preferred to that of a named firmware, and that to an assumed one.
+    // A measured rate is preferred to that of a named firmware, and an assumed rate is last.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))
@@ -190,8 +190,8 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
         (None, None) => {
             let release = assumed.unwrap_or(Release::MODELED);
             let why = format!(
-                "as that of firmware {} (vehicle.firmware): a guess, since no period of the log \
-                 shows it and the log names no firmware",
+                "as that of firmware {} (vehicle.firmware), which is a guess, because no period of \
+                 the log shows the rate and the log names no firmware",
                 release.name()
             );
             (release.clock(), true, why)
@@ -262,7 +262,10 @@ mod tests {
         let block = Block { time_s, ..Block::default() };
         let recording = Recording { blocks: vec![block], ..Recording::default() };
         let error = repaired(recording, &ImportOptions::default()).unwrap_err();
-        assert!(error.to_string().contains("36 of 100 times before the one above"), "{error}");
+        assert!(
+            error.to_string().contains("36 of 100 times earlier than in the row above"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -334,7 +337,10 @@ mod tests {
         let (stretched, said) = on_card(0.0, None, &with(newest));
         assert!(stretched == 1.0 && said.contains("is true") && said.contains("a guess"), "{said}");
         let (stretched, said) = on_card(0.0, None, &with(None));
-        assert!(stretched > 1.01 && said.contains("2026.08 (vehicle.firmware): a guess"), "{said}");
+        assert!(
+            stretched > 1.01 && said.contains("2026.08 (vehicle.firmware), which is a guess"),
+            "{said}"
+        );
     }
 
     #[test]

@@ -79,6 +79,6 @@ mod tests {
         assert_eq!(doubt("2025.12.1", Some(Release::R2026_04)), None, "they fly alike");
         assert_eq!(doubt("2025.12", None), None, "without a scene");
         assert!(doubt("2025.12", scene).unwrap().contains("vehicle.firmware = \"2025.12\""));
-        assert!(doubt("2a18fc29", scene).unwrap().contains("no release"));
+        assert!(doubt("2a18fc29", scene).unwrap().contains("is not a release"));
     }
 }

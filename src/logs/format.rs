@@ -67,7 +67,7 @@ fn has_ranges(head: &Head) -> bool {
     head.titles.iter().any(|title| title.starts_with("ranging."))
 }
 
-/// Returns true for a flight file with ranges, an imported log without the log's clock.
+/// Returns true for a flight file with ranges, an imported log that does not keep the log's clock.
 pub(super) fn is_imported(head: &Head) -> bool {
     head.has(FLIGHT[0]) && head.has("letter") && has_ranges(head)
 }
@@ -87,35 +87,40 @@ const BY_POLYNOMIAL: &str = "it is a plan, not a flight: evaluate its pieces at 
 const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
-    (b"FMT, 128,", "a DataFlash log of ArduPilot, as text", BY_MAVLOGDUMP),
-    (b"#ROSBAG V", "a rosbag of ROS 1", "import what `rostopic echo -b FILE -p /TOPIC` prints"),
-    (b"SQLite format 3\0", "an SQLite file, as rosbags of ROS 2", BY_PLOTJUGGLER),
-    (b"\x89MCAP", "an MCAP file, as rosbags of ROS 2", BY_PLOTJUGGLER),
+    (b"FMT, 128,", "an ArduPilot DataFlash log, as text", BY_MAVLOGDUMP),
+    (b"#ROSBAG V", "a ROS 1 rosbag", "import what `rostopic echo -b FILE -p /TOPIC` prints"),
+    (b"SQLite format 3\0", "an SQLite file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
+    (b"\x89MCAP", "an MCAP file, such as a ROS 2 rosbag", BY_PLOTJUGGLER),
     (b"PAR1", "a Parquet file", "write it as CSV: pandas.read_parquet(FILE).to_csv(\"log.csv\")"),
     (b"\x89HDF", "an HDF5 file", "write its series as CSV with a header t,x,y,z"),
     (b"MATLAB 5.0", "a MATLAB file", "write it with writetable(T, \"log.csv\"), and import that"),
     (b"\x93NUMPY", "a NumPy file", "write it with numpy.savetxt, and a header t,x,y,z"),
     (b"PK\x03\x04", "a zip file or a spreadsheet", "unpack it, or save the sheet as CSV"),
-    (b"\x1f\x8b", "a file packed with gzip", "unpack it with `gunzip FILE`"),
+    (b"\x1f\x8b", "a gzip file", "unpack it with `gunzip FILE`"),
     (b"\x02P", "a C3D file", BY_CAPTURE),
-    (b"NO_OF_FRAMES", "a TSV file of Qualisys", BY_CAPTURE),
-    (b"PathFileType", "a TRC file of markers", BY_CAPTURE),
-    (b"HIERARCHY", "a BVH file of a skeleton", BY_CAPTURE),
-    (b"\x80", "a pickle of Python", "write it as CSV with a header t,x,y,z"),
+    (b"NO_OF_FRAMES", "a Qualisys TSV file", BY_CAPTURE),
+    (b"PathFileType", "a TRC file with markers", BY_CAPTURE),
+    (b"HIERARCHY", "a BVH file with a skeleton", BY_CAPTURE),
+    (b"\x80", "a Python pickle", "write it as CSV with a header t,x,y,z"),
     (b"<", "a file in XML or HTML", "write its track as CSV with a header t,x,y,z"),
     (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "save the sheet as CSV"),
-    (b"\xfd\x09\0\0", "a telemetry log of MAVLink", "convert it with `mavlogdump.py --format csv`"),
-    (b"H Product:Blackbox", "a Betaflight log", "it holds no position: log that, too"),
-    (b"LabVIEW Measurement", "a LabVIEW file", "keep its table alone, with a header t,x,y,z"),
-    (b"% program", "a solution of RTKLIB", "write it in meters east, north and up as t,x,y,z"),
+    (b"\xfd\x09\0\0", "a MAVLink telemetry log", "convert it with `mavlogdump.py --format csv`"),
+    (
+        b"H Product:Blackbox",
+        "a Betaflight log",
+        "log the position as well, because this log \
+         contains none",
+    ),
+    (b"LabVIEW Measurement", "a LabVIEW file", "keep only its table, with a header t,x,y,z"),
+    (b"% program", "an RTKLIB solution", "write it in meters east, north and up as t,x,y,z"),
     (b"$G", "sentences of NMEA", "write it in meters east, north and up as t,x,y,z"),
     (b"%PDF", "a PDF file", "import the log itself"),
     (b"pitch:", "the state of a Tello, as names and values", BY_NAME),
     (b"mid:", "the state of a Tello, as names and values", BY_NAME),
     (b"Duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
     (b"duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
-    (b"Frame #", "a printout of NatNet", BY_CAPTURE),
-    (b"{\\rtf", "a text with layout", "save it as plain text, with a header t,x,y,z"),
+    (b"Frame #", "a NatNet printout", BY_CAPTURE),
+    (b"{\\rtf", "an RTF document", "save it as plain text, with a header t,x,y,z"),
 ];
 
 /// Refuses a file in one of [`FORMATS`], with a hint about how to convert it to a table.

@@ -54,7 +54,13 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     log.blocks.iter_mut().for_each(|block| rotate_to_z_up(block, axes));
     if let Some(why) = why {
         let axes = axes.name();
-        log.warn("axes-turned", format!("its world is taken as {axes}, {why}: turned to {to}"));
+        log.warn(
+            "axes-turned",
+            format!(
+                "the world's axes are taken as {axes}, {why}, and turned \
+             to {to}"
+            ),
+        );
     }
     Ok(log)
 }
@@ -107,7 +113,7 @@ pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// Returns the positions of a block's rows that have all three coordinates, if more than two.
+/// Returns the positions of a block's rows with all three coordinates, if there are more than two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -143,15 +149,14 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let rises_along_y = climbs_along_y && (is_low || !is_level);
 
     let unseen = if climbs_along_y {
-        "it rises and ends straight along y, at one height z"
+        "the flight rises and ends straight along y, at one height z"
     } else {
-        "no axis shows a take-off or a landing straight along it"
+        "no take-off or landing is straight along an axis"
     };
     if !(is_below || is_flat || rises_along_y) {
         return Ok(z_up_guess(unseen));
     }
-    // With z up the drone would be below the floor, on it, or level, so that other axes are
-    // checked.
+    // With z up the drone would be below the floor, on it, or level. Other axes are checked.
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
             let flight = "a flight that rises along -z and along y";
@@ -163,7 +168,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
             let down = format!("goes down to z = {lowest_m:.2} m from where it starts or ends");
             (Axes::ZDown, format!("since it {down}"))
         }
-        (false, true) => (Axes::YUp, "since it takes off and lands only along y".to_owned()),
+        (false, true) => (Axes::YUp, "because it takes off and lands only along y".to_owned()),
         (false, false) if is_below => {
             return Ok(z_up_guess(&format!(
                 "most of the flight is below zero (z = {middle_m:.2} m)"
@@ -174,12 +179,13 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     Ok((axes, Some(why)))
 }
 
-/// Returns true if the flight starts or ends with a straight climb from its lowest position.
+/// Returns true if the flight starts or ends with a climb along one axis from its lowest position.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// Returns true if the rows, in the order of `from_end`, start at the lowest and climb straight.
+/// Returns true if the rows, in the order of `from_end`, start at the lowest position and climb
+/// straight.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],
@@ -210,8 +216,7 @@ fn climbs<'a>(
 mod tests {
     use super::*;
 
-    /// Returns a flight with take-off, an L on the wall and landing, converted by `to` to another
-    /// frame.
+    /// Returns a flight of take-off, an L on the wall and landing, in another frame by `to`.
     fn flight(to: impl Fn([f64; 3]) -> [f64; 3]) -> Recording {
         let place = |t: f64| [(t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0)];
         let rows: Vec<[f64; 3]> = (0..=80).map(|i| to(place(0.1 * f64::from(i)))).collect();

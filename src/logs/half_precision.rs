@@ -3,14 +3,15 @@
 //! Firmware without [`Feature::HALF_PRECISION`] rounds the mantissa up without a carry into an
 //! exponent that is odd. A value that rounds to 0.5, 2, 8 or another 2·4ⁿ is therefore logged as
 //! exactly half of it. All other values are right. A sample that is half of both its neighbors is
-//! such a value, and the right value is twice the sample. Logs on the card are not affected.
+//! such a value, and the right value is twice the sample. Logs on the card do not use half
+//! precision.
 
 use half::f16;
 
 use super::recording::{Column, Recording};
 use noctograph_core::crazyflie::{Feature, Release};
 
-/// Maximum distances from twice the sample, relative to it: of a neighbor, and of their mean.
+/// Maximum distances of each neighbor, and of their mean, from twice the sample, relative to it.
 const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
 /// Maximum number of such samples in a row, because few values lose their carry.
@@ -20,8 +21,7 @@ const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
 /// Minimum number of decimal steps in a value, because small counts are not measurements.
 const STEPS: f64 = 64.0;
 
-/// Doubles the samples that lost their carry, with a warning, unless the log's firmware keeps the
-/// carry.
+/// Doubles samples that lost their carry, with a warning, unless the log's firmware keeps it.
 pub(super) fn restored(mut log: Recording) -> Recording {
     let release = log.firmware.as_deref().and_then(Release::parse);
     if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
@@ -57,7 +57,7 @@ fn rows_without_carry(values: &[f64]) -> Vec<usize> {
     let (mut rows, mut start) = (Vec::new(), 0);
     for run in values.chunk_by(|a, b| a == b) {
         let (value, end) = (run[0], start + run.len());
-        // A suspect is a run of equal values between two neighbors about twice as large.
+        // A suspect is a run of equal values between two neighbors that are about twice as large.
         if start > 0 && end < values.len() && run.len() <= LONGEST && may_have_lost(value) {
             let (before, after) = (values[start - 1], values[end]);
             let mean = f64::midpoint(before, after);

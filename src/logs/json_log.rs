@@ -103,9 +103,9 @@ fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
         return Ok(());
     }
-    let hint = "take the file that the script named, which may be in the folder for temporary \
-                files, or the samples as they came (.jsonl) beside it";
-    let cut = format!("a script's log that is cut off at {place}");
+    let hint = "import the file that the script named, which may be in the folder for temporary \
+                files, or the file of single samples (.jsonl) beside it";
+    let cut = format!("a script's log that ends too early, at {place}");
     Err(Error::input(file, cut, "the whole log", hint))
 }
 
@@ -245,7 +245,7 @@ struct List<'a> {
     indices: Vec<f64>,
 }
 
-/// Numbers in rows, by the names of their columns, missing ones as NaN, and different texts.
+/// Numbers in rows, by names of columns, with NaN for missing ones, and the different texts.
 #[derive(Default)]
 struct Rows {
     columns: BTreeMap<String, Vec<f64>>,
@@ -761,7 +761,7 @@ mod tests {
         assert_eq!(log.channel("stateEstimate.z").unwrap().values, [5.0, 6.0]);
         let warnings = said(&log);
         assert!(
-            warnings.contains("2 stamps for 3 values") && warnings.contains("note"),
+            warnings.contains("2 times for 3 values") && warnings.contains("note"),
             "{warnings}"
         );
     }

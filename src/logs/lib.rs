@@ -95,7 +95,7 @@ settings! {
         max_gap_s: f64 = 0.25, in 0.001..=3600.0;
         /// Source of the true position, and of the attitude if that source provides one.
         position: PositionSource = PositionSource::Best;
-        /// Firmware release if the log names none, by default the scene's `vehicle.firmware`.
+        /// Firmware release if the log names none. The default is the scene's `vehicle.firmware`.
         firmware: Option<Release> = None;
         /// Seconds of the drone's clock per true second. The default is 1. For a µSD log it is the
         /// rate that the timestamps show, or else that of the release: 84/85 up to 2026.08.
@@ -147,7 +147,7 @@ settings! {
 
     /// Axes of a world frame.
     pub enum Axes {
-        /// Axes of the format, or else z up, or the only axis of a possible take-off.
+        /// Axes of the format, or else z up, or the only axis along which a take-off is possible.
         "auto" => Auto,
         /// z up.
         "z-up" => ZUp,
@@ -319,7 +319,7 @@ fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
     Error::input(
         file,
         content,
-        "a log: AE483 JSON, CSV of cfclient, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
+        "a log: AE483 JSON, cfclient CSV, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
          range CSV",
         "convert the log to CSV with a header t,x,y,z,yaw,pitch,roll",
     )

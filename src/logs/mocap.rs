@@ -38,7 +38,7 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
     if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
         return log;
     }
-    // Positions sent by motion capture describe the same path, and estimates nearly so.
+    // Positions sent by motion capture describe the same path, and estimates nearly the same.
     let path = moving_channels(&log, "ae483log.p_{x y z}_mocap")
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));
@@ -166,15 +166,16 @@ impl Shift {
         let [to_x, to_y, to_z] = translation_m.into();
         let (code, text) = if (self.has_other_frame() || y_up) && residual_m <= MAX_RESIDUAL_M {
             let text = format!(
-                "the motion capture's world differs from the drone's: {axes}turned by {degrees:.1}° and \
-                 shifted by ({to_x:.3}, {to_y:.3}, {to_z:.3}) m; it is laid onto the drone's, which leaves \
-                 {residual_cm:.1} cm"
+                "the motion capture's world differs from the drone's: {axes}turned by \
+                 {degrees:.1}° and shifted by ({to_x:.3}, {to_y:.3}, {to_z:.3}) m; after its \
+                 transform to the drone's world, {residual_cm:.1} cm of difference are left"
             );
             ("mocap-turned", text)
         } else if self.has_other_frame() {
             let text = format!(
-                "the motion capture's world differs from the drone's, and no turn and shift lays one \
-                 onto the other ({residual_cm:.0} cm are left): its columns are left out"
+                "the motion capture's world differs from the drone's, and no turn and shift makes \
+                 the paths agree ({residual_cm:.0} cm of difference are left): its columns are \
+                 left out"
             );
             ("mocap-left-out", text)
         } else if self.frame_offset_m.amax() > 0.05 {

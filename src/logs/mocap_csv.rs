@@ -75,31 +75,33 @@ fn motive(
     }
     // The lines above are types, names, numbers and properties.
     let above: Vec<&Vec<&str>> = lines[1..head].iter().filter(|line| line.len() > 2).collect();
-    let [types, properties] = [&["Rigid Body", "Marker"][..], &["Position"]].map(|wanted| {
-        above.iter().position(|line| line[2..].iter().any(|cell| wanted.contains(cell)))
-    });
-    let names = types.map(|types| types + 1);
-    let [types, names, properties] = [types, names, properties]
+    let [types_line, properties_line] =
+        [&["Rigid Body", "Marker"][..], &["Position"]].map(|wanted| {
+            above.iter().position(|line| line[2..].iter().any(|cell| wanted.contains(cell)))
+        });
+    let names_line = types_line.map(|line| line + 1);
+    let [types, names, properties] = [types_line, names_line, properties_line]
         .map(|line| line.and_then(|line| above.get(line)).map_or(&[][..], |line| line));
     let kind = if types.contains(&"Rigid Body") { "Rigid Body" } else { "Marker" };
     let bodies = (2..lines[head].len()).filter(|index| types.get(*index) == Some(&kind));
     check_one(file, kind, bodies.map(|index| names.get(index).copied().unwrap_or_default()))?;
-    let quaternion = rotation.is_none_or(|kind| kind == "Quaternion");
+    let are_quaternions = rotation.is_none_or(|kind| kind == "Quaternion");
     let (mut titles, mut others) = (vec!["index".to_owned(), "t_s".to_owned()], 0);
     for (index, axis) in lines[head].iter().enumerate().skip(2) {
         let (axis, is_meant) = (axis.to_lowercase(), types.get(index) == Some(&kind));
         titles.push(match properties.get(index) {
             Some(&"Position") if is_meant => format!("{axis}_{unit}"),
-            Some(&"Rotation") if is_meant && quaternion => format!("q{axis}"),
+            Some(&"Rotation") if is_meant && are_quaternions => format!("q{axis}"),
             _ => {
                 others += 1;
                 format!("motive.column{}", index + 1)
             }
         });
     }
-    let turns = "rotations are not quaternions: they are not read (export them as such)";
-    let kept = format!("{others} columns of Motive beside the pose are kept as motive.column…");
-    let notes = [(!quaternion).then(|| turns.to_owned()), (others > 0).then_some(kept)];
+    let turns =
+        "rotations are not read, because they are not quaternions: export them as quaternions";
+    let kept = format!("{others} columns of Motive besides the pose are kept as motive.column…");
+    let notes = [(!are_quaternions).then(|| turns.to_owned()), (others > 0).then_some(kept)];
     let warnings = Diagnostic::warnings("not-read", notes.into_iter().flatten());
     let head = Head::named(titles, separator, head + 1);
     Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, warnings }))

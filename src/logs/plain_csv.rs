@@ -33,7 +33,7 @@ const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 const RANGE: &str = "ranging.distance";
 
-/// Maximum time over which rows of one timestamp are spread: times may be whole seconds.
+/// Maximum time over which rows of one timestamp are spread, because times may be whole seconds.
 const ROW_S: f64 = 1.0;
 
 /// Reads a plain table, or one from motion capture with its own units and axes.
@@ -259,7 +259,7 @@ impl Columns {
         } else if !is_known && !is_expected(&title) {
             unknown = Some(format!("{title} (column {number})"));
         }
-        // If two columns contain the same quantity, the first is used if they belong to one body.
+        // Of two columns with the same quantity, the first is used if they belong to one body.
         if is_known && let Some((first, first_body)) = self.from.get(&name) {
             if *first_body != body {
                 let place = format!("columns {first} and {title}");
@@ -324,7 +324,8 @@ fn times(
     (values, Some(Diagnostic::warning("unit-guessed", format!("column {title}: {guess}"))))
 }
 
-/// Adds a day, half a day or an hour after each such fall of a clock. Returns their number.
+/// Adds a day, half a day or an hour after each fall of a clock by about that amount. Returns the
+/// number of falls.
 fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
     /// Latest time of day, 25 hours. Larger numbers are dates, which do not restart.

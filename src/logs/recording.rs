@@ -158,7 +158,7 @@ impl Recording {
     /// Removes empty blocks and makes all column names different: a second `x` becomes `block:x`,
     /// and a third one `block:x:2`.
     pub(super) fn with_different_names(mut self) -> Self {
-        // The block of an event that never occurred would hide variables with its names.
+        // The block of an event that never occurred would hide variables with the same names.
         self.blocks.retain(|block| !block.time_s.is_empty());
         let mut taken = BTreeSet::new();
         for block in &mut self.blocks {
@@ -232,7 +232,7 @@ impl Channel {
         self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
     }
 
-    /// Interpolates linearly at a time. Returns `None` outside, and in gaps longer than
+    /// Interpolates linearly at a time. Returns `None` outside the channel, and in gaps longer than
     /// `max_gap_s`.
     pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
         let last = self.last_before(time_s)?;

@@ -123,7 +123,7 @@ pub(super) fn join_times(
 }
 
 /// Returns the title of the whole seconds and the fraction's unit for a title of fractions of a
-/// second. For `stamp_nanosecs` these are `stamp_secs` and 1e-9.
+/// second. For `stamp_nanosecs`, title and unit are `stamp_secs` and 1e-9.
 pub(super) fn whole_seconds_title(title: &str) -> Option<(String, f64)> {
     let plain = simplified(title);
     FRACTIONS.iter().find_map(|(fraction_name, unit_s)| {
@@ -173,7 +173,7 @@ pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
         return Ok(());
     }
     let n = block.time_s.len();
-    let rows = format!("{n_apart} of {n} rows at another place at the same time");
+    let rows = format!("{n_apart} of {n} rows with the time of another row, but at another place");
     let hint = "keep the rows of one drone, and check that the timestamps have all their digits";
     Err(Error::input(file, rows, "one place at a time", hint))
 }

@@ -115,7 +115,7 @@ impl Lines {
         let sample: BTreeMap<&str, &RawValue> =
             serde_json::from_slice(line).map_err(|source| self.broken(source))?;
         if self.has_ended {
-            return Err(self.broken("a line after the mark of the end"));
+            return Err(self.broken("a line after the end mark"));
         }
         if sample.len() == 1 && sample.get(END).is_some_and(|end| end.get() == "true") {
             self.has_ended = true;
@@ -169,7 +169,7 @@ impl Lines {
                 n => format!(", and {n} bytes of an incomplete line are not read"),
             };
             let note = format!(
-                "the log ends early, after line {}: its script did not end it{torn}",
+                "the log ends early, after line {}: its script was interrupted{torn}",
                 self.n_lines
             );
             log.warn("log-cut", note);
@@ -224,7 +224,8 @@ impl GrowingLog {
         Self { file, path: path.to_owned(), lines, budget }
     }
 
-    /// Reads what the script has added. The last line may be incomplete. Returns true if it did.
+    /// Reads what the script has added. The last line may be incomplete. Returns true if anything
+    /// was added.
     ///
     /// # Errors
     ///
@@ -234,7 +235,7 @@ impl GrowingLog {
         let mut bytes = Vec::new();
         let read = self.file.read_to_end(&mut bytes);
         read.map_err(|source| Error::read(&self.path, source))?;
-        // The limit is that of a complete file, so that what can be followed can be imported.
+        // The limit is that of a complete file, so that a log that can be followed can be imported.
         self.budget.bytes(bytes.len())?;
         self.lines.push(&bytes, &self.budget)?;
         // A file that cannot become a log is refused at once, instead of waiting for more.
@@ -308,7 +309,7 @@ mod tests {
             assert_eq!(log.channel("a.b").unwrap().values, [1.0, 2.0], "{torn:?}");
             let said = said(&log);
             assert!(said.contains("ends early, after line 3"), "{said}");
-            assert_eq!(said.contains("torn line"), !torn.is_empty(), "{said}");
+            assert_eq!(said.contains("incomplete line"), !torn.is_empty(), "{said}");
         }
     }
 
@@ -321,10 +322,10 @@ mod tests {
             ("[20, 1]", "invalid type"),
             ("{\"time\": 20, \"a.b\"", "EOF"),
             (HEAD.trim_ascii_end(), "without a time"),
-            ("{\"end\": true}\n{\"time\": 60}", "after the mark"),
+            ("{\"end\": true}\n{\"time\": 60}", "after the end mark"),
         ] {
             let error = read(&format!("{HEAD}{{\"time\": 1}}\n{line}\n")).unwrap_err().to_string();
-            let at_line = if actual == "after the mark" { 4 } else { 3 };
+            let at_line = if actual == "after the end mark" { 4 } else { 3 };
             assert!(error.contains(actual), "{line}: {error}");
             assert!(error.contains(&format!("NO_flight.jsonl:{at_line}")), "{line}: {error}");
         }

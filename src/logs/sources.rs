@@ -38,7 +38,7 @@ const ALIVE_FRACTION: f64 = 0.1;
 /// Minimum range of the positions of a moving drone, which exceeds the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
-/// Codes of warnings: a heading but no attitude, and a source that diverged.
+/// Codes of the warnings about a heading without an attitude, and about a source that diverged.
 const YAW_ONLY: &str = "yaw-only";
 const DIVERGED: &str = "source-diverged";
 
@@ -343,7 +343,7 @@ impl<'a> Search<'a> {
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
         let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
         let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
-        // If angles are frozen while quaternions change, their observer did not run.
+        // Angles that are frozen while quaternions change come from an observer that did not run.
         let quaternions = if angles.as_deref().is_some_and(is_alive) {
             None
         } else {
@@ -368,7 +368,7 @@ impl<'a> Search<'a> {
         // Assuming zero pitch and roll displaces the lamp by only millimeters.
         yaw.values.iter_mut().for_each(|value| *value *= factor);
         let text = "of the attitude, only the yaw is logged";
-        self.warn(YAW_ONLY, format!("{text} ({name}): the drone counts as level"));
+        self.warn(YAW_ONLY, format!("{text} ({name}): the drone is assumed to be level"));
         self.used.insert(name);
         let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
         Some(vec![yaw, level.clone(), level])
@@ -596,8 +596,7 @@ mod tests {
 
     #[test]
     fn thirty_two_bits_hold_an_attitude() {
-        // The test compresses (x, y, z, w) = (0.1, −0.2, 0.3, 0.927…), whose largest component is
-        // w.
+        // The quaternion (x, y, z, w) is (0.1, −0.2, 0.3, 0.927…), whose largest component is w.
         let pack = |part: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "at most 511")]
             let size = (part.abs() / std::f64::consts::FRAC_1_SQRT_2 * 511.0 + 0.5) as u32;

@@ -23,7 +23,8 @@ const SPIKE_M_S2: f64 = 40.0;
 const SPIKE_M: f64 = 0.1;
 const RETURN_FRACTION: f64 = 0.5;
 
-/// Minimum number of fast steps that are no glitches, and minimum fraction of moving steps.
+/// Minimum number of fast steps that are not just glitches, and their minimum fraction of all
+/// moving steps.
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 
@@ -60,8 +61,8 @@ pub(super) fn check(
         let text = format!("the position has {seen}: glitches of its sensor?");
         return Ok(is_far.then(|| Diagnostic::warning(GLITCHES, text)));
     }
-    let hint = "name the unit of the columns (x_cm, x_mm) or of the times (t_ms, t_min); keep the \
-                rows of one drone alone; a drone that is as fast: raise the limit";
+    let hint = "name the unit of the columns (x_cm, x_mm) or of the times (t_ms, t_min); keep only \
+                the rows of one drone; or raise the limit, if the drone is this fast";
     Err(Error::input("max_speed_m_s", seen, "the position of one drone, in m and s", hint)
         .in_file(file, None))
 }

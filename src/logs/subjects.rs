@@ -103,7 +103,8 @@ fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     })
 }
 
-/// Returns the unit of a title that is a name with or without a unit of length, else `None`.
+/// Returns the unit of a title that is a name with or without a unit of length. Returns `None` for
+/// other titles.
 fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     let title = simplified(title);
     let rest = title.strip_prefix(name)?;

@@ -96,9 +96,7 @@ fn records(
         let Some(event) = events.get_mut(&id) else {
             // Four bytes that are not the start of a record are probably a CRC.
             let damage = match rest.len() {
-                4 => {
-                    "the CRC does not match: bytes were changed after they were written".to_owned()
-                }
+                4 => "the CRC does not match: the file was changed after it was written".to_owned(),
                 _ => format!("event {id}, which is not in the header"),
             };
             return Ok((offset, false, damage));

@@ -1,7 +1,7 @@
 //! Conditions: how much the real drone differs from its scene in each flight.
 //!
 //! A controller is designed for the scene. The drone that flies departs from the scene, differently
-//! for each seed and drone. Departures are constant during a flight, in which only gusts and sensor
+//! for each seed and drone. Departures are constant during a flight, and only gusts and sensor
 //! noise vary within it. The same seed draws the same departures under every controller (common
 //! random numbers). Each factor has a separate random stream, so that adding a factor changes no
 //! other.
@@ -53,7 +53,8 @@ settings! {
         /// values for one drone differ by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
         /// Additional time constant of the rotors, uniform from 0 to this, s. The default is the
-        /// lower half of the published range (0.02 to 0.14 s), which flown gains tolerate.
+        /// lower half of the published range (0.02 to 0.14 s), which gains that were flown
+        /// tolerate.
         motor_lag_s: f64 = 0.05, in 0.0..=5.0;
         /// Standard deviation, m, of a position error that varies smoothly over the room, in
         /// addition to the scene's. The error is distortion if `sensors.positioning` is `position`,
@@ -79,7 +80,7 @@ settings! {
         /// Additional delay of the light commands, uniform from 0 to this, s. The default is one
         /// repeated radio packet.
         led_delay_s: f64 = 0.05, in 0.0..=5.0;
-        /// Charge that the battery has lost, as a fractionuniform from 0 to this.
+        /// Charge that the battery has lost, as a fraction, uniform from 0 to this.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
         /// Mean duration of a radio outage, s, with one outage in 10 s (`[radio]`). 0: no outages.
         /// At the value of `evening` the longest of the six outages in a minute lasts 0.73 s, as in
@@ -221,7 +222,7 @@ impl Conditions {
     /// Draws mass, center of mass, inertia, rotor lag, moment of the air, and one weak propeller.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
-        // At least a tenth of the mass and of each moment of inertia remainsand stays positive.
+        // At least a tenth of the mass and of each moment of inertia remains.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();
@@ -257,8 +258,7 @@ impl Conditions {
         sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
     }
 
-    /// Raises the scene's gusts to at least those of the conditions, and adds drag if there is
-    /// none.
+    /// Raises the scene's gusts to at least those of the conditions, and adds missing drag.
     fn draw_gusts(&self, sim: &mut SimOptions) {
         if self.gust_m_s <= 0.0 {
             return;

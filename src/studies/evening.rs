@@ -39,29 +39,28 @@ const LEAST_RATE_HZ: f64 = 500.0;
 const LEAST_AIR_S: f64 = 10.0;
 /// Maximum fraction of a flight that may be missing from its log.
 const MAX_MISSING_FRAC: f64 = 0.1;
-/// Minimum strength of the gusts in a log. The noise of any real sensor looks stronger.
+/// Minimum strength of the gusts in a log. The noise of any real sensor looks like stronger gusts.
 const LEAST_GUST_M_S: f64 = 1e-6;
 /// Minimum number of flights from which a spread is computed.
 const LEAST_FLIGHTS: usize = 3;
-/// Standard deviation of an evening's mean ratio of thrust to weight, for an error common to all
-/// flights. In nine simulated flights of known thrust the error was below three standard
-/// deviations.
+/// Standard deviation of an evening's mean ratio of thrust to weight, because of an error that is
+/// common to all flights. In nine simulated flights of known thrust the error was below three
+/// standard deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
-/// Maximum total size of an evening's logs: thirty flights of ten minutes, fifty variables at 100
-/// Hz.
+/// Maximum size of an evening's logs: thirty flights of ten minutes, fifty variables at 100 Hz.
 const LOGS_LIMIT: Limit = Limit {
     bytes: 512 << 20,
     what: "the logs of an evening",
     hint: "import a part of the folder at a time, or log fewer variables",
 };
-/// Number of logs that are read at the same time. Each may use up to 240 MiB
+/// Number of logs that are read at the same time. An import may use up to 240 MiB
 /// ([`Budget`](noctograph_core::files::Budget)).
 const AT_ONCE: usize = 3;
 
 /// The logs in a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evening {
-    /// Rows, one for each flight, sorted by drone and then by log, with 2 before 10.
+    /// Rows of the logs, one for each flight, sorted by drone and then by log, with 2 before 10.
     pub logs: Vec<EveningLog>,
 }
 
@@ -242,13 +241,13 @@ impl Evening {
     }
 
     /// Returns the widths of conditions from the spread of the valid flights, in the order of a
-    /// conditions file. Widths that the flights do not determine are omitted, and stay those of a
-    /// room.
+    /// conditions file. Widths that the flights do not determine are omitted, and keep the values
+    /// of a room.
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
         let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
-        // Uneven air changes the mean command of a short flightand its variance is subtracted.
+        // Uneven air changes the mean command of a short flight, and its variance is subtracted.
         let trims_m = [0, 1].map(|axis: usize| {
             let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
             spread(&figures.iter().map(|f| f.trim_m[axis]).zip(sigmas_m).collect::<Vec<_>>())
@@ -354,8 +353,7 @@ fn gaps_s(flight: &Flight, air: &[FlightSample]) -> Vec<f64> {
     within.map(|[start_s, end_s]| end_s - start_s).collect()
 }
 
-/// Returns the figures of a flight from `air`, its samples in the air, or the flaw that prevents
-/// it.
+/// Returns a flight's figures from `air`, its samples in the air, or the flaw that prevents it.
 fn figures(
     flight: &Flight,
     air: &[FlightSample],
@@ -375,7 +373,8 @@ fn figures(
         longest_gap_s: gaps_s(flight, air).into_iter().fold(0.0, f64::max),
         thrust_frac: identified.k_f_n / vehicle.k_f_n,
         trim_m: identified.center_of_mass_m,
-        // A torque about y acts like a shift of the center of mass along x, and vice versa.
+        // A torque about y acts like a shift of the center of mass along x, and a torque about x
+        // like a shift along y.
         trim_sigma_m: identified
             .air
             .map(|air| [1, 0].map(|axis: usize| air.mean_sigma_n_m[axis] / weight_n)),

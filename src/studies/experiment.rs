@@ -1,4 +1,4 @@
-//! Experimental design: which contender flies which word with which seed. [`evaluate`] flies it.
+//! Study design: which contender flies which word with which seed. [`evaluate`] flies the design.
 
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -113,7 +113,7 @@ impl Study {
         fnv_1a(self.seed.to_le_bytes().into_iter().chain(bytes)) >> 33
     }
 
-    /// Returns true unless the seed is small enough to be typed or guessedor derived from such a
+    /// Returns true unless the seed is small enough to be typed or guessed, or derived from such a
     /// seed.
     fn is_secret(&self) -> bool {
         let origins = [self.seed, FINALS ^ self.seed, TESTS ^ self.seed];

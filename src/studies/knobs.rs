@@ -135,8 +135,7 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the keys of knobs without effect in a scene under all combinations of its choices, with
-/// reasons.
+/// Returns the keys of knobs without effect under all combinations of a scene's choices, and why.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
     // The scene under every combination of the choices.
     let mut scenes = vec![scene.clone()];

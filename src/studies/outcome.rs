@@ -27,10 +27,9 @@ pub struct Outcome {
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
     /// [`Verdict::read_probability`].
     pub probability: f64,
-    /// Log-odds of the probability, −10 to 10which also change near 0 and 1.
+    /// Log-odds of the probability, −10 to 10, which still change at probabilities near 0 or 1.
     pub log_odds: f64,
-    /// Mean probability of the intended letters, 0 to 1. The mean changes even for an illegible
-    /// word.
+    /// Mean probability of the intended letters, 0 to 1, which changes even for an illegible word.
     pub similarity: f64,
     /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]
@@ -139,7 +138,7 @@ impl Outcome {
         }
     }
 
-    /// Returns the outcome of a flight with a lost drone, which has no photo. `how` is its cause.
+    /// Returns the outcome of a flight that lost a drone by the cause `how`, and has no photo.
     pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
@@ -155,7 +154,7 @@ impl Outcome {
 }
 
 impl Flown {
-    /// Computes the figures of the flights for one photo. `believed` is the scene's drone.
+    /// Computes the figures of a photo's flights. `believed` has the scene's drone and battery.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;
@@ -192,11 +191,10 @@ impl Flown {
     }
 }
 
-/// Returns the fraction of the letters' time in which a motor is saturated, or 0 if it is not
-/// logged.
+/// Returns the fraction of the letters' time in which a motor is saturated, or 0 if not logged.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(total_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
-    // The column contains the saturated time since the startand its increments over letters are
+    // The column contains the saturated time since the start, and its increments over letters are
     // added.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, total_s) in flight.samples.windows(2).zip(total_s.windows(2)) {

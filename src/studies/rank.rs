@@ -102,7 +102,7 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     let named: Vec<_> = ranked.iter().map(|(m, values)| (&*m.contender, &values[..])).collect();
     let pairs = pairs(&named);
     let mut measures: Vec<Measures> = ranked.into_iter().map(|(measures, _)| measures).collect();
-    // A new place begins with the first contender that differs from the first at the previous one.
+    // A new place begins with a contender that differs from the first one at the previous place.
     let mut first_of_place = 0;
     for index in 0..measures.len() {
         let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
@@ -122,12 +122,14 @@ fn flew_alike(a: &[Record], b: &[Record]) -> bool {
     a.iter().map(|record| &record.outcome).eq(b.iter().map(|record| &record.outcome))
 }
 
-/// Returns the minimum number of flights per contender with which any two are distinguishable.
+/// Returns the minimum number of flights per contender with which any two contenders can be
+/// distinguished.
 pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
 
-/// Returns the confidence level of a single interval for `n_pairs` of them (Bonferroni).
+/// Returns the confidence level of a single interval at which `n_pairs` intervals hold together
+/// (Bonferroni).
 fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
@@ -169,7 +171,8 @@ pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     }
 }
 
-/// Returns `value` of one contender's records, grouped by word, unless it is `None`.
+/// Returns `value` of one contender's records, grouped by word, without the records for which it is
+/// `None`.
 fn strata(
     study: &Study,
     mut records: &[Record],
@@ -182,8 +185,7 @@ fn strata(
     words.collect()
 }
 
-/// Computes the measures of one contender, except its place. `first` is the index of its first
-/// record.
+/// Computes a contender's measures, except its place. `first` is the index of its first record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // Photos are sorted from the worst to the best. A flight with a lost drone has no photo.

@@ -45,7 +45,7 @@ impl Shard {
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(PathBuf, usize)> {
         let prepared = study.prepare()?;
-        // Every `count`th trial is taken, which gives every part all contenders and words.
+        // Every `count`th trial is taken, so that each part has all contenders and words.
         let trials: Vec<Trial> = study.trials().skip(self.index - 1).step_by(self.count).collect();
         let name = format!("{}-{}-of-{}.jsonl", digest(study, &prepared), self.index, self.count);
         let path = folder.join(name);

@@ -101,8 +101,8 @@ pub fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Returns the mean of all values with its 95 % interval by Student's t. The variance is that
-/// within strata, or that of all values if a stratum has only one. For a single value it is
-/// unbounded.
+/// within strata, or that of all values if a stratum has only one. The interval of a single value
+/// is unbounded.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
@@ -126,7 +126,7 @@ pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     if values.len() < 2 {
         return Estimate { value, low: 0.0, high: 1.0 };
     }
-    // The probabilities of good flights are near 1and more of them would change little.
+    // Good flights have probabilities near 1, so that further values near 1 would change little.
     let [lowest, highest] =
         [value, 1.0 - value].map(|distance| UNSEEN * (2.0 * distance).clamp(0.0, 1.0).sqrt());
     let [low, high] = Posterior::ends(values, [(0.0, lowest), (1.0, highest)]);
@@ -151,7 +151,8 @@ impl Posterior {
     /// Returns the ends of the 95 % interval of the mean, with an unseen value on either side.
     ///
     /// Each side has half of the probability of a miss. If an unseen value moves an end far out,
-    /// that end is seldom missed without it, and the other end gets the unused probability.
+    /// that end is seldom missed without it, and the other end gets the unused part of the
+    /// probability.
     fn ends(values: Vec<f64>, unseen: [(f64, f64); 2]) -> [f64; 2] {
         let half = 0.5 * (1.0 - LEVEL);
         let mirrored = values.iter().map(|x| -x).collect();
@@ -311,8 +312,7 @@ fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     subsets.collect()
 }
 
-/// Returns the mean of the subset given by an index into each table, or `None` for the empty
-/// subset.
+/// Returns the mean of the subset given by an index into each table, or `None` for an empty one.
 fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>) -> Option<f64> {
     let sums = tables.iter().zip(indices).map(|(table, index)| table[index % table.len()]);
     let (sum, n) = sums.fold((0.0, 0), |(sum, n), (more, count)| (sum + more, n + count));

@@ -122,8 +122,8 @@ fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// Returns the shortest end of a path that no other submission has, or the whole path if there is
-/// none.
+/// Returns the shortest end of a path that no other submission has, or the whole path if it is
+/// given twice.
 fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
         // The end without the file's extension is tried first.
@@ -185,7 +185,7 @@ mod tests {
             "cy.toml.txt refused: not called *.toml",
             "dora.zip refused: an archive: unpack it",
             "eve_13/gains.py refused: a controller in Python: python -m noctograph.grade flies it",
-            "ida_14 refused: no file *.toml is in it",
+            "ida_14 refused: it contains no file *.toml",
             "bo_12/more refused: a folder in a student's folder",
         ] {
             assert!(rows.iter().any(|row| row == wanted), "{wanted}: {rows:?}");

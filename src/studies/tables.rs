@@ -35,11 +35,12 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
-/// Returns CSV with a row for each submission. Marks are 100 times P(read), or 0 if not ranked.
+/// Returns CSV with a row for each submission. Its marks are 100 times P(read), or 0 if the
+/// submission is not ranked.
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
-        // Lost flights and identical submissions are noted for the person who marks.
+        // Lost flights and identical submissions are noted, because a person must look at them.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
         let mut row = value(measures);
@@ -111,10 +112,10 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// Returns a JSON value as a CSV cell. Students choose the names of submissions, whose texts are
-/// made harmless: an apostrophe before `=+-@` keeps a spreadsheet from interpreting them as a
-/// formula (OWASP, CSV injection), and control characters, which a terminal would execute, become
-/// U+FFFD.
+/// Returns a JSON value as a CSV cell. Students choose the names of submissions, so that their
+/// texts are made harmless: an apostrophe before `=+-@` keeps a spreadsheet from interpreting them
+/// as a formula (OWASP, CSV injection), and control characters, which a terminal would execute,
+/// become U+FFFD.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

@@ -17,8 +17,8 @@ use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
 use noctograph_plan::Plan;
 use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
-/// Height of capitals on the film that is read. The reader resamples them to a height of 32. Fewer
-/// pixels blur the trail, and more pixels cost time. For 20 words, each flown twice, the
+/// Height of capitals on the film that is read. The reader resamples capitals to a height of 32.
+/// Fewer pixels blur the trail, and more pixels cost time. For 20 words, each flown twice, the
 /// probability differs from that at 1920 × 1080 by 0.017 on average, and by 0.21 at most, for the
 /// word Illi. All scenes are compared on this film.
 const CAP_HEIGHT_PX: f64 = 48.0;
@@ -188,8 +188,8 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     Ok(())
 }
 
-/// Maximum number of readers kept for further scenes. Preparing one takes as long as reading ten
-/// photos.
+/// Maximum number of readers kept for further scenes. Preparing a reader takes as long as reading
+/// ten photos.
 const MAX_READERS: usize = 64;
 
 /// Returns the reader of a word, which is shared by all scenes with the same strokes and options.

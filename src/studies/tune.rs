@@ -167,7 +167,7 @@ impl Candidate {
 pub struct Tuned {
     /// The scene with the best knobs if they won the test, otherwise the original scene.
     pub scene: Scene,
-    /// Test of the finals' winner against the original scene. `None` if the latter won the finals.
+    /// Test of the finals' winner against the original scene. `None` if the original scene won.
     pub test: Option<(Study, Ranking)>,
     /// Figures of the finals' winner in the finals.
     pub best: Candidate,
@@ -301,7 +301,7 @@ impl Tuning<'_> {
         study.check()?;
         let prepared = study.prepare()?;
         let trials: Vec<Trial> = study.trials().collect();
-        // With two parts, the first is every other flight, and thus contains all words.
+        // With two parts, the first part is every other flight, so that it contains all words.
         let n_parts = if max_cost.is_some() { 2 } else { 1 };
         let (mut records, mut candidate) = (Vec::new(), unflown.clone());
         for part in 0..n_parts {
@@ -317,7 +317,8 @@ impl Tuning<'_> {
         Ok(candidate)
     }
 
-    /// Flies the best candidates and the original scene with new seeds. Returns it and the winner.
+    /// Flies the best candidates and the original scene with new seeds. Returns the original scene
+    /// and the winner.
     fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
         let (original, others) = candidates.split_first().expect("the original scene");
         let mut by_cost: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
@@ -441,8 +442,8 @@ mod tests {
 
     #[test]
     fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
-        // Speeds that differ by 2 % are equally legible, and the winner of the finals is not
-        // better.
+        // Speeds that differ by 2 % are equally legible, so that the winner of the finals is not
+        // truly better.
         let base = Scene::preset(Preset::Ae4832022);
         let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
         let mut tested = (0..6).map(|seed| {

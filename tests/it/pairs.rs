@@ -89,7 +89,7 @@ fn the_scene_of_another_plan_or_flight_stops_every_verb_that_reads_it() {
     for arguments in verbs {
         let said = refused(parent, arguments);
         let csv = if arguments.concat().contains("a-flown") { "a-flown.csv" } else { "a.csv" };
-        assert!(said.contains(&format!("error: {csv}: found a file of digest")), "{said}");
+        assert!(said.contains(&format!("error: {csv}: found a file with digest")), "{said}");
         let scene = csv.replace(".csv", ".scene.toml");
         assert!(said.contains(&scene) && said.contains("hint: write both again"), "{said}");
     }
@@ -123,11 +123,11 @@ fn a_scene_is_edited_freely_and_a_plan_with_a_word_of_its_author() {
     let said = refused(parent, &["check", "a.csv"]);
     assert!(said.contains("a.scene.toml is right only if you edited a.csv"), "{said}");
     let said = wanted([5.0, 6.0, 2.5], &["a.csv", "--scene", "a.scene.toml"]);
-    assert!(said.contains("warning: a.csv: found a file of digest"), "{said}");
+    assert!(said.contains("warning: a.csv: found a file with digest"), "{said}");
     // The room of a scene that belongs to another plan is not used.
     let (_, checked, said) = run(parent, &["check", "a.csv", "--scene", "pid"]);
     assert_eq!(checked["profile"]["room_m"], json!(null));
-    assert!(said.contains("warning: a.csv: found a file of digest"), "{said}");
+    assert!(said.contains("warning: a.csv: found a file with digest"), "{said}");
     // A preview of the edited plan rewrites both files.
     preview(parent, &["a.csv", "--scene", "a.scene.toml", "-o", "out"]);
     assert!(!wanted([5.0, 6.0, 2.5], &["out/plan.csv"]).contains("warning"));
@@ -182,13 +182,16 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     assert_eq!(checked["drones"], json!(2), "{said}");
     run_json(parent, &["fly", "both/plan-1.csv", "both/plan-2.csv", "-o", "both"]);
     let said = refused(parent, &["check", "both"]);
-    assert!(said.contains("those that both/scene.toml was written with, flight-1.csv"), "{said}");
+    assert!(
+        said.contains("the files with which both/scene.toml was written, flight-1.csv"),
+        "{said}"
+    );
 
     // The plan of one drone is replaced by that of another word, and then removed.
     plan("HI", "2", "both");
     copy(parent, "other/plan-2.csv", "both/plan-2.csv");
     let said = refused(parent, &["check", "both"]);
-    assert!(said.contains("both/plan-2.csv: found a file of digest"), "{said}");
+    assert!(said.contains("both/plan-2.csv: found a file with digest"), "{said}");
     std::fs::remove_file(parent.join("both/plan-2.csv")).unwrap();
     let said = refused(parent, &["check", "both"]);
     assert!(said.contains("both: found no plan-2.csv"), "{said}");
@@ -219,7 +222,7 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
         let before = text(&parent.join(&name));
         std::fs::write(parent.join(&name), text(&parent.join("both/plan-1.csv"))).unwrap();
         let said = refused(parent, &["fly", &name]);
-        assert!(said.contains(&format!("{name}: found a file of digest")), "{said}");
+        assert!(said.contains(&format!("{name}: found a file with digest")), "{said}");
         std::fs::write(parent.join(&name), before).unwrap();
     }
     run_json(parent, &["check", "out/plan.csv"]);

@@ -89,7 +89,7 @@ fn drones_that_share_a_word_share_its_room() {
     let both = noctograph(at).args(["check", "both/plan-1.csv", "elsewhere.csv"]).assert().code(2);
     let said = String::from_utf8_lossy(&both.get_output().stderr).into_owned();
     assert!(
-        said.contains("one scene of all files") && said.contains("elsewhere.scene.toml"),
+        said.contains("one scene for all files") && said.contains("elsewhere.scene.toml"),
         "{said}"
     );
 }

@@ -33,7 +33,7 @@ const SPANS_BEFORE: usize = 10;
 const SPANS_AFTER: usize = 20;
 /// Minimum number of pairs of spans for a fit: ten per stretch.
 const FEWEST: usize = 10 * STRETCHES;
-/// Maximum half width of a usable confidence interval: the spread of published lags.
+/// Maximum half width of a usable confidence interval: the spread of the published lags.
 const LARGEST_DOUBT_S: f64 = 0.1;
 /// Minimum fraction of the changes of rotation that the motors explain in a usable result.
 const LEAST_EXPLAINED: f64 = 0.1;
@@ -231,7 +231,8 @@ fn changes(
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
 }
 
-/// Returns the integral of roll and pitch torque up to each sample, with motors lagging by `lag_s`.
+/// Returns the integral of the roll and pitch torques up to each sample, for motors that lag by
+/// `lag_s`.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];
     for impulse in impulses(run, lag_s) {

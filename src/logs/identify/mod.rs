@@ -148,7 +148,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     let mut accelerations = accelerations(flight, &airborne, &mut left_out);
     let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
-        let text = "the acceleration points down on average: the drone is taken to hover";
+        let text = "the acceleration points down on average, so that the drone is assumed to hover";
         left_out.push(Diagnostic::warning("acceleration-down", text));
         accelerations = None;
         k_f_n = thrust_per_command_n(flight, samples, None, assumed);
@@ -219,8 +219,8 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Returns true if standard deviations are finite and positive. A frozen value's weight would be
-/// infinite.
+/// Returns true if standard deviations are finite and positive. The weight of a frozen value would
+/// be infinite.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
@@ -365,8 +365,8 @@ mod tests {
 
     #[test]
     fn a_pendulum_test_gives_the_inertia() {
-        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 at its center, T = 2π √(2 l / 3
-        // g).
+        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 about its center, and T = 2π √(2
+        // l / 3 g).
         let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
         let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
         assert!((inertia - 1.0 / 12.0).abs() < 1e-12, "{inertia}");
@@ -510,7 +510,7 @@ mod tests {
             flight.samples.iter_mut().for_each(|sample| sample.motors = [40_000.0; 4])
         });
         let error = identify(&flight, &assumed).unwrap_err().to_string();
-        assert!(error.contains("never turn the drone"), "as the evening's page says: {error}");
+        assert!(error.contains("never rotate the drone"), "as the evening's page says: {error}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Computes motors' thrust from logged commands, which the rotor speeds follow with a lag.
+//! Computes the thrust of motors from logged commands, which the rotor speeds follow with a lag.
 
 use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;

@@ -140,7 +140,7 @@ impl CheckedExport {
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
-        // A script that sends setpoints also offers the trajectory if it is safe.
+        // A script that sends setpoints also offers the trajectory, if the trajectory is safe.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
@@ -150,7 +150,8 @@ impl CheckedExport {
         };
         let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
-        // A show contains the light of the design, because a viewer simulates no lamps.
+        // A show contains the light of the design, because a viewer does not simulate lamps, which
+        // delay it.
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
             _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
@@ -194,7 +195,7 @@ impl CheckedExport {
         is_unsafe.then(|| reason.to_owned())
     }
 
-    /// Returns true if no check stops the flights of a shoot, or if unsafe flights are exported.
+    /// Returns true if no check stops a shoot's flights, or if unsafe flights are exported as well.
     fn may_fly(&self, shoot: &Shoot) -> bool {
         self.options.is_unchecked
             || preflight(shoot, &self.options.profile)

@@ -28,7 +28,7 @@ const MAX_DWELL_S: f64 = 0.1;
 const MAX_STREAK_FRAC: f64 = 0.1;
 /// Maximum exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
 /// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times that
-/// at five, which looks like two pens. The headlights in NOOR, which can be read, have 4.2.
+/// at five, which looks like two pens. The headlights in NOOR, which can be read, have 4.2 stops.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
 /// Maximum time at a motor's limit that does not affect the flight, because the time constant of a
 /// Crazyflie's motors is at least 0.07 s.
@@ -92,8 +92,8 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
                 "an altitude error of up to {:.0} mm, a twentieth of the letters' height",
                 50.0 * cap_height_m
             ),
-            "write larger letters, or fewer where a canvas shrinks them \
-         ({letters.cap_height_m}, {letters.canvas_m}), or fly a better height sensor",
+            "write larger letters ({letters.cap_height_m}), or fewer if the canvas shrinks them \
+             ({letters.canvas_m}), or fly a better height sensor",
         )
 }
 
@@ -134,7 +134,8 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                     "subtract the mean error ({plan.mean_error_m})"
                 }
                 Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-                    "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
+                    "find what disturbs the flight: the wind ({air.wind_m_s}), or the positions of \
+                     the stations"
                 }
             },
         )
@@ -181,7 +182,7 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
 /// thrust is for attitude control and climbing. A Crazyflie 2.1 with two decks needs two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
-/// Checks the fraction of the maximum thrust that hovering needs at the flight's final voltage.
+/// Checks the fraction of the maximum thrust for hovering at the voltage at the end of the flight.
 fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();
@@ -255,8 +256,8 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     Diagnostic::check("battery", severity, rest_v).within(limit_v).detailed(detail).say(
         actual,
         wanted,
-        "charge it ({battery.charge_frac}), write fewer letters, hover less \
-         ({plan.style.hover_s}), or share them ({plan.drones=2})",
+        "charge the battery ({battery.charge_frac}), write fewer letters, hover less \
+         ({plan.style.hover_s}), or divide the letters between drones ({plan.drones=2})",
     )
 }
 
@@ -317,11 +318,12 @@ fn dwell(pieces: &[Piece], plan: &PlanOptions) -> Diagnostic {
             0.0 => "none".to_owned(),
             s => format!("{:.0} ms of light two stops above the rest{}", 1e3 * s, at_time(time_s)),
         },
-        format!("less than {:.0} ms of it", 1e3 * MAX_DWELL_S),
+        format!("less than {:.0} ms of such light", 1e3 * MAX_DWELL_S),
         match (&plan.style, plan.light_clock) {
             (Style::Even(_), _) => {
-                "lower {plan.stroke_speed_m_s}, so that the drone need not brake, or dim the light \
-                 with the speed ({plan.style.exposure=dimmed}, for a ring or a color LED)"
+                "lower {plan.stroke_speed_m_s}, so that the drone does not have to brake, or dim \
+                 the light with the speed ({plan.style.exposure=dimmed}, for a ring or a color \
+                 LED)"
             }
             (_, LightClock::Setpoint) => {
                 "plan with {plan.style=even}, or set {plan.light_clock=light}"

@@ -48,9 +48,11 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
              {MAX_PIECES} pieces as poly4d{pieces_beyond}; {forms}"
         ),
         format!(
-            "{TRAJECTORY_MEMORY_BYTES} bytes and {MAX_PIECES} pieces on board, 50 setpoints a second by radio"
+            "{TRAJECTORY_MEMORY_BYTES} bytes and {MAX_PIECES} pieces on board, 50 setpoints per \
+             second by radio"
         ),
-        "export it in one of those forms, or share the word ({plan.drones=2})",
+        "export the plan in one of those forms, or divide the word between drones \
+         ({plan.drones=2})",
     )
 }
 
@@ -65,8 +67,8 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     Diagnostic::check(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
         entries.map_or("not used".into(), |n| format!("{n} of {MOST} entries")),
         format!("up to {MOST} entries"),
-        "nothing if the radio sends the lights, as the script then does, otherwise build firmware \
-         with a larger LEDRING_TIME_MEM_SIZE",
+        "nothing if the radio sends the lights, as the script does in this case; otherwise build \
+         firmware with a larger LEDRING_TIME_MEM_SIZE",
     )
 }
 

@@ -77,7 +77,7 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`preflight`]. If a flight is infeasible, its list item is an error.
+/// Returns the errors of [`preflight`]. The list contains an error for an infeasible flight.
 pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let drones = 0..shoot.plans.len();
     if !shoot.is_one_simulation() {
@@ -85,7 +85,7 @@ pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     }
     match shoot.fly(&|_, _| {}) {
         Ok(flights) => Ok(flights.into_iter().map(Ok).collect()),
-        // Drones that affect each other are simulated togetherand fail together.
+        // Drones that affect each other are simulated together, and fail together.
         Err(Error::Infeasible { what, hint, .. }) => {
             Ok(drones.map(|_| Err(Error::infeasible(what.clone(), hint.clone()))).collect())
         }

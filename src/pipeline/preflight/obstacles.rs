@@ -62,8 +62,7 @@ impl Paths {
         // A drone without commands flies on until its motors stop, and then falls from its maximum
         // height: v (t + √(2 h / g)).
         let reach_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
-        // The distance is rounded up to the printed decimals, so that the message and the check
-        // agree.
+        // The distance is rounded up to the printed decimals, so that message and check agree.
         Self { pieces, audience_from_m: ((10.0 * reach_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
@@ -95,7 +94,10 @@ pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
     let wanted_m = paths.audience_from_m;
     let row = Diagnostic::check("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
     Some(row.timed(time_s).say(
-        format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
+        format!(
+            "person {person} is {least_m:.2} m away from the flight sideways{}",
+            at_time(time_s)
+        ),
         format!("{wanted_m:.1} m or more, which a drone without commands can cover"),
         "move people farther away ({sensors.lighthouse.people_m}), or fly slower \
          ({plan.style.dark_speed_m_s})",
@@ -189,7 +191,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
 /// Returns the base stations or anchors as things.
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
-        // Beacons in the lower half of a room are on stands, and those in the upper half hang.
+        // Beacons in the lower half of a room stand, and those in the upper half hang.
         let shape = if z < 0.5 * ceiling_m {
             Solid::pillar([x, y], BEACON_M)
         } else {
@@ -201,8 +203,7 @@ fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     beacons.collect()
 }
 
-/// Returns mirrors and panes as obstacles, except horizontal ones, because drones fly above a
-/// floor.
+/// Returns mirrors and panes as obstacles, except horizontal ones, above which drones fly.
 fn reflectors(scene: &Scene) -> Vec<Thing> {
     let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;

@@ -217,8 +217,8 @@ pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
     row.positioned(farthest_m).detailed(names.join(", ")).say(
         actual,
         "stations, anchors, take-off marks and camera in the room, whose middle is x = y = 0",
-        "the origin or the room is wrong: set the origin of the geometry to the middle of the floor, \
-         or type the room's true size ({expose.room_m}); the stations are \
+        "the origin or the room is wrong: set the origin of the geometry to the middle of the \
+         floor, or give the room's true size ({expose.room_m}); the stations are \
          {sensors.lighthouse.stations}, the anchors {sensors.uwb.anchors_m}",
     )
 }
@@ -260,11 +260,11 @@ pub(super) fn check_camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Opti
         None => (Severity::Stop, "does not fit in the room, and no common lens does".to_owned()),
     };
     Ok(Some(Diagnostic::check(CAMERA_PLACE, severity, least_m).within(most_m).say(
-        format!("{verdict}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
+        format!("{verdict}: the whole word needs {least_m:.1} m, and the room has {most_m:.1} m"),
         format!("a camera that shows the whole word from within {most_m:.1} m"),
-        "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), type \
-         the room's true depth ({expose.room_m}), or say where the camera stands \
-         ({camera.framing}): in a door, for instance",
+        "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), give \
+         the room's true depth ({expose.room_m}), or give the position of the camera \
+         ({camera.framing}), for example in a door",
     )))
 }
 
@@ -312,7 +312,8 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-/// Shrinks a scene's canvas to what its camera shows from inside a room, if it frames the word.
+/// Shrinks a scene's canvas to the area that its camera shows from inside a room, if the camera
+/// frames the word.
 pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     let (Framing::Word(_), Some([width_m, height_m])) =
         (&scene.camera.framing, scene.letters.canvas_m)

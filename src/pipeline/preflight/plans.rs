@@ -95,7 +95,7 @@ struct Segment {
     goes_on: bool,
 }
 
-/// Minimum time over which a speed is computed from positions, despite a file's rounding.
+/// Minimum time over which a speed is computed from positions, which are rounded in files.
 const SEGMENT_S: f64 = 0.1;
 
 /// Returns the path in the air as segments of at least [`SEGMENT_S`]. A single jump, for which
@@ -174,8 +174,8 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
         let row = Diagnostic::check("speed", Severity::Stop, speed_m_s).within(most_m_s);
         return row.timed(time_s).say(
             format!(
-                "positions move at {moved_m_s:.2} m/s, velocities are {velocity_m_s:.2} m/s, and differ \
-                 by {:.0} % of the path",
+                "positions move at {moved_m_s:.2} m/s, but velocities are {velocity_m_s:.2} m/s, \
+                 which differs by {:.0} % of the path",
                 100.0 * mismatch_frac
             ),
             format!("velocities that agree with the positions, up to {most_m_s} m/s"),

@@ -120,8 +120,7 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
-            // Assumptions: the weight of three heavy Crazyflies, and a draft with the gusts of a
-            // fan.
+            // Assumptions: the weight of three heavy Crazyflies, and a draft with a fan's gusts.
             mass_kg: 0.15,
             wind_m_s: 1.5,
             is_outdoors: false,

@@ -69,7 +69,7 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
     let heard = stations.filter(|(station, _)| !silent.contains(station));
     sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    // Short outages of the other stations are bridged, so that these stations always send.
+    // The other stations count as always sending, because short outages are bridged.
     sensors.lighthouse.silent.clear();
     if sensors.lighthouse.stations.is_empty() {
         Ok(0.0)
@@ -130,8 +130,7 @@ fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks the steady wind plus two standard deviations of the gusts. Light drones have a lower
-/// limit.
+/// Checks steady wind plus two standard deviations of gusts. Light drones have a lower limit.
 fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {
@@ -197,7 +196,10 @@ fn ceiling(profile: &Profile) -> Diagnostic {
     let room_m = profile.room_m.unwrap_or_default();
     let height_m = room_m[2];
     Diagnostic::check("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
-        format!("a ceiling at {height_m} m: if these are feet, {} m are meant", from_feet(room_m)),
+        format!(
+            "a ceiling at {height_m} m: if these are feet, the ceiling is at {} m",
+            from_feet(room_m)
+        ),
         "the room's true size in meters, because the fence is at its walls",
         "measure a wall, or give feet as in 13x20x8ft ({expose.room_m})",
     )

@@ -18,8 +18,12 @@ use noctograph_logs::scene_in;
 const SCENE: &str = "scene.toml";
 
 /// Limit for plans and flights next to a scene, equal to that of their reader.
-const FILE: Limit =
-    Limit { bytes: 128 << 20, what: "a plan or a flight", hint: "cut it, or thin it out" };
+const FILE: Limit = Limit {
+    bytes: 128 << 20,
+    what: "a plan or a flight",
+    hint: "cut it, or remove some of its \
+         rows",
+};
 
 /// The text of a scene that came with a file.
 #[derive(Clone, Debug)]
@@ -90,15 +94,15 @@ impl CarriedScene {
         let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
         let wanted = match digests.get(name(path)).or(digests.values().next()) {
             Some(digest) if digests.len() == 1 || digests.contains_key(name(path)) => {
-                format!("the file that {scene} was written with, of digest {digest}")
+                format!("the file with digest {digest}, with which {scene} was written")
             }
-            _ => format!("one of those that {scene} was written with, {names}"),
+            _ => format!("one of the files with which {scene} was written, {names}"),
         };
         let hint = format!(
             "write both again, or name the scene: {scene} is right only if you edited {} yourself",
             name(path)
         );
-        Err(Error::input(path.display(), format!("a file of digest {actual}"), wanted, hint))
+        Err(Error::input(path.display(), format!("a file with digest {actual}"), wanted, hint))
     }
 
     /// Checks, after files were read, that this is still their scene. Another program may have
@@ -111,7 +115,11 @@ impl CarriedScene {
         if Self::of_all(files)?.is_some_and(|now| now.toml == self.toml) {
             return Ok(());
         }
-        let (actual, wanted) = ("a scene that has just changed", "a scene and files at rest");
+        let (actual, wanted) = (
+            "a scene that has just changed",
+            "a scene and files that do not \
+             change",
+        );
         Err(Error::input(&*self.file, actual, wanted, "try again"))
     }
 
@@ -161,7 +169,7 @@ impl CarriedScene {
                 let hint = "name the scene, or the files one at a time";
                 let actual = format!("another scene than {}", first.file);
                 let place = Place::file(&other.file);
-                return Err(Error::input(place, actual, "one scene of all files", hint));
+                return Err(Error::input(place, actual, "one scene for all files", hint));
             }
         }
         Ok(Some(Self { is_bound, ..first.clone() }))

@@ -144,7 +144,7 @@ impl Scene {
         folder: &Path,
         settings: &[(&str, &str)],
     ) -> Result<Self> {
-        // Layers from low to high: preset, implied values, file, single settings.
+        // The layers, lowest first, are: preset, implied values, file, single settings.
         let mut set_keys = Table::new();
         for (key, value) in settings {
             let setting = text::single_setting(key, value)?;

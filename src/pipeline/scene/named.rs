@@ -42,7 +42,8 @@ impl Scene {
     /// two-drones-three-anchors and the same with -and-floor), a preset, a scene file, or a folder
     /// with `scene.toml`.
     ///
-    /// Names of scenes take precedence over files, so that a folder `tuned` is `./tuned`.
+    /// Names of scenes take precedence over files, so that a folder called `tuned` must be given as
+    /// `./tuned`.
     ///
     /// # Errors
     ///
@@ -86,7 +87,8 @@ impl Scene {
     }
 }
 
-/// Returns the text of a shipped scene or of a preset's, or `None` for a file name.
+/// Returns the text of a shipped scene, or of a scene that only names a preset, or `None` for a
+/// file name.
 fn text_of_name(name: &str) -> Option<String> {
     if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
         return Some((*toml).to_owned());

@@ -174,7 +174,7 @@ mod tests {
         let apart_m = coarse.samples.iter().zip(&fine.samples).filter(|(a, _)| a.letter.is_some());
         let apart_m =
             apart_m.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
-        // Most of the difference comes from the moment of lift-off, known to one step.
+        // Most of the difference comes from the lift-off, whose time is only known to one step.
         assert!(apart_m < 2e-5, "{apart_m} m apart");
     }
 }

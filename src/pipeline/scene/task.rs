@@ -53,8 +53,7 @@ impl SceneTask {
         Ok(Self { scene, may })
     }
 
-    /// Returns the task's scene with the keys of a submission (TOML), but with its own word and
-    /// seed.
+    /// Returns the task's scene with a submission's keys (TOML), but with its own word and seed.
     ///
     /// # Errors
     ///

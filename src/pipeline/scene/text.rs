@@ -469,7 +469,7 @@ pub(super) fn to_scene(values: Table) -> Result<Scene> {
         });
         let place = Place(steps.collect());
         let actual = error.inner().message().replace('\n', "; ");
-        // Values of a wrong type are the most common mistake, and serde's message is reworded.
+        // Values of a wrong type are the most common mistake, so that serde's message is reworded.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {

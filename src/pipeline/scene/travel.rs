@@ -97,7 +97,7 @@ impl Scene {
     }
 }
 
-/// Returns the folder to which names in a file are relative. A named pipe has an empty one.
+/// Returns the folder to which names in a file are relative. The folder of a named pipe is empty.
 pub fn folder_of(path: &Path) -> PathBuf {
     let is_stream = path.exists() && !path.is_file();
     path.parent().filter(|_| !is_stream).map(Path::to_owned).unwrap_or_default()
@@ -121,7 +121,7 @@ pub(super) fn find_files(values: &mut Table, folder: &Path) {
                 name => Vec::from_iter(name),
             };
             for value in names {
-                // If the path is not Unicode, the name is keptfor use in its own folder.
+                // If the path is not Unicode, the name is kept for use in its own folder.
                 if let Value::String(name) = value
                     && is_file(name)
                     && let Some(path) = path_from(folder, name).to_str()

@@ -1,4 +1,4 @@
-//! Finds keys without effect, with the reason: another choice, or a part that is off.
+//! Finds keys without effect, with the reason: another choice, or a part that is switched off.
 
 use toml::{Table, Value};
 
@@ -144,7 +144,7 @@ fn has_lamp(scene: &Scene, test: fn(&Fixture) -> bool) -> bool {
 /// Returns true if a channel of the plan can emit colored light.
 fn writes_colors(scene: &Scene, channel: &str) -> bool {
     let light = &scene.light;
-    // The color LED is white by default. A fixture that the scene lists has its dies' color.
+    // The color LED is white by default. A fixture that the scene lists has the color of its dies.
     let has_color = light.color_led_wrgb[1..] != [0; 3]
         || !light.letters_wrgb.is_empty()
         || !scene.letters.drawing.is_empty();
@@ -179,7 +179,7 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     }
     let values = Value::Table(scene.to_table());
     let mut reasons = Vec::new();
-    // The loop goes from the outermost table to the key. The innermost reason is returned.
+    // The loop goes from the outermost table to the key, so that the innermost reason is returned.
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
         path = joined(&path, part);
@@ -229,8 +229,7 @@ fn is_off(value: &Value) -> bool {
         || value.as_str().is_some_and(str::is_empty)
 }
 
-/// Returns the values at a dotted key. If the path contains a list, each of its tables contributes
-/// one.
+/// Returns the values at a dotted key. In a list on the path, each table contributes one.
 fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     key.split('.').fold(vec![values], |values, part| {
         let rows = values.into_iter().flat_map(|value| match value {

@@ -10,7 +10,7 @@ use noctograph_plan::{LightClock, Plan};
 impl Shoot {
     /// Returns the shoot with the exported trajectories in place of the plans, as the firmware
     /// decodes them, from the take-off command on. With the clock `light`, lights are timed on
-    /// simulated flights of the trajectories, behind which position controllers lag.
+    /// simulated flights of the trajectories, because controllers lag behind them.
     ///
     /// # Errors
     ///
@@ -40,7 +40,7 @@ impl Shoot {
     }
 
     /// Returns the plans of a show: the exported trajectories, with light from the beginning to the
-    /// end of each stroke, because viewers simulate no delays.
+    /// end of each stroke, because a viewer does not simulate delays.
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
         let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;

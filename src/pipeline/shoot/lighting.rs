@@ -212,7 +212,8 @@ fn check_camera_position(
     let (key, hint) = match framing {
         Framing::Fixed(_) => (
             "camera.framing.position_m",
-            "set camera.framing.position_m meters in front of the word, or camera.framing = \"word\"",
+            "set camera.framing.position_m to a position some meters in front of the word, or set \
+             camera.framing = \"word\"",
         ),
         Framing::Word(_) => (
             "camera.framing",

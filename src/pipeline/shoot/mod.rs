@@ -127,8 +127,7 @@ impl Stop {
 /// A drone that flies, if it differs from the one that the scene describes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actual {
-    /// Body, battery, air and sensors of the drone. The controller and the estimator are the
-    /// scene's.
+    /// Body, battery, air and sensors of the drone. Controller and estimator are the scene's.
     pub sim: SimOptions,
     /// Lamps of the drone.
     pub light: LightOptions,
@@ -275,7 +274,7 @@ impl Shoot {
         if n <= MAX_SAMPLES {
             return Ok(());
         }
-        let hint = "thin the flights out, or cut them to the time of the picture";
+        let hint = "remove some rows of the flights, or cut them to the time of the picture";
         Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
     }
 
@@ -351,7 +350,8 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// Begins a flight of the first plan in which a user's controller or estimator steps along.
+    /// Begins a flight of the first plan in which a user's controller or estimator is called at
+    /// each step.
     ///
     /// # Panics
     ///
@@ -369,7 +369,7 @@ impl Shoot {
     /// camera behind the word, from where it appears mirrored. Returns [`Error::Infeasible`] for a
     /// camera too close to a lamp.
     pub fn take(self, watch: &Watch<'_>) -> Result<Shot> {
-        // The graphics device takes long to prepare, which the flight's time hides.
+        // The graphics device is prepared during the flight, because this takes long.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
@@ -404,8 +404,8 @@ impl Shoot {
     }
 
     /// Exposes recordings that may have grown since the last photograph on the same film. Only
-    /// their new light is drawn, on the processor. The photo is that of [`Self::take`] but not
-    /// read.
+    /// their new light is drawn, on the processor. The photo is that of [`Self::take`], except that
+    /// it is not read.
     ///
     /// # Errors
     ///
@@ -421,8 +421,8 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// Returns a reader of the strokes, or `None` if the photo is not read or its word cannot be
-    /// judged.
+    /// Returns a reader of the strokes, or `None` if the photo is not read, or if its word cannot
+    /// be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

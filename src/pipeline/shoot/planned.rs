@@ -96,7 +96,7 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     if light.letters_wrgb.is_empty() {
         return plan;
     }
-    // Commands precede the light, so that a row gets its lit letter's color.
+    // Commands precede the light, so that a row has the color of the letter that it lights.
     let letters = noctograph_plan::light_letters(&plan);
     let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
     for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
@@ -300,7 +300,7 @@ mod tests {
         assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
     }
 
-    /// In still air, what remains is settling and the change of the sensors' errors.
+    /// In still air, the remaining error is the drone's settling and changes of sensors' errors.
     #[test]
     fn curves_close_within_a_centimeter() {
         for word in ["pool", "Quartz", "2027"] {

@@ -54,7 +54,8 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";
 
-/// Maximum fraction of a lamp's light that may face away from the camera: the end of a stroke.
+/// Maximum fraction of a lamp's light that may face away from the camera, which allows for the end
+/// of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
 /// Maximum length of a continuous path, in cap heights, along which a lamp may face away. The check
@@ -213,8 +214,7 @@ pub(super) fn exposure_obstacle(photo: &Photo, camera: &Camera) -> Option<Diagno
                     ({photo.ambient_cd_m2})";
         return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
-    // `brightest` and `median` are the levels that the brightest pixels and half of all pixels
-    // reach.
+    // `brightest` and `median` are the levels that the brightest and half of all pixels reach.
     let [brightest, median] = [BRIGHTEST_FRAC, 0.5]
         .map(|frac| (0..256).rev().find(|level| at_least_frac[*level] >= frac).unwrap_or(0));
     let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";

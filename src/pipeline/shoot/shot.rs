@@ -70,7 +70,8 @@ impl Shot {
 
     /// Calls `put` with the name and the contents of each file: the photo (PNG), and the flight and
     /// the plan of each drone, numbered if there are several. `put` writes a file and returns its
-    /// SHA-256. Returns names and digests of flights and plans, for the scene next to them.
+    /// SHA-256. Returns the names and digests of flights and plans, which belong in the scene next
+    /// to them.
     ///
     /// # Errors
     ///
@@ -188,7 +189,7 @@ impl Shoot {
         known_digests: &OnceLock<Vec<String>>,
     ) -> Result<Option<Vec<u8>>> {
         let Some(format) = self.format else { return Ok(None) };
-        // The scene does not contain the strokes of a user's filebut the photo has their digest.
+        // The scene does not contain the strokes of a user's file, but the photo has their digest.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         let shown = Shown {
@@ -234,7 +235,7 @@ fn add_exposure_problem(
         if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
             verdict.refuse(Reason::NoLight);
         }
-        // An earlier obstacle is the cause of a missing trail, so that it stays first.
+        // An obstacle found earlier causes the missing trail, so that it stays first.
         let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
         problems.insert(usize::from(is_hidden), exposed);
     }

@@ -11,7 +11,7 @@ use noctograph_plan::Plan;
 
 /// Minimum change of size, as a fraction, at which the scene's word is rescaled to the plans.
 const OTHER_SIZE: f64 = 0.02;
-/// Maximum error of the shorter side of the same word, as a fraction of the longer side.
+/// Maximum error of the shorter side for equal words, as a fraction of the longer side.
 const SAME_SHAPE: f64 = 0.05;
 
 /// Returns the scene and its strokes with the size and the baseline of plans of the same word,
@@ -31,7 +31,7 @@ pub(super) fn fit_to_plans(
         lit_m.extend(lit.flat_map(|(pair, _)| [pair[0].position_m, pair[1].position_m]));
     }
     let plan_m = bounds(lit_m.into_iter().map(|point_m| [point_m.x, point_m.z]));
-    // The longer side determines the scale. If the other side disagrees, the word is another.
+    // The longer side determines the scale. If the other disagrees, the plans are of another word.
     let [[width_m, height_m], [plan_width_m, plan_height_m]] =
         [word_m, plan_m].map(|[left, bottom, right, top]| [right - left, top - bottom]);
     let (size_m, scale) = if width_m > height_m {

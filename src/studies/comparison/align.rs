@@ -6,8 +6,7 @@ use noctograph_plan::tracking::{DesignPath, minimize, spread_m2};
 
 /// Time step of the comparison: the shortest interval at which setpoints usually arrive by radio.
 const STEP_S: f64 = 0.02;
-/// Maximum time between the designs' first moves after alignment, to allow for lost packets and
-/// waiting.
+/// Maximum time between the designs' first moves after alignment, for lost packets and waiting.
 const MAX_APART_S: f64 = 3.0;
 /// Maximum mean square difference (m² per axis) of designs whose clocks are equal, given that files
 /// are rounded to 1e-6 m.

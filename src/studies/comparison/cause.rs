@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::{FlightSample, mean};
 use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 
-/// Time over which noise averages out but an error of the path does not, which is that of a 0.1 m
-/// stroke.
+/// Time over which noise averages out but an error of the path does not, because a stroke of 0.1 m
+/// takes this long.
 const SMOOTH_S: f64 = 0.5;
 
 /// Maximum scale error of a positioning system. If the difference is larger, B flies another path.
@@ -88,8 +88,8 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
     let lag_s = minimize(range_s, |s| cost(&a, pairs, s));
-    // If the flights rest, all shifts have the same cost. A shift at an end of the range is no
-    // minimum.
+    // If the flights rest, all shifts have the same cost. A shift at an end of the search range is
+    // not a minimum.
     let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
     let lag_s = if is_best { lag_s } else { 0.0 };
     let moved = pairs.iter().zip(shifted(&a, pairs, lag_s));
@@ -142,7 +142,8 @@ mod tests {
 
     #[test]
     fn each_cause_is_found_with_its_amount() {
-        // The longer lags last for whole strokes, where a delay differs from a shift in position.
+        // The longer lags last for whole strokes, during which a delay differs from a shift in
+        // position.
         for (late_s, within_s, least) in [
             (0.1, 1e-3, 0.99),
             (0.3, 2e-3, 0.97),

@@ -73,7 +73,7 @@ pub(super) fn place(
         return Ok((offset_s, None));
     };
     let mut best_s = offset_s;
-    // The clock cannot be aligned well with a path in another frameand is aligned again for each
+    // The clock cannot be aligned well with a path in another frame, and is aligned again for each
     // rotation.
     for step in 1..TURNS {
         if best.left_m <= 0.5 * MAX_RESIDUAL_M {
@@ -89,7 +89,7 @@ pub(super) fn place(
             best_s = offset_s;
         }
     }
-    // The clock was aligned with a coarse rotationand is aligned once more now.
+    // The clock was aligned with a coarse rotation, and is aligned once more now.
     let again_s = clock(&best.placed(b))?;
     let further = fit_at([a, b], options, again_s)?;
     if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {

@@ -58,13 +58,14 @@ impl Default for ComparisonOptions {
 /// Alignment of the clock of flight B with that of flight A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alignment {
-    /// By the best agreement of the designs. If one design is held between setpoints and the other
-    /// is not, the error is half the time between two setpoints.
+    /// Alignment by the best agreement of the designs. If one design is held between setpoints and
+    /// the other is not, the error is half the time between two setpoints.
     Design,
-    /// By the best agreement of the flown positions in the air. This alignment is for a log whose
-    /// setpoints are ahead of its design, such as those computed by inverting the position loop.
+    /// Alignment by the best agreement of the flown positions in the air. This alignment is for a
+    /// log whose setpoints are ahead of its design, such as those computed by inverting the
+    /// position loop.
     Flown,
-    /// By adding these seconds to B's times.
+    /// Alignment by adding these seconds to B's times.
     Offset(f64),
 }
 

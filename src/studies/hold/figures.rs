@@ -16,8 +16,7 @@ const FROM_S: f64 = 5.0;
 const EVENT_S: f64 = 0.5;
 /// Maximum number of runs of a scenario.
 const MAX_RUNS: f64 = 1e4;
-/// Range of the mean of squared error over variance for a consistent state: σ is at most 20 %
-/// wrong.
+/// Range of the mean of squared error over variance if a state's σ is at most 20 % wrong.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
 /// Figures of a scenario over all of its flights. Root mean squares are over time and flights.
@@ -56,8 +55,7 @@ pub struct Consistency {
     /// Name of the state.
     pub state: &'static str,
     /// Mean of the squared error over its variance, over time and flights, with its 95 % interval.
-    /// The mean is 1 if the filter's covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section
-    /// 5.4).
+    /// The mean is 1 if the covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
     pub error: Estimate,
     /// Class of the mean.
     pub verdict: HoldVerdict,
@@ -191,7 +189,7 @@ impl FlightMeans {
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
-        // Consistency is evaluated away from eventswhere the filter's model is wrong on purpose.
+        // Consistency is evaluated away from events, where the filter's model is wrong on purpose.
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
@@ -286,7 +284,7 @@ mod tests {
         for (index, Consistency { state, error, .. }) in figures.states.iter().enumerate() {
             let what = format!("{}, {}, {state}: {error:?}", figures.model, figures.scenario);
             assert!(error.low <= most, "{what}");
-            // The floor is flat and the barometer hardly driftswhich the filter does not assume.
+            // The floor is flat and the barometer hardly drifts, which the filter does not assume.
             assert!(index >= 4 || error.high >= least, "{what}");
         }
     }
@@ -298,7 +296,7 @@ mod tests {
             let figures = figures(HoldModel::Full, *scenario, 12);
             assert_consistent(&figures);
             let Some(bounds) = figures.bounds else { continue };
-            // The limits are a seventh looser, because there are fewer flights.
+            // The limits, made for more flights, are a seventh looser.
             assert!(figures.estimate_m.value < 1.15 * bounds.estimate_m, "{figures:?}");
             assert!(figures.hold_m.value < 1.15 * bounds.hold_m, "{figures:?}");
             assert!((0.92..=0.99).contains(&figures.inside), "{figures:?}");

@@ -4,7 +4,8 @@
 //! and with a drifting barometer. The relation between throttle τ and lift is unknown and changes
 //! with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
 //! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] keeps the altitude constant with
-//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: scalar and full.
+//! these estimates in several [`HoldScenario`]s. There are two [`HoldModel`]s: a scalar one and the
+//! full simulator.
 //!
 //! Limits of the filter: while the throttle is constant, α⁰ and α¹ are not separately observable
 //! (rank 5 of 6, and 4 while the satellites are silent). Only the hover throttle −α⁰/α¹ is
@@ -145,8 +146,7 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the height sensor stepped for at least two
-    /// samples.
+    /// Returns the times at which the floor below the sensor stepped, for two samples or more.
     pub fn events_s(&self) -> Vec<f64> {
         // State 4 is the height sensor's bias, which equals minus the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);
@@ -212,8 +212,7 @@ mod tests {
             let flight =
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
-            // The error grows at once to the bound that the ranger sets over a known floor, and
-            // stays there.
+            // The error grows at once to the bound set by the ranger over a known floor, and stays.
             let [before_m, first_m, later_m @ .., after_m] =
                 [19.9, 20.1, 20.5, 22.0, 25.0, 29.9, 31.1].map(|time_s| {
                     let mut samples = flight.samples.iter();

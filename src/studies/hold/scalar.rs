@@ -35,8 +35,7 @@ pub(super) fn hold(
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(TRUTH_HZ);
         if tick.is_multiple_of(TRUTH_HZ / SAMPLES_HZ) {
-            // The filter's time update is followed by a measurement update for each sensor on
-            // board.
+            // The time update is followed by a measurement update for each sensor on board.
             if tick > 0 {
                 filter.predict(throttle, 1.0 / f64::from(SAMPLES_HZ));
             }

@@ -42,7 +42,7 @@ settings! {
         "drain" => Drain,
         /// The air pressure drifts by 2 cm/s of altitude.
         "drift" => Drift,
-        /// The table appears and the satellites are silentand only the barometer shows it.
+        /// The table appears and the satellites are silent, and only the barometer shows it.
         "step-silent" => StepSilent,
     }
 }

@@ -1,4 +1,5 @@
-//! Draws the bound of position estimates as SVG: strokes colored by it, and the room from above.
+//! Draws the bound of position estimates as SVG: strokes colored by the bound, and the room from
+//! above.
 
 use std::ops::Range;
 
@@ -84,8 +85,8 @@ fn label(canvas: &mut Canvas, left: Point, text: &str) {
     canvas.text(text, left, Anchor::Start, CAP_PX, [0; 3]);
 }
 
-/// Draws a drone's path from the front, with lit strokes in the color of their bound, and other
-/// lines thin.
+/// Draws a drone's path from the front, with lit strokes in the color of their bound, and the rest
+/// as a thin line.
 fn draw_strokes(
     canvas: &mut Canvas,
     front: &Window,
@@ -122,7 +123,8 @@ fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones:
         let n_hear = uwb.heard.iter().filter(|heard| heard.contains(&index)).count();
         let is_heard_by_all = uwb.heard.is_empty() || n_hear == n_drones;
         let by = if is_heard_by_all { "all".to_owned() } else { n_hear.to_string() };
-        // Labels of anchors within 80 pixels, such as on one pole, are placed one below the other.
+        // Labels of anchors within 80 pixels of each other, such as those on one pole, are placed
+        // one below the other.
         let line = drawn.iter().filter(|other| (**other - center).hypot2() < 80.0 * 80.0).count();
         let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
         canvas.dot(center, 6.0, BLUE);

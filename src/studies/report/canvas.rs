@@ -18,7 +18,7 @@ pub(super) type Rgb = [u8; 3];
 /// Height of capitals relative to the font size.
 pub(super) const CAP_RATIO: f64 = 0.7;
 
-/// Width of the strokes of text, and the space between charactersrelative to the cap height.
+/// Width of the strokes of text, and the space between characters, relative to the cap height.
 const STROKE_RATIO: f64 = 0.12;
 const SPACE_RATIO: f64 = 0.25;
 
@@ -132,7 +132,7 @@ impl Canvas {
         self.line(corners.map(Point::from), pen);
     }
 
-    /// Draws a rectangle without antialiasingwhich would leave gaps between neighbors.
+    /// Draws a rectangle without antialiasing, which would leave gaps between neighbors.
     pub(super) fn cell(&mut self, rect: Rect, color: Rgb) {
         let (Rect { x0, y0, .. }, width, height) = (rect, rect.width(), rect.height());
         self.0 += &format!(

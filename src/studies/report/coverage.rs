@@ -155,7 +155,8 @@ impl<'a> Map<'a> {
     }
 }
 
-/// Returns the outer edges of the cells from `first` to `last`midway to their neighbors.
+/// Returns the outer edges of the cells from `first` to `last`, which are midway to their
+/// neighbors.
 fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
     [(first.saturating_sub(1), first), (last, (last + 1).min(places_m.len() - 1))]
         .map(|(i, j)| 0.5 * (places_m[i] + places_m[j]))

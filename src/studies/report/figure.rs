@@ -19,7 +19,8 @@ const HEAD_PX: f64 = 72.0;
 /// Height of a row of the legend, and width of its line samples.
 const LEGEND_ROW_PX: f64 = 18.0;
 const LEGEND_LINE_PX: f64 = 28.0;
-/// Height of the space below each panel, and additionally below the last one for its axis's name.
+/// Height of the space below each panel, and of the additional space below the last one for the
+/// name of its axis.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
 /// Font sizes of numbers, names, titles and marks, and the height reserved for a mark.
 const NUMBER_EM_PX: f64 = 11.3;
@@ -228,7 +229,8 @@ impl Panel {
         for mark in &self.marks {
             let point = self.px(mark.place);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
-            // Places are in rows above and below the point: right, left and centered.
+            // Places are in rows above and below the point: to its right, to its left, and
+            // centered.
             let mut places = Vec::new();
             for row in 1..=6 {
                 let row_px = f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX;
@@ -251,7 +253,7 @@ impl Panel {
         taken
     }
 
-    /// Returns points on all curves, at most [`STEP_PX`] apartin pixels within the panel.
+    /// Returns points on all curves, at most [`STEP_PX`] apart, in pixels within the panel.
     fn drawn_px(&self) -> Vec<Point> {
         // Each line segment is divided into equal steps.
         let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
@@ -288,8 +290,7 @@ fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f6
     canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
-/// Returns the range from the smallest to the largest value. Without values its start is after its
-/// end.
+/// Returns the range from smallest to largest value. Without values its start is after its end.
 pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let empty = f64::INFINITY..f64::NEG_INFINITY;
     values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))

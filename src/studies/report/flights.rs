@@ -20,8 +20,7 @@ pub struct NamedFlight {
 
 /// Maximum time between two samples that a line connects.
 const LONGEST_LINE_S: f64 = 0.2;
-/// Minimum height of a panel with equal scales on both axes, and height to which a tall flight is
-/// fitted.
+/// Minimum height of a panel with equal scales on both axes, to which a tall flight is fitted.
 const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);

@@ -121,7 +121,7 @@ impl Page {
     }
 
     /// Appends paths in space that rotate under the pointer. Points are in millimeters, with true
-    /// if lit.
+    /// if they are lit.
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
         let paths = paths_mm.iter().map(|path| {
             path.iter().map(|([x, y, z], lit)| [*x, *y, *z, i32::from(*lit)]).collect()

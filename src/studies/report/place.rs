@@ -12,7 +12,8 @@ use noctograph_pipeline::shoot::Shot;
 const SIDE_PX: f64 = 560.0;
 const MARGIN_PX: f64 = 56.0;
 const CAP_PX: f64 = 9.0;
-/// Distance between camera and audience if no room is known: space for the photographer.
+/// Assumed distance between camera and audience if no room is known, which leaves space for the
+/// photographer.
 const AUDIENCE_M: f64 = 1.0;
 const GRAY: Rgb = [150; 3];
 const WORD: Rgb = [230, 159, 0];
@@ -130,7 +131,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws numbered grid lines every meter, or every 10 or 100 m in a large room. The lines at 0 are
+/// Draws numbered grid lines every meter, or every 10 or 100 m in a large room. Lines at 0 are
 /// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;

@@ -16,7 +16,7 @@ const LIT_PX: f64 = 4.5;
 const DARK: Pen = Pen::new([120, 120, 120], 1.5);
 /// Length of a dash of a dark path, including the gap after it.
 const DASH_M: f64 = 0.03;
-/// Maximum number of strokes whose times are written next to them. More would be illegible.
+/// Maximum number of strokes whose times are written next to them. More times would be illegible.
 const MOST_TIMES: usize = 80;
 
 /// Returns an SVG of a word's plans from the front. Lit strokes are colored by speed, dark paths

@@ -7,8 +7,7 @@ use crate::{Acuity, Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Roboto Thin (Apache 2.0, see fonts/README.md). The capitals of this font align with pixels at
-/// this size.
+/// Roboto Thin (Apache 2.0, see fonts/README.md), whose capitals align with pixels at this size.
 const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
 /// Font size of the text.
 const TEXT_PX: f32 = 22.0;
@@ -102,7 +101,7 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
 
 /// Lays out rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The width is the widest row's. The height is that of all rows with two lines of text each.
+    // The width is that of the widest row, the height that of all rows with two lines of text.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });
@@ -157,7 +156,7 @@ fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
             let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
             let index = 3 * (y * width + x);
             if x < width && index + 3 <= sheet.rgb8.len() {
-                // Thin strokes cover only half a pixel and are drawn with twice the contrast.
+                // Thin strokes, which cover half a pixel, are drawn with twice the contrast.
                 let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
                 #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
                 sheet.rgb8[index..index + 3].fill((f32::from(GROUND) + ink) as u8);

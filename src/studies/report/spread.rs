@@ -59,7 +59,7 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let panels = error_panels(&time_s, 0.02, |axis| {
         let bands = [(all, ALL), (within, WITHIN)].map(|(band, pen)| {
             let last = last.min(band.time_s.len() - 1);
-            // The outline runs along the lower end, back along the upper end, and closes.
+            // The outline runs along the lower end, and back along the upper end to the beginning.
             let (low, high) = ((first..=last).map(|i| (i, 0)), (first..=last).map(|i| (i, 2)));
             let around = low.chain(high.rev()).chain([(first, 0)]);
             let points = around
