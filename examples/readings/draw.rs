@@ -16,9 +16,10 @@ use noctograph::scene::Scene;
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Judging, Recording, Shoot};
 
-/// Faults of a flight, followed by the faults of a photograph.
+/// Faults that spoil a flight.
 const FLIGHT_FAULTS: [&str; 8] =
     ["wander", "lag", "late lamps", "missing run", "drift", "spacing", "mixture", "slow drone"];
+/// Faults that spoil a photograph of a flight.
 const CAMERA_FAULTS: [&str; 6] = ["blur", "resolution", "exposure", "aside", "shutter", "room"];
 
 /// Sizes of pictures in pixels, in increasing order.

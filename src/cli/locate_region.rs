@@ -10,12 +10,15 @@ use crate::scene::Scene;
 use crate::shoot::Shoot;
 use serde_json::json;
 
-/// Start errors of the tables, in m, followed by the observer gains and the observation times.
+/// Start errors of the table of convergence, in m.
 const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+/// Observer gains of the table of convergence.
 const GAINS: [f64; 3] = [0.003, 0.03, 0.3];
+/// Observation times of the table of observability, in s.
 const SPANS_S: [f64; 4] = [0.0, 1.0, 3.0, 20.0];
-/// Simulated time in s, followed by the number of starts for each start error.
+/// Simulated time, in s.
 const MAP_S: f64 = 64.0;
+/// Number of random starts for each start error.
 const STARTS: u32 = 40;
 
 /// Reports the region of convergence and the observability along the scene's word.

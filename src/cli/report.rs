@@ -28,15 +28,17 @@ pub(super) struct ReportArgs {
 /// Limit on the size of a drawing or a table.
 const LIMIT: Limit =
     Limit { bytes: 8 << 20, what: "a drawing or table", hint: "take it out of the folder" };
-/// Maximum number of files in a page, followed by the maximum number of rows of a table.
+/// Maximum number of files in a page.
 const MAX_FILES: usize = 40;
+/// Maximum number of rows of a table in a page.
 const MAX_ROWS: usize = 60;
 /// Number of columns from which a table with fewer rows than columns is transposed.
 const MAX_COLUMNS: usize = 8;
 /// Size in bytes of the largest table that a page shows. Tables of flights are larger.
 const MAX_TABLE_BYTES: u64 = 200_000;
-/// Longest side of a photo in the page in pixels, followed by its JPEG quality.
+/// Longest side of a photo in the page, in pixels.
 const MAX_PX: u32 = 1920;
+/// JPEG quality of a photo in the page, out of 100.
 const QUALITY: u8 = 82;
 
 pub(super) fn run(args: &ReportArgs) -> Result<Report> {

@@ -14,10 +14,11 @@ const FOLDERS: &[&str] = if cfg!(windows) {
     &["/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts"]
 };
 
-/// Maximum depth of folders, followed by the maximum number of files and of bytes of all files
-/// together.
+/// Maximum depth of folders in the search.
 const DEEPEST: usize = 5;
+/// Maximum number of files in the search.
 const MAX_FILES: usize = 2000;
+/// Maximum number of bytes of all files together.
 const MAX_BYTES: usize = 1 << 30;
 
 /// Limit on the size of a file that is read.

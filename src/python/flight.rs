@@ -44,7 +44,7 @@ use noctograph::sim::Session;
 ///     about y, then roll about x: the angles that ROS and PyBullet call roll, pitch, yaw and give in the opposite
 ///     order (``rpy[:, ::-1]``). `attitude_rad` computes them from quaternions.
 /// design_m : numpy.ndarray, optional
-///     Planned position in m, shape (N, 3). Without it there is no tracking error. Without a word in
+///     Planned position in m, shape (N, 3). Without a design there is no tracking error. Without a word in
 ///     the scene, the camera frames the design where there is light, or else what was flown.
 ///
 /// Notes

@@ -32,13 +32,15 @@ const DAMAGED: usize = 256 << 20;
 /// Maximum memory, in bytes, to read a file as large as its reader accepts, or a word of up to 256
 /// letters, whose photo is read blind twice and scored once.
 const GROWN: usize = 300_000_000;
-/// Default number of grown files for each reader, followed by their maximum size in bytes.
+/// Default number of grown files for each reader.
 const GROWN_CASES: u64 = 16;
+/// Maximum size of a grown file by default, in bytes.
 const GROWN_BYTES: usize = 1 << 20;
-/// Default number of damaged files for each reader, followed by that for readers that take
-/// milliseconds.
+/// Default number of damaged files for each fast reader.
 const DAMAGED_CASES: u64 = 3000;
+/// Default number of damaged files for each reader that takes milliseconds.
 const SLOW_CASES: u64 = 200;
+/// Names of the readers that take milliseconds per file.
 const SLOW: [&str; 3] = ["typeface", "svg", "picture"];
 /// Time after which a case counts as endless.
 const ENDLESS: Duration = Duration::from_secs(120);

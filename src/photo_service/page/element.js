@@ -1,6 +1,6 @@
-// <noctograph-photo word="NOOR">: a photograph with its verdict in a page of one's own, made by the
-// reader's browser once it is seen. `set` has keys of the scene: set="controller.kind=pid;
-// preset=cf-brushless". It speaks the language of its page.
+// <noctograph-photo word="NOOR"> shows a photograph with its verdict in any page. The reader's browser
+// makes it when it becomes visible. `set` contains keys of the scene: set="controller.kind=pid;
+// preset=cf-brushless". The texts are in the language of the page.
 
 import { make } from "./maker.js";
 import { LANGUAGES, worded, wordsOf } from "./words.js";
@@ -15,13 +15,13 @@ const STYLE = `
   a { color: inherit; }
 `;
 
-/** What is read before the words are there, or where they cannot be loaded. */
+/** Texts that are shown until the words are loaded, or if they cannot be loaded. */
 const BARE = { "element-none": "No photograph here: put the folder beside your page." };
 
 class NoctographPhoto extends HTMLElement {
   static observedAttributes = ["word", "set", "aspect"];
   #ends = new AbortController();
-  /** Begins when it is about to be seen. */
+  /** Starts when the element is about to become visible. */
   #sight = new IntersectionObserver(
     ([{ isIntersecting }]) => {
       if (!isIntersecting) return;
@@ -55,7 +55,7 @@ class NoctographPhoto extends HTMLElement {
     return Number(this.getAttribute("aspect")) || 16 / 9;
   }
 
-  /** What the lamp will write, until the photograph is there. Returns its place and its caption. */
+  /** Shows the outlines until the photograph is ready. Returns its place and its caption. */
   #plan() {
     const word = this.getAttribute("word") ?? "";
     const caption = document.createElement("figcaption");
@@ -108,16 +108,16 @@ class NoctographPhoto extends HTMLElement {
 
 /** @typedef {(key: string, values?: Record<string, string | number>) => string} Say */
 
-/** What is read. @param {any} verdict @param {string} word @param {Say} t */
+/** Returns the reading as a sentence. @param {any} verdict @param {string} word @param {Say} t */
 function read(verdict, word, t) {
   if (!verdict) return "";
   if (verdict.legible) return t("reads", { read: verdict.read });
-  // A question mark stands for light that is no letter.
+  // A question mark stands for light that is not a letter.
   const isUnsure = verdict.read === word || !verdict.read || verdict.read.includes("?");
   return isUnsure ? t("unreadable-nothing") : t("unreadable", { read: verdict.read });
 }
 
-/** Phrases in the language of an element. @param {Element} element @returns {Promise<Say>} */
+/** Loads the phrases in the language of an element. @param {Element} element @returns {Promise<Say>} */
 async function phrases(element) {
   const said = element.closest("[lang]")?.getAttribute("lang")?.slice(0, 2) ?? "en";
   const code = said in LANGUAGES ? said : "en";

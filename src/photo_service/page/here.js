@@ -1,9 +1,9 @@
-// The page's requests, answered in this browser.
+// Answers the page's requests in this browser.
 
 import { answeredBy } from "./ask.js";
 import { beginWith, make, prepare, ready } from "./maker.js";
 
-/** What a page asks a server for and can make itself. */
+/** Requests to a server that a page can answer itself. */
 const MADE = ["live", "photos", "script"];
 
 /** @param {number} done */
@@ -13,7 +13,7 @@ function tellStage(done) {
 }
 
 /**
- * Answers a request as a server would; rejected where this browser cannot.
+ * Answers a request like a server. Rejects if this browser cannot.
  * @param {string} kind @param {RequestInit} init
  */
 async function answered(kind, { body, signal }) {
@@ -29,18 +29,18 @@ async function answered(kind, { body, signal }) {
 }
 
 /**
- * Has the page's photographs made here. Until the module is there, a server makes them. Where this
- * browser cannot, `instead` answers from then on.
- * @param {string} scene the text of the scene that the page begins with
+ * Makes the page's photographs here. Until the module is loaded, a server makes them. If this
+ * browser cannot make them, `instead` answers from then on.
+ * @param {string} scene the text of the scene from which the page starts
  * @param {(route: string, init: RequestInit) => Promise<Response>} instead
  */
 export function makeHere(scene, instead) {
   if (scene) beginWith(scene);
   let can = true;
   try {
-    // Compiled while one looks at the page.
+    // The module compiles in the background.
     prepare((share) => {
-      // A page without a server says so with its first request.
+      // A page without a server reports this at its first request.
       if (share >= 0) tellStage(share);
       else can = !scene;
     });

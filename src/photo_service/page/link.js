@@ -4,12 +4,12 @@
 import { change, fresh, origin, state, take, watch } from "./state.js";
 import { seen } from "./sketch.js";
 
-/** What makes a photograph, beside the word. */
+/** Settings of a photograph, in addition to the word. */
 const PARTS = /** @type {const} */ ([
   "color", "painted", "lamp", "room", "body", "pace", "seed", "settings", "sketch", "aspect",
 ]);
 
-/** What a link says of the wish, in a shape (width / height). */
+/** Returns the settings for a link, with the aspect (width / height). */
 function parts(/** @type {number} */ aspect) {
   const strokes = seen(state.sketch);
   const sketch = { ...state.sketch, strokes, states: [strokes.map(({ id }) => id)], now: 0 };
@@ -22,10 +22,10 @@ function parts(/** @type {number} */ aspect) {
   return `${all}`;
 }
 
-/** What the address says; "" where it says nothing. */
+/** Returns the settings in the address, or "" if there are none. */
 let said = "";
 
-/** Puts the link of what is wished into the address, and returns it. */
+/** Puts the link of the current settings into the address, and returns it. */
 export function putLink(/** @type {number} */ aspect) {
   state.aspect = aspect;
   said = parts(aspect);
@@ -33,7 +33,7 @@ export function putLink(/** @type {number} */ aspect) {
   return location.href;
 }
 
-/** Opens what the address says, if it says something. What is none of ours is left out, and said. */
+/** Applies the settings in the address, if any. Unknown settings are left out with a message. */
 export function openLink() {
   const all = new URLSearchParams(location.hash.slice(1));
   if (!all.has("word")) return;
@@ -58,7 +58,7 @@ export function openLink() {
   said = parts(state.aspect);
 }
 
-// What is changed is no longer what the address says, and takes the shape of this screen.
+// After a change the address is outdated, and the photograph takes the shape of this screen.
 watch(() => {
   if (!said || said === parts(state.aspect)) return;
   said = "";

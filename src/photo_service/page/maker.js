@@ -1,15 +1,15 @@
-// Photographs that this browser makes itself: a worker makes them, one after another.
+// Makes photographs in this browser with a worker, one after another.
 
 /**
  * @typedef {object} Job
  * @property {string} kind "about", "live", "photos" or "script"
  * @property {string} body
  * @property {AbortSignal} [signal]
- * @property {(done: number) => void} [tell] receives the share that is done
+ * @property {(done: number) => void} [tell] receives the fraction that is done
  * @property {(answer: any) => void} resolve
  * @property {(error: unknown) => void} reject
  */
-/** The text of the scene that the page begins with; "": the default. */
+/** The text of the scene from which the page starts, or "" for the default. */
 let base = "";
 /** @type {Job[]} */
 const waiting = [];
@@ -21,7 +21,7 @@ let isReady = false;
 /** @type {(share: number) => void} */
 let tellLoad = () => {};
 
-/** The address of the worker. A page of another origin starts none from here, but its own that loads it. */
+/** The address of the worker. A page of another origin needs its own worker to load it. */
 function source() {
   const url = new URL("worker.js", import.meta.url);
   if (url.origin === location.origin) return url;
@@ -31,14 +31,14 @@ function source() {
 function start() {
   const started = new Worker(source(), { type: "module" });
   started.onmessage = ({ data: { loaded, done, answer, memory, broken } }) => {
-    // One that was ended answers nothing that is asked now.
+    // A worker that was ended must not answer a new request.
     if (worker !== started) return;
     if (loaded !== undefined) {
       isReady = loaded === 2;
       return tellLoad(isReady ? 0 : loaded);
     }
     if (done !== undefined) return running?.tell?.(done);
-    // What a fault leaves behind in the module's memory is gone with its worker.
+    // A faulty worker is replaced, because its memory may be corrupt.
     if (broken !== undefined) end();
     if (memory) document.documentElement.dataset.memory = memory;
     if (broken === undefined) running?.resolve(answer);
@@ -67,7 +67,7 @@ function next() {
     worker ??= start();
     worker.postMessage({ kind: running.kind, body: running.body });
   } catch (error) {
-    // A browser that has no worker for this page.
+    // The browser cannot start a worker for this page.
     running.reject(error);
     running = null;
   }
@@ -75,19 +75,19 @@ function next() {
 
 /**
  * Loads and compiles the module before it is wanted.
- * @param {typeof tellLoad} tell receives the share that is loaded; 0 at the end, and -1 where it cannot be
+ * @param {typeof tellLoad} tell receives the fraction that is loaded, 0 at the end, and -1 if it cannot be loaded
  */
 export function prepare(tell) {
   tellLoad = tell;
   worker ??= start();
 }
 
-/** Whether the module can begin at once. */
+/** Returns true if the module can start immediately. */
 export const ready = () => isReady;
 
 /**
- * Has something made. One that nobody wants any more is not begun; a photograph of a keystroke that
- * is being made is soon done, anything larger is ended.
+ * Makes a product. An abandoned request is not started. A running photograph of a keystroke is
+ * finished, because it takes little time, and a larger job is ended.
  * @param {string} kind
  * @param {string} [body] a request as JSON
  * @param {{ signal?: AbortSignal, tell?: (done: number) => void }} [options]
@@ -111,7 +111,7 @@ export function make(kind, body = "", { signal, tell } = {}) {
   });
 }
 
-/** Takes the scene that the page begins with, as the text of its file. @param {string} scene */
+/** Sets the scene from which the page starts, as the text of its file. @param {string} scene */
 export function beginWith(scene) {
   base = scene;
   worker?.postMessage({ kind: "base", body: base });

@@ -1,11 +1,11 @@
-// Keeps the page for use without a network: all of its files, in the version that was built. An open
-// page keeps its version to the end: the next one begins when the page is loaded again.
+// Stores all files of the page in the version that was built, for use without a network. An open page
+// keeps its version until it is loaded again.
 
 const VERSION = "@VERSION@";
 const FILES = "@FILES@".split(" ");
 
 addEventListener("install", (event) => {
-  // Past the browser's cache, which may hold files of the version before.
+  // The browser's cache is bypassed, because it may contain files of the previous version.
   const all = FILES.map((file) => new Request(file, { cache: "reload" }));
   event.waitUntil(caches.open(VERSION).then((cache) => cache.addAll(all)));
 });
@@ -14,7 +14,7 @@ addEventListener("activate", (event) => {
   const outdated = async () => {
     const names = (await caches.keys()).filter((name) => name.startsWith("noctograph-") && name !== VERSION);
     for (const name of names) await caches.delete(name);
-    // The first page of all is of this version; any other one is served from when it is loaded again.
+    // The first page has this version. Any other page is served when it is loaded again.
     if (!names.length) await clients.claim();
   };
   event.waitUntil(outdated());
@@ -32,7 +32,7 @@ addEventListener("fetch", (event) => {
 
 /** @param {Request} request */
 async function answered(request) {
-  // The only open page is loaded again: the next version begins, and answers.
+  // If the only open page is loaded again, the next version takes over and answers.
   if (request.mode === "navigate" && registration.waiting && (await clients.matchAll()).length < 2) {
     registration.waiting.postMessage("begin");
     return new Response("", { headers: { Refresh: "0" } });

@@ -1,19 +1,19 @@
-// The worker of a page without a server: it holds the module, and makes one photograph at a time.
+// The worker of a page without a server, which runs the module and makes one photograph at a time.
 
 /** @type {(stage: number, share: number) => void} */
 let tell = () => {};
 const page = { progress: (/** @type {number} */ stage, /** @type {number} */ share) => tell(stage, share) };
 
-/** About what the module has, where a host does not say it. */
+/** Approximate size of the module, if the host does not send it. */
 const MODULE_BYTES = 2_600_000;
 
 const ready = (async () => {
   const response = await fetch(new URL("noctograph.wasm.gz", import.meta.url));
   if (!response.ok || !response.body) throw new Error(`noctograph.wasm.gz: ${response.status}`);
   const { first, stream } = await counted(response.body, Number(response.headers.get("Content-Length")) || MODULE_BYTES);
-  // Compressed, since not every host compresses what it sends; some say so, and it is unpacked.
+  // The file is compressed, because not every host compresses. The browser unpacks it if the host says so.
   const module = first === 0x1f ? stream.pipeThrough(new DecompressionStream("gzip")) : stream;
-  // Compiled while it arrives.
+  // The module is compiled while it arrives.
   const source = new Response(module, { headers: { "Content-Type": "application/wasm" } });
   const { instance } = await WebAssembly.instantiateStreaming(source, { page });
   postMessage({ loaded: 2 });
@@ -21,7 +21,7 @@ const ready = (async () => {
 })();
 
 /**
- * A stream whose share that has arrived is told, and its first byte.
+ * Returns a stream that reports the fraction that has arrived, and its first byte.
  * @param {ReadableStream<Uint8Array<ArrayBuffer>>} body @param {number} bytes
  */
 async function counted(body, bytes) {
@@ -44,18 +44,18 @@ async function counted(body, bytes) {
 
 ready.catch(() => postMessage({ loaded: -1 }));
 
-/** Calls a function of the module with a text, and returns how many bytes its answer has. */
+/** Calls a function of the module with a text, and returns the number of bytes of its answer. */
 async function call(/** @type {string} */ kind, /** @type {string} */ body) {
   const module = await ready;
   const request = new TextEncoder().encode(body);
-  // To reserve place may move the memory.
+  // Reserving memory may move the module's memory.
   const place = module.reserve(request.length);
   new Uint8Array(module.memory.buffer, place, request.length).set(request);
   return { module, length: module[kind]() };
 }
 
 addEventListener("message", async ({ data: { kind, body } }) => {
-  // Where there is no module, the first job says so.
+  // If there is no module, the first job reports this.
   if (kind === "base") return call(kind, body).catch(() => {});
   try {
     let told = -1;

@@ -2,19 +2,19 @@
 
 /** Facts for the pages of visitors and of the operator. */
 interface About extends Host {
-  /** True if the page has no server. */
+  /** True if the page works without a server. */
   alone?: boolean;
-  /** True on the host's machine. */
+  /** True if the page runs on the host's machine. */
   home: boolean;
-  /** True on a public screen in the hall. */
+  /** True if the page runs on a public screen in the hall. */
   kiosk: boolean;
-  /** True if no entries are accepted at the moment. */
+  /** True if the operator has paused the acceptance of entries. */
   paused: boolean;
-  /** Which photos the wall shows. */
+  /** Rule for which photos the wall shows. */
   wall: WallRule;
   /** Limits of requests. */
   limits: Limits;
-  /** Colors that the page offers. */
+  /** Colors that the page offers for writing. */
   colors: OfferedColor[];
   /** The scene's deck of lights. */
   deck: string;
@@ -34,15 +34,15 @@ interface Advice {
   gain: number | null;
 }
 
-/** The members of a request that its page gets back with the answer. */
+/** The members of a request that the page receives back with the answer. */
 interface Asked {
-  /** The request for a large photo, which is sent again to have the photo flown. */
+  /** Name of the stored request for a large photo, by which the page has the photo flown. */
   id?: string;
   /** Number of the request. */
   number: number | null;
 }
 
-/** The words of a host. */
+/** Texts that the host of an evening provides. */
 interface Brand {
   /** Name of the evening. */
   title: string | null;
@@ -50,7 +50,7 @@ interface Brand {
   sentence: Record<string, string>;
   /** Terms that a visitor accepts by sending a photo, by language. */
   consent: Record<string, string>;
-  /** True if there is a logo. */
+  /** True if the host provides a logo. */
   logo: boolean;
 }
 
@@ -111,9 +111,9 @@ interface DrawnSource {
 
 /** A stroke of a drawing's file. */
 interface DrawnStroke {
-  /** Points: x, y, x, y … */
+  /** Coordinates of the points in the order x, y, x, y … … */
   at: number[];
-  /** Its color by name. */
+  /** Name of the stroke's color. */
   color: string | null;
 }
 
@@ -190,27 +190,27 @@ interface ForVisitor {
 
 /** Facts for the pages of all roles. */
 interface Host {
-  /** The user of the page. */
+  /** Role of the page's user. */
   role: Role;
-  /** Name of this run of the program. */
+  /** Random name of this run of the program. */
   boot: string;
-  /** The host's words. */
+  /** The host's own texts. */
   brand: Brand;
-  /** True if other machines are served, and can reach this machine. */
+  /** True if the server accepts other machines, and they can reach it. */
   network: boolean;
 }
 
-/** Facts about the large photo: the members of `preview --json`, and others for the page. */
+/** Facts about the large photo, which are the members of `preview --json` and further facts for the page. */
 interface LargeFacts extends PhotoFacts, Partial<Verdict> {
   /** The controller that flew. */
   controller: Record<string, any>;
   /** Number of drones. */
   drones: number;
-  /** SHA-256 of the flights. */
+  /** SHA-256 digests of the flights. */
   flight_sha256: string | null;
   /** Changes that make an unreadable word easier to read. */
   remedies: Suggestion[];
-  /** Checks that stop its flight. */
+  /** Checks that stop the flight. */
   stops: Message[];
 }
 
@@ -240,9 +240,9 @@ interface LetterVerdict {
   confusion: Rival[];
 }
 
-/** The path of the light in time. */
+/** The path of the light over time. */
 interface LightMap {
-  /** Seconds of the longest flight. */
+  /** Duration of the longest flight, in s. */
   seconds: number;
   /** Strokes of light in the order of their first times. */
   strokes: MappedStroke[];
@@ -250,35 +250,35 @@ interface LightMap {
 
 /** Limits of a page's requests. */
 interface Limits {
-  /** Greatest number of characters in a word. */
+  /** Maximum number of characters in a word. */
   letters: number;
-  /** Greatest number of bytes in a request. */
+  /** Maximum number of bytes in the body of a request. */
   body_bytes: number;
 }
 
 /** Facts about the photo while a visitor types. */
 interface LiveFacts extends PhotoFacts {
-  /** The drawing. Null for a word. */
+  /** The drawing, or null for a word. */
   source: DrawnSource | null;
-  /** The verdict. Null for a drawing. */
+  /** The verdict, or null for a drawing. */
   verdict: Verdict | null;
 }
 
-/** A stroke of light. */
+/** A stroke of light as the page receives it. */
 interface MappedStroke {
-  /** Points: t in 1/100 s, x and y in 1/10000 of the photo, t, x, y … */
+  /** Points in the order t, x, y, t, x, y …, with t in 1/100 s, and x and y in 1/10000 of the photo. … */
   at: number[];
-  /** Index of the letter. Null in a drawing. */
+  /** Index of the letter that the stroke is part of, or null in a drawing. */
   letter: number | null;
-  /** Color of the light. */
+  /** Color of the light on a screen (sRGB). */
   rgb: [number, number, number];
 }
 
-/** A message. */
+/** A message to a visitor. */
 interface Message {
-  /** Name of the sentence: `word-long`. */
+  /** Name of the sentence, such as `word-long`. */
   key: string;
-  /** Values in the sentence. Their names have units. */
+  /** Values in the sentence, whose names end in their units. */
   values: any;
   /** An English sentence, for a page that lacks the key. */
   text: string;
@@ -296,33 +296,33 @@ interface MissingRun {
   to_mm: number;
 }
 
-/** A color that the page offers, on the screen and for each lamp. */
+/** A color that the page offers, with its values on the screen and for each lamp. */
 interface OfferedColor {
-  /** Its name. */
+  /** Name of the color. */
   name: string;
   /** Red, green and blue on the screen (sRGB). */
   screen: [number, number, number];
-  /** White, red, green and blue for the color deck. */
+  /** Levels of white, red, green and blue for the color LED deck. */
   "color-led": [number, number, number, number];
-  /** White, red, green and blue for the ring. */
+  /** Levels of white, red, green and blue for the LED ring. */
   ring: [number, number, number, number];
 }
 
 /** Facts about a photo of either size. */
 interface PhotoFacts {
-  /** A box for each letter. A drawing has none. */
+  /** Box of each letter, or an empty list for a drawing. */
   boxes: ([number, number, number, number] | null)[];
-  /** Seconds of the longest flight. */
+  /** Duration of the longest flight, in s. */
   flight_s: number;
-  /** Height in pixels. */
+  /** Height of the photo, in pixels. */
   height: number;
   /** Problems that make any word unreadable. */
   obstacles: Message[];
-  /** The path of the light in time. */
+  /** The path of the light over time. */
   replay: LightMap;
-  /** Other problems. */
+  /** Problems that do not make every word unreadable. */
   warnings: Message[];
-  /** Width in pixels. */
+  /** Width of the photo, in pixels. */
   width: number;
 }
 
@@ -367,7 +367,7 @@ interface RivalWord {
   p: number;
 }
 
-/** The user of a page. */
+/** Role of a page's user. */
 type Role = "visitor" | "operator" | "entry";
 
 type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
@@ -376,9 +376,9 @@ type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
 interface Suggestion {
   /** Increase of the probability that the word is read. */
   gain: number;
-  /** The changes in words. */
+  /** Sentence that describes the changes. */
   message: Message;
-  /** The keys with their values. */
+  /** The changed keys with their values. */
   set: Change[];
 }
 
@@ -433,5 +433,5 @@ interface WallPhoto {
   live: boolean;
 }
 
-/** Which photos the wall shows. */
+/** Rule for which photos the wall shows. */
 type WallRule = "approved" | "open";

@@ -1,11 +1,11 @@
-"""The photograph of a drone's light painting before the flight, and whether the word is legible.
+"""Shows the photograph of a drone's light painting before the flight, and judges whether the word is legible.
 
 >>> import noctograph as nc
 >>> nc.preview("NOOR")
 <Shot: 1920 × 1080, NOOR reads as NOOR: legible>
 
-The stages one by one: `Scene` → `plan` → `fly` → `photograph`, whose `Shot` has the verdict. A `Flight`
-made of your own simulator's arrays is photographed like any other.
+The stages are `Scene` → `plan` → `fly` → `photograph`, whose `Shot` contains the verdict. A `Flight` made from
+the arrays of your own simulator is photographed like any other.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Imports the environments on first use, since they need gymnasium."""
+    """Imports the environments on first use, because they need gymnasium."""
     if name in ("Env", "VectorEnv", "sb3_env"):
         from . import learning
 

@@ -1,4 +1,4 @@
-"""Exceptions and warnings of noctograph: they say what was found, where, and what to do."""
+"""Exceptions and warnings of noctograph, which state what was found, where, and what to do."""
 
 import inspect
 import warnings

@@ -1,7 +1,7 @@
-"""The process of one submission: estimates come in, motor commands go out, and nothing else.
+"""The process of one submission, which receives estimates and returns motor commands, and nothing else.
 
-What the system cannot forbid is told to the grader in the first answer. Python itself forbids less than a kernel:
-its audit events are there to name what a submission tried.
+The first answer to the grader lists what the system cannot forbid. Python itself forbids less than a kernel, but its
+audit events tell what a submission tried.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ VECTORS = ("rate_rad_s", "specific_force_m_s2", "position_m")
 #: Audit events that no controller needs, except for files in its own folder and imports.
 NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
 IMPORTS = ("os.listdir", "os.scandir", "os.walk", "os.fwalk", "os.putenv", "os.unsetenv")
-#: Those whose first argument is a file, of its own folder perhaps.
+#: Audit events whose first argument is a file, which may be in the submission's own folder.
 FILES = ("open", "os.chmod", "os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate", "os.utime", "shutil.")
-#: Those that it has no reason for once it flies.
+#: Audit events for which a controller has no reason during a flight.
 FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
-#: Bytes that it may write to its own folder while it is loaded.
+#: Bytes that a submission may write to its own folder while it is loaded.
 WRITTEN = 4 << 20
 # Linux: unshare(2), mount(2), mount_setattr(2), prctl(2), capset(2).
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
@@ -67,7 +67,7 @@ def receive(wire: socket.socket) -> bytes:
         while len(parts) < n:
             part = wire.recv(n - len(parts))
             if not part:
-                os._exit(0)  # the grader has enough
+                os._exit(0)  # the grader has finished
             parts += part
         return bytes(parts)
 
@@ -98,7 +98,7 @@ def children() -> list[int]:
 def guard(first: int) -> NoReturn:
     """Waits until the first process ends or the grader closes the pipe, and ends all that descends from this one.
 
-    An orphan becomes a child of this process, wherever it has moved: a new session, another parent.
+    An orphan becomes a child of this process, even if it has moved to a new session or another parent.
     """
     ended, status = 0, 0
     while not ended and not select.select([0], [], [], 0.05)[0]:
@@ -112,10 +112,10 @@ def guard(first: int) -> NoReturn:
 
 
 def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
-    """Goes on in a grandchild, which runs the submission: it can neither reach nor leave the processes above it.
+    """Continues in a grandchild, which runs the submission and can neither reach nor leave the processes above it.
 
-    The grandparent is the guard. The parent is the first process of its namespace of processes: the kernel ends all
-    of them with it, and takes no signal to it from within.
+    The grandparent is the guard. The parent is the first process of a PID namespace, so that the kernel ends all
+    processes of the namespace with it, and delivers no signal to it from within.
     """
     libc.prctl(SUBREAPER, 1)
     if first := os.fork():
@@ -124,7 +124,7 @@ def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
     libc.prctl(DEATH_SIGNAL, signal.SIGKILL)
     if submission := os.fork():
         wire.close()
-        libc.prctl(DUMPABLE, 0)  # nor can it be traced
+        libc.prctl(DUMPABLE, 0)  # and it cannot be traced
         while (ended := os.wait())[0] != submission:
             pass
         code = ended[1]
@@ -136,9 +136,10 @@ def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
 
 
 def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
-    """Takes network, files and other processes away as far as the system allows. Returns what it does not.
+    """Removes access to network, files and other processes as far as the system allows. Returns what it does not
+    allow.
 
-    What is shown, read-only, and a folder of its own are all the files there are.
+    Only the shown files, read-only, and the submission's own folder remain.
     """
     libc, uid, gid = ctypes.CDLL(None), os.getuid(), os.getgid()
     if not hasattr(libc, "unshare"):
@@ -177,8 +178,9 @@ def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
 
 
 def handed_in(code: CodeType, scene: Scene) -> tuple[Any, Any]:
-    """What a submission hands in, imported anew: `controller` or `Controller`, else the last class or function that
-    can be one, made for a flight; and `estimator` or `Estimator`."""
+    """Imports a submission anew. Returns `controller` or `Controller`, else the last class or function that can be
+    one,
+    created for a flight, and `estimator` or `Estimator`."""
     random.seed(0)
     np.random.seed(0)
     sys.modules["submission"] = ModuleType("submission")
@@ -279,7 +281,7 @@ def bind(flying: bool) -> None:
 
 
 def remembered(ask: Callable[..., Report]) -> Callable[..., Report]:
-    """A function of a scene, which each of a hundred imports asks the same."""
+    """Caches a function of a scene, which each of a hundred imports calls with the same arguments."""
     answers: dict[str, Report] = {}
 
     def again(scene: Scene | str, **options: Any) -> Report:
@@ -292,7 +294,7 @@ def remembered(ask: Callable[..., Report]) -> Callable[..., Report]:
 
 
 def running_lines() -> tuple[str, str]:
-    """The module that is being imported, if one is, and the line of the submission that runs."""
+    """Returns the module that is being imported, if any, and the line of the submission that runs."""
     try:
         raise RuntimeError
     except RuntimeError as error:  # sys._getframe is an event itself
@@ -308,7 +310,7 @@ def running_lines() -> tuple[str, str]:
 
 
 def main() -> NoReturn:
-    """Loads the submission and flies by it, until the grader has enough."""
+    """Loads the submission and flies with it until the grader has finished."""
     wire = socket.socket(fileno=int(sys.argv[1]))
     limits, own, flying = json.loads(sys.argv[2]), os.getcwd(), False
 
@@ -319,7 +321,7 @@ def main() -> NoReturn:
         path = os.path.abspath(os.fsdecode(named)) + os.sep
         is_own = event.startswith(FILES) and bool(named) and path.startswith(own + os.sep)
         writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
-        # A descriptor is open already, and what is written to the null device is gone.
+        # A descriptor is already open, and data written to the null device is lost.
         is_nowhere = event == "open" and (isinstance(arguments[0], int) or named in (os.devnull, os.fsencode(os.devnull)))
         forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
         if flying or (forbidden and not is_own and not is_nowhere):

@@ -1,4 +1,5 @@
-"""Golden photographs, flights and verdicts for tests: those that a person approved, to compare with new ones."""
+"""Golden photographs, flights and verdicts for tests, which a person has approved and new results are compared
+with."""
 
 from __future__ import annotations
 
@@ -33,14 +34,15 @@ def assert_golden(
     most_flip: float | None = None,
     failures: PathLike = "golden-failures",
 ) -> None:
-    """Asserts that a photograph, a flight or a verdict is the golden one. With NOCTOGRAPH_BLESS=1, makes it that.
+    """Asserts that a photograph, a flight or a verdict equals its golden. With NOCTOGRAPH_BLESS=1, replaces the
+    golden.
 
     Parameters
     ----------
     found : Shot, Flight or dict
-        The product of a test. A dict is a verdict, or any other that JSON holds.
+        The result of a test. A dict is a verdict, or any other dict that can be stored as JSON.
     golden : path
-        Folder of the golden: ``golden.json``, and of a Shot ``photo.png``. Keep it with the tests.
+        Folder of the golden, with ``golden.json`` and, for a Shot, ``photo.png``. Keep this folder with the tests.
     most_flip : float, optional
         Of a Shot: the photo may differ by this mean FLIP (0 equal, 1 black for white), and its flights as they like.
         Another flight of HI in 240 × 135 pixels has 0.11, most of it the sensor's noise, and HO in its place 0.22. By
@@ -51,7 +53,7 @@ def assert_golden(
     Raises
     ------
     AssertionError
-        With each value that moved, and the page.
+        With each value that changed, and the path of the page.
     """
     __tracebackhide__ = True
     golden = Path(golden)
@@ -74,7 +76,7 @@ def assert_golden(
         if most_flip is not None and not difference <= most_flip:
             moved.append(f"mean FLIP: found {difference:.4f}, wanted at most {most_flip}")
         if moved:
-            # Goldens of one last name, in different folders, have a page each.
+            # Goldens with the same last name in different folders have separate pages.
             page = Path(failures) / os.path.relpath(golden).replace("..", "").strip(os.sep).replace(os.sep, "-") / "index.html"
             page.parent.mkdir(parents=True, exist_ok=True)
             pictures = {"wanted": (golden / "photo.png").read_bytes(), "found": found.to_png(), "difference": picture}
