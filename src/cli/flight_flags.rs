@@ -153,8 +153,8 @@ pub(super) fn light_if_dark(
     infer_lights_if_dark(flight, scene, path)
 }
 
-/// Infers the lights of a log without lights from the scene's word. Returns a note if the letters of
-/// a preset fit the setpoints, and those of the scene do not.
+/// Infers the lights of a log without lights from the scene's word. Returns a note if the letters
+/// of a preset fit the setpoints, and those of the scene do not.
 pub(super) fn infer_lights_if_dark(
     flight: &mut Flight,
     scene: &mut Scene,

@@ -46,7 +46,8 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title and sentences (brand.toml) and logo (logo.svg)
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// Folder of the scripts that fly and of their logs, whose light the wall shows as it is written
+    /// Folder of the scripts that fly and of their logs, whose light the wall shows as it is
+    /// written
     #[arg(long, value_name = "DIR")]
     flights: Option<PathBuf>,
     /// WebAssembly module, which `src/photo_service/build` writes, with which visitors' browsers

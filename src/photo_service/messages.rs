@@ -150,8 +150,8 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// Returns a message about an error of a log, which is always in English, because it names parts
-    /// of the log.
+    /// Returns a message about an error of a log, which is always in English, because it names
+    /// parts of the log.
     pub fn of_log_error(error: &Error) -> Self {
         let text = format!("{error}: {}", error.hint());
         let (text, hint) = (without_paths(&text), String::new());

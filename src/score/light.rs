@@ -283,6 +283,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
         let rows = near(y, height);
         let mut window = Window::new(means.len());
         let column = |x: usize| rows.clone().map(move |row| row * width + x);
+        // Begins left of the row, so that each step adds one column and removes another.
         (0..width.min(BLOCKS_AROUND)).flat_map(column).for_each(|k| window.add(ranks[k]));
         for x in 0..width {
             let columns = near(x, width);

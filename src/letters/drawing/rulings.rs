@@ -16,8 +16,9 @@ const PALE: f64 = 0.6;
 const DRAWING: f64 = 5e-4;
 /// Maximum contrast of the pixels that are dropped, relative to that of the ruling.
 const RULED: f64 = 1.6;
-/// Quantile of the contrast along a ruling that is taken as the ruling's contrast. A slanting ruling
-/// is paler where it lies between two rows of pixels, and darker where a pen's line follows it.
+/// Quantile of the contrast along a ruling that is taken as the ruling's contrast. A slanting
+/// ruling is paler where it lies between two rows of pixels, and darker where a pen's line follows
+/// it.
 const QUANTILE: f64 = 0.25;
 /// Minimum contrast across a mark, relative to its maximum. Compression and sharpening leave some
 /// contrast beside a mark.

@@ -81,8 +81,8 @@ fn best(costs: impl Iterator<Item = (f64, f64)>) -> f64 {
     best.expect("a grid has a point").1
 }
 
-/// Returns the minimum of a function between the neighbors of a point of the grid, by golden-section
-/// search (Kiefer 1953).
+/// Returns the minimum of a function between the neighbors of a point of the grid, by
+/// golden-section search (Kiefer 1953).
 fn refined([low, high]: [f64; 2], best: f64, mut fine: impl FnMut(f64) -> f64) -> f64 {
     // Two inner points a and b lie between the neighbors of that point. The part beyond the worse
     // one is dropped, and the better one becomes an inner point of the rest.

@@ -284,8 +284,8 @@ impl BatteryOptions {
         low + (high - low) * fraction
     }
 
-    /// Returns the time in s until the battery's voltage falls to the cut-off under a constant total
-    /// thrust of all rotors. Returns `None` without a battery.
+    /// Returns the time in s until the battery's voltage falls to the cut-off under a constant
+    /// total thrust of all rotors. Returns `None` without a battery.
     pub fn lasts_s(&self, thrust_n: f64) -> Option<f64> {
         let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
         let least_v = self.cut_off_v + self.resistance_ohm * current_a;

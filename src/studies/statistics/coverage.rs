@@ -114,8 +114,9 @@ fn proportion_of_hits(strata: &[Vec<f64>]) -> Estimate {
 }
 
 /// Returns the interval of a contender's rank, from one more than the number of contenders that are
-/// told apart as better, to the number of all contenders less those told apart as worse (Mohamad, Goeman, van Zwet, arXiv:1708.02729). `pool` has the
-/// probabilities of each contender, and `flights` are indices into them.
+/// told apart as better, to the number of all contenders less those told apart as worse (Mohamad,
+/// Goeman, van Zwet, arXiv:1708.02729). `pool` has the probabilities of each contender, and
+/// `flights` are indices into them.
 fn rank_among(pool: &[Vec<f64>], contender: usize, flights: &[Vec<f64>]) -> Estimate {
     let names: Vec<String> = (0..pool.len()).map(|index| index.to_string()).collect();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
