@@ -200,7 +200,8 @@ fn parse_point(word: &str, units: f64) -> Option<Point> {
     Some(Point::new(parse_number(x, units)?, parse_number(y, units)?))
 }
 
-/// Parses a number and divides it by the font's units. `None` if it is malformed or too large.
+/// Parses a number and divides it by the font's units. Returns `None` if it is malformed or too
+/// large.
 fn parse_number(word: &str, units: f64) -> Option<f64> {
     let value = word.parse::<f64>().ok()? / units;
     (value.abs() <= MAX_COORDINATE).then_some(value)

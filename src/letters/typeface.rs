@@ -240,7 +240,8 @@ impl Typeface {
     }
 
     /// Returns the center lines or outlines of glyphs in reading order, in cap heights between
-    /// center lines, and a lost stroke's length. `None` without an outline or beyond the budget.
+    /// center lines, and a lost stroke's length. Returns `None` without an outline or beyond the
+    /// budget.
     fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Lines, f64)> {
         let contours = self.contours(parts, budget)?;
         let center = match self.trace {
@@ -273,7 +274,8 @@ impl Typeface {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// Returns the contours of glyphs in cap heights. `None` for no contours or too many points.
+    /// Returns the contours of glyphs in cap heights. Returns `None` for no contours or too many
+    /// points.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
         let mut contours = pairs(polylines(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?);
         for contour in &mut contours {

@@ -168,7 +168,7 @@ impl LightLines {
         nearest
     }
 
-    /// True if the pixel at a point is lit. Points outside the page are dark.
+    /// Points outside the page count as dark.
     fn is_lit(&self, Point { x, y }: Point) -> bool {
         let height = self.lit.len() / self.width;
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < height as f64;

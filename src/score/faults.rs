@@ -102,7 +102,7 @@ fn draw(picture: &mut Raster, points: &[Point]) {
     });
 }
 
-/// Sets the pixels to `light` for whose centers `is_painted` is true.
+/// Sets those pixels to `light` for whose centers `is_painted` is true.
 fn paint(picture: &mut Raster, light: f32, is_painted: impl Fn(Point) -> bool) {
     let width = picture.width;
     for (index, value) in picture.values.iter_mut().enumerate() {

@@ -39,9 +39,9 @@ pub struct Verdict {
     pub reason: Option<Reason>,
     /// The text that is read without knowing the word, or `None` if nothing is visible.
     pub second_opinion: Option<String>,
-    /// Faults, in order of decreasing gain. The list is empty if they were not computed.
+    /// Faults, in order of decreasing gain. The list is empty if faults were not computed.
     pub causes: Vec<Cause>,
-    /// At most three changes, in order of decreasing gain. The list is empty if they were not
+    /// At most three changes, in order of decreasing gain. The list is empty if changes were not
     /// computed.
     pub advice: Vec<Advice>,
 }
@@ -141,7 +141,7 @@ impl Verdict {
         (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
     }
 
-    /// True if blind recognition reads another text, where characters that look alike are equal.
+    /// True if blind recognition reads another text. Characters that look alike count as equal.
     pub fn is_contradicted(&self) -> bool {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }

@@ -301,7 +301,8 @@ struct Matched<'a, 'input, 's> {
 }
 
 impl<'a, 'input> Matched<'a, 'input, '_> {
-    /// Returns a related element, counted as one match. `None` for none, or after too many steps.
+    /// Returns a related element, counted as one match. Returns `None` for none, or after too many
+    /// steps.
     fn related(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
         let n_steps = self.n_steps;
         n_steps.set(n_steps.get() + STEPS_PER_MATCH);

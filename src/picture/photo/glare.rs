@@ -3,7 +3,8 @@
 //! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves, which are bell-shaped
 //! blurs with σ = 4, 8, 16 … px. Each octave has the light that the scatter puts into its ring of
 //! radii. A pyramid computes an octave as sums over cells as wide as its σ, which are blurred and
-//! spread back to pixels. Light scattered by less than 4 px stays in its pixel. No count is lost.
+//! spread back to pixels. Light scattered by less than 4 px stays in its pixel. No count of the
+//! light is lost.
 //!
 //! Ghost images of bright lights are not modeled. Light that would cross the border of the picture
 //! is mirrored.
