@@ -1165,6 +1165,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             told("LO_flight-2.jsonl comes after the flight that is shown.")
             if picture := os.environ.get("NOCTOGRAPH_PICTURES"):
                 wall.screenshot(path=f"{picture}/flying.png")
+            found = axe(wall) + axe(host)
             goes_on.set()
             flight.join()
             until(wall, "document.querySelector('#newest').innerText.includes('flown 0.')", "the end of the flight")
@@ -1172,6 +1173,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             if picture:
                 wall.screenshot(path=f"{picture}/flown.png")
 
+            assert not (found := found + axe(wall)), found
             # The visitor keeps it, and both are in the folder of the entry.
             until(mine, "document.querySelector('#keep').textContent === 'Keep the flown photograph'")
             assert re.search(r"Promised 0\.\d+, flown 0\.\d+\.", mine.inner_text("#state")), mine.inner_text("#state")
@@ -1187,6 +1189,7 @@ def a_flight_is_shown_as_it_is_written_and_its_photograph_is_kept(hall):
             with mine.expect_download() as download:
                 mine.get_by_text("Keep the promised one").click()
             assert Path(download.value.path()).read_bytes() == Path(entry, "photo.png").read_bytes()
+            assert not (found := axe(mine)), found
 
             # The second one has no end: 20 s after its last line it is over.
             told("LO_flight-2.jsonl ended early.")
@@ -1332,6 +1335,15 @@ def kiosk_states(browser, server):
     yield "still there", page
 
 
+def axe(page):
+    """What axe-core finds on a page."""
+    if not AXE:
+        return []
+    page.emulate_media(reduced_motion="reduce")  # colors that change have changed
+    page.evaluate(AXE)
+    return page.evaluate("async () => (await axe.run(document, {resultTypes: ['violations']})).violations.map(v => `${v.id}: ${v.nodes.map(n => n.html.slice(0, 120)).join(' | ')}`)")
+
+
 def every_state_is_accessible_and_its_targets_are_large(hall):
     """Checks that axe-core finds nothing, no touch target is smaller than 44 px, and nothing overflows."""
     small = """() => [...document.querySelectorAll('button, a[href], select, input:not([type=hidden]), .lights label')].filter(e => {
@@ -1350,11 +1362,7 @@ def every_state_is_accessible_and_its_targets_are_large(hall):
                 wide = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
                 if wide[0] > wide[1]:
                     faults.append(f"{name}: {wide[0]} px on a screen of {wide[1]}")
-                if AXE:
-                    page.emulate_media(reduced_motion="reduce")  # colors that change have changed
-                    page.evaluate(AXE)
-                    for fault in page.evaluate("async () => (await axe.run(document, {resultTypes: ['violations']})).violations.map(v => `${v.id}: ${v.nodes.map(n => n.html.slice(0, 120)).join(' | ')}`)"):
-                        faults.append(f"{name}: {fault}")
+                faults += [f"{name}: {fault}" for fault in axe(page)]
         finally:
             server.kill()
             kiosk.kill()
