@@ -122,8 +122,7 @@ impl PenStroke {
     pub(super) fn along(&self, way: usize) -> Self {
         let Self { letter, mut points_m, mut paces } = self.clone();
         if way >= 2 {
-            // A closed stroke repeats its first point at its end, and the old repetition is
-            // replaced.
+            // A closed stroke repeats its first point at its end, so that the old end is replaced.
             let begin = way / 2 * paces.len() / self.n_starts();
             points_m.pop();
             points_m.rotate_left(begin);

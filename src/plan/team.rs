@@ -41,8 +41,7 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
     Plan::new(script.plan)
 }
 
-/// Returns an upper bound of the duration in s, with strokes, waits, and paths to and from the
-/// word.
+/// Returns an upper bound of the duration in s, for strokes, waits, and paths to and from them.
 fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
     let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
     let strokes_m: f64 = moves.map(|m| distance(m.from_m, m.to_m)).sum();

@@ -61,8 +61,7 @@ pub struct Design {
     /// other controllers.
     #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
-    /// Names of the columns of `K`, which are the first of [`STATES`], and then those of the
-    /// rotors.
+    /// Names of the columns of `K`, which are the first of [`STATES`] and those of the rotors.
     pub states: Vec<&'static str>,
     /// Number of states of the controller in addition to the twelve of the drone, which are
     /// integrals, last measurements, filters and modeled rotors.
@@ -83,8 +82,7 @@ pub struct Design {
     pub regulator_poles: Option<Vec<Complex<f64>>>,
     /// Poles of the observer in 1/s.
     pub observer_poles: Option<Vec<Complex<f64>>>,
-    /// Margins at each input with immediate motors. The margins are `None` if the loop is not
-    /// stable.
+    /// Margins at each input with immediate motors. The margins are `None` for an unstable loop.
     pub margins: Option<[Margins; 4]>,
     /// Lag of the motors in s for the lagging poles and margins.
     pub motor_lag_s: f64,

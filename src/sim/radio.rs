@@ -59,14 +59,13 @@ impl Link {
         Some(link)
     }
 
-    /// Returns the index of the setpoint that is received by `time_s`, while the host sends
-    /// `newest`.
+    /// Returns the index of the setpoint received by `time_s`, while the host sends `newest`.
     pub(super) fn hear(&mut self, time_s: f64, newest: usize) -> usize {
         while self.turn_s <= time_s {
             while self.turn_s >= self.outage[1] {
                 self.next_outage();
             }
-            // The random number is drawn first, at every turn, because outages must not change its
+            // The random number is drawn first, at every turn, so that outages do not change its
             // stream.
             let is_lost =
                 self.chance.uniform() < self.options.loss_frac || self.turn_s >= self.outage[0];

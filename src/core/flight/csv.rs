@@ -24,8 +24,7 @@ use crate::product::MAX_QUANTITY;
 
 /// Name of the column of times, which is the first column of a file.
 const TIME: &str = "time_s";
-/// Name of the column that contains 1 for the first letter and 0 outside letters, and precedes the
-/// lights.
+/// Name of the column with 1 for the first letter and 0 outside letters, which precedes the lights.
 const LETTER: &str = "letter";
 /// Name of the column that is 1 in the first row after a gap.
 const GAP: &str = "gap_before";

@@ -50,8 +50,7 @@ const RED: [f64; 2] = [0.694, 0.306];
 const GREEN: [f64; 2] = [0.151, 0.758];
 /// Chromaticity of the ring's blue, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Chromaticity of the board's blue (475 nm), whose green in the team's photograph is 0.14 of its
-/// light.
+/// Chromaticity of the board's blue (475 nm), whose light in the team's photograph is 0.14 green.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// Chromaticity of white, that of D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];

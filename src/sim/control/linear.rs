@@ -5,8 +5,7 @@ use nalgebra::{SMatrix, SVector};
 use super::Matrix;
 
 /// Step of the central differences, relative to `max(1, |x|)`. The error decreases with the square
-/// of the step (sine: 1.7e-9 of the derivative). A hundredth of the step would lose as much to
-/// rounding.
+/// of the step (sine: 1.7e-9 of the slope). A hundredth of the step would lose as much to rounding.
 const STEP: f64 = 1e-4;
 /// Smaller of the two steps for the extrapolation. The error decreases with its fourth power.
 const FINE_STEP: f64 = 1e-3;

@@ -9,8 +9,7 @@ use super::linear::{is_hurwitz, with_states};
 
 /// Lowest and highest frequency of the sweep in rad/s, far outside the range of a drone's loops.
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
-/// Number of steps of the sweep. A step of 0.4 % separates all crossings except two within one
-/// step.
+/// Number of steps of the sweep. A step of 0.4 % separates all crossings but two within one step.
 const SWEEP_STEPS: u32 = 4000;
 /// Number of bisections of the step around a crossing, which narrow 0.4 % to 1e-12.
 const HALVINGS: u32 = 30;
@@ -18,7 +17,7 @@ const HALVINGS: u32 = 30;
 /// Margins of one loop, opened at its input, with the others closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Margins {
-    /// Largest factor above 1 on the input up to which the loop is stable, or `None` if there is no
+    /// Largest factor above 1 on the input up to which the loop is stable, or `None` without a
     /// limit.
     pub gain_up: Option<f64>,
     /// Smallest factor below 1 down to which the loop is stable, or `None` if there is no limit.

@@ -52,8 +52,7 @@ const RATE_CUTOFF_HZ: f64 = 30.0;
 /// Butterworth low-pass filter of order 2, by the bilinear transform.
 #[derive(Clone, Debug)]
 struct LowPass {
-    /// Gain of the newest input, which is half that of the input before it, and equal to that of
-    /// the oldest.
+    /// Gain of the newest input, which is half that of the one before it and equal to the oldest's.
     b: f64,
     /// Gains of the last two outputs, which are subtracted.
     a: [f64; 2],

@@ -72,8 +72,7 @@ fn rmse_after(samples: &[(Vector2<f64>, Vector2<f64>)], lag: usize) -> f64 {
     root_mean_square(pairs.map(|((design, _), (_, position))| (position - design).norm()))
 }
 
-/// Returns the lag in s that leaves the smallest RMSE in the plane, and the RMSE without and with
-/// it.
+/// Returns the lag in s with the smallest RMSE in the plane, and the RMSE without and with it.
 fn lag(flight: &Flight) -> (f64, f64, f64) {
     let samples = in_plane(flight);
     let after = |lag: &usize| rmse_after(&samples, *lag);

@@ -104,8 +104,7 @@ impl Ekf {
         }
     }
 
-    /// Makes a filter over the errors of a fleet over a level floor, of which this drone is the
-    /// first.
+    /// Makes a filter over the errors of a fleet over a level floor, beginning with this drone.
     pub(super) fn of_fleet(
         options: &EkfOptions,
         sensors: &SensorOptions,

@@ -84,7 +84,7 @@ pub(super) struct Firmware {
 }
 
 impl Firmware {
-    /// Makes a filter that begins with a level drone at rest. `noise` determines which rotations
+    /// Makes a filter that begins with a level drone at rest. `noise` determines the rotations that
     /// are dropped.
     pub(super) fn new(
         observer: &ObserverOptions,

@@ -65,8 +65,7 @@ impl Innovation {
         self.value.abs() / self.variance.sqrt()
     }
 
-    /// Returns the normalized innovation squared (NIS), which is 1 on average if the filter is
-    /// consistent.
+    /// Returns the normalized innovation squared (NIS), 1 on average if the filter is consistent.
     pub fn nis(&self) -> f64 {
         self.value * self.value / self.variance
     }
@@ -154,7 +153,7 @@ impl Normal {
         Innovation {
             value: value - product(jacobian, self.mean.as_slice()),
             // Rounding can make the sum negative if the states are far better known than the
-            // measurement.
+            // reading.
             variance: product(jacobian, &self.gain).max(0.0) + variance,
         }
     }
@@ -352,8 +351,7 @@ mod tests {
 
     #[test]
     fn a_steady_filter_has_the_covariance_of_the_riccati_equation() {
-        // The states are position and velocity with acceleration noise, and the position is
-        // measured.
+        // The states are position, which is measured, and velocity with acceleration noise.
         let (t, q, r) = (0.1, 0.04, 0.0025);
         let (transition, h) = ([(0, 1, t)], [Part::One(0, 1.0)]);
         let noise = [(0, 0, q * t * t * t / 3.0), (0, 1, q * t * t / 2.0), (1, 1, q * t)];

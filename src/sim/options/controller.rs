@@ -133,7 +133,7 @@ settings! {
         yaw_rate: [f64; 3] = [120.0, 16.7, 0.0], in 0.0..=1e5;
         /// Assumed hover command of 65535 (`PID_VEL_THRUST_BASE`).
         ///
-        /// The loops' integrals compensate the difference, so that a heavy drone leaves the floor
+        /// The loops' integrals compensate the difference, so that heavy drones leave the floor
         /// late.
         thrust_base: f64 = 36_000.0, in 0.0..=65_535.0;
     }
@@ -190,8 +190,7 @@ impl ControllerOptions {
 }
 
 impl PidOptions {
-    /// Returns the gains P, I, D of all loops, for position, velocity, attitude and rate on each
-    /// axis.
+    /// Returns the gains P, I, D of the position, velocity, attitude and rate loops on each axis.
     pub fn gains(&self) -> [[[f64; 3]; 3]; 4] {
         [
             [self.pos_x, self.pos_y, self.pos_z],

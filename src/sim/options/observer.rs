@@ -103,8 +103,7 @@ settings! {
         two_way_sigma_m: f64 = 0.25, in 1e-4..=100.0, for "sensors.positioning" = "uwb-twr";
         /// Standard deviation of a barometric height.
         ///
-        /// The standard deviation of the time-of-flight ranger depends on the distance, as in the
-        /// firmware.
+        /// The ranger's standard deviation depends on the distance, as in the firmware.
         barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0,
             for "sensors.heights" = "barometer", unless "observer.kind" = "altitude";
         /// Outlier gate, which rejects a position, range or height if its innovation exceeds this

@@ -136,8 +136,7 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
             continue;
         }
         n_stations += 1;
-        // The errors of an angle are independent, and offsets of the station matter less at a
-        // distance.
+        // The errors of an angle are independent, and station offsets matter less at a distance.
         let distance_m = (point_m - pose.position_m).norm();
         let sigmas_rad = [
             options.sweep_noise_rad[usize::from(station.generation == Generation::V2)],

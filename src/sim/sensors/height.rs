@@ -45,8 +45,7 @@ impl TimeOfFlight {
         }
     }
 
-    /// Returns the distance to the floor in m, or `None` if not due, too long, or if the ranger
-    /// looks up.
+    /// Returns the distance to the floor in m, or `None` if not due, beyond reach, or looking up.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,

@@ -35,8 +35,7 @@ const V1_SWEEPS_HZ: f64 = 120.0;
 /// Interval in s at which the common distortion is computed. At 0.5 m/s, the distortion changes by
 /// 0.1 mm in this time.
 const BEND_S: f64 = 0.02;
-/// Time in s after which an unseen station counts as hidden (five turns are hardly ever lost by
-/// chance).
+/// Time in s after which an unseen station counts as hidden, since five lost turns are rare.
 const BLIND_S: f64 = 0.1;
 /// Change of direction in rad over which the error of a station's calibration changes.
 const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
@@ -74,8 +73,7 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    /// Standard deviations in rad of the noise common to the deck's sensors, and of that of each
-    /// sensor.
+    /// Standard deviations in rad of the noise common to the deck's sensors, and of each sensor's.
     sigmas_rad: [f64; 2],
     /// Distortion of each plane as a function of the direction from the station.
     distortion: Field<2>,
@@ -126,8 +124,7 @@ impl Lighthouse {
         let bent_m = turn * position_m * self.scale + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
-                // Noise is drawn for unseen sweeps too, so that no sweep changes the noise of
-                // another.
+                // Noise is drawn for unseen sweeps too, so that no sweep changes that of another.
                 let is_lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
@@ -213,7 +210,7 @@ impl Rotor {
         }
     }
 
-    /// Returns the next plane if it passes by `time_s`, and counts it as passed. Otherwise, returns
+    /// Returns the next plane if it passes by `time_s`, and counts it as passed. Else returns
     /// `None`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;

@@ -140,8 +140,7 @@ settings! {
             /// meter, and one on the floor (cflib,
             /// `examples/lighthouse/multi_bs_geometry_estimation.py`).
             frame_turn_rad: [f64; 3] = [0.0; 3];
-            /// Relative scale error of the Lighthouse, which comes from the point at one meter on
-            /// the x-axis.
+            /// Relative scale error of the Lighthouse, from the point at one meter on the x-axis.
             frame_scale_error: f64 = 0.0;
             /// Standard deviation in rad of the white noise of a sweep angle for each deck sensor,
             /// for a first- and a second-generation station.

@@ -152,8 +152,7 @@ impl Uwb {
         }
     }
 
-    /// Returns the ranges that are due by `time_s`, to anchors and to the fleet's drones at
-    /// `fleet_m`.
+    /// Returns the ranges that are due by `time_s`, to anchors and to drones at `fleet_m`.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -234,8 +233,7 @@ mod tests {
                 }
                 bias_sq += bias * bias / 8.0;
             }
-            // With eight draws, the value is almost always between half and one and a half of 0.2
-            // m.
+            // With eight draws, the value is almost always between 0.1 and 0.3 m.
             assert!((0.1..0.3).contains(&bias_sq.sqrt()), "bias {}", bias_sq.sqrt());
         }
     }

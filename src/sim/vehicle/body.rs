@@ -36,8 +36,7 @@ impl RigidBody {
         }
     }
 
-    /// Returns a body at the same place, level and at rest, with its nose turned from world x
-    /// toward y.
+    /// Returns a body at the same place, level and at rest, with its nose turned from x toward y.
     pub fn facing(&self, yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
@@ -162,7 +161,7 @@ impl Inertia {
         -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
     }
 
-    /// Returns the result of one classical Runge–Kutta step with loads at the step's start, middle
+    /// Returns the result of a classical Runge–Kutta step with loads at the step's start, middle
     /// and end.
     #[inline(always)]
     pub(super) fn step(
@@ -212,7 +211,7 @@ impl Inertia {
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
             (w * o + x * q - y * p) * 0.5,
-            // The angular momentum of the rotors turns with the body, which makes a gyroscopic
+            // The angular momentum of the rotors turns with the body, and makes a gyroscopic
             // torque.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],

@@ -1,4 +1,5 @@
-//! Downwash, the stream of air below a drone, and the thrust that another drone loses in it.
+//! Downwash, the stream of air below a drone, and the thrust that another drone loses in the
+    /// stream.
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
 //! A rotor in the jet lifts less, depending on the speeds of the stream and of the rotor. Unequal
@@ -59,15 +60,13 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// Makes the stream of a drone whose rotors, `size_m` from its middle, lift `thrust_n`
-    /// together.
+    /// Makes the stream of a drone whose rotors, `size_m` from its middle, lift `thrust_n` in all.
     pub(super) fn new(body: &RigidBody, thrust_n: f64, size_m: f64) -> Self {
         let along = body.world_from_body * -Vector3::z();
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Returns the thrust that each rotor of another drone with `thrust_n` in all loses in the
-    /// stream.
+    /// Returns the thrust that each rotor of another drone with thrust `thrust_n` loses in it.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);

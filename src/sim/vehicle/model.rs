@@ -116,8 +116,7 @@ mod tests {
             motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
         }
 
-        /// Returns the state after `dt_s` under a constant wrench, by one classical Runge–Kutta
-        /// step.
+        /// Returns the state after `dt_s` under a constant wrench, by a classical Runge–Kutta step.
         pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
             let k1 = self.derivative(state, wrench);
             let k2 = self.derivative(&(state + k1 * (0.5 * dt_s)), wrench);

@@ -52,8 +52,7 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
-    /// Fraction of its thrust that each motor provides. The fraction is less than 1 for a damaged
-    /// motor.
+    /// Fraction of its thrust that each motor provides, which is less than 1 for a damaged motor.
     thrust_frac: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
@@ -121,8 +120,7 @@ impl Plant {
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
-        // The ground effect changes slowly, and is taken as constant during the step, at middle
-        // height.
+        // The ground effect changes slowly, and is constant during the step, at middle height.
         let floor_m = self.floor_m(self.row[0], self.row[1]);
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
         let ground = self.floor.thrust_ratio(middle_m - floor_m);
@@ -180,8 +178,7 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// Returns the vertical acceleration at full throttle, at the present voltage, far from a
-    /// floor.
+    /// Returns the vertical acceleration at full throttle and present voltage, far from a floor.
     pub fn gain_m_s2(&self) -> f64 {
         let battery_gain = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
         4.0 * self.full_thrust_n * battery_gain * GRAVITY_M_S2 / self.inertia.weight_n
