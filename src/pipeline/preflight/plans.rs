@@ -266,7 +266,7 @@ fn jumps(plan: &Plan) -> Diagnostic {
 /// Checks the time in the air.
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    // The sum of no numbers is -0.0, which adding 0.0 turns into 0.0.
+    // An empty sum is -0.0, which adding 0.0 turns into 0.0.
     let air_s = in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0;
     let most_s = profile.flight_time_s;
     Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
