@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(advice_at("budget", "tune"), "`--budget` sets it");
         let [wanted, hint] = ["", ""].map(str::to_owned);
         let lacks = Error::Letter { position: 3, letter: '\u{10ffff}', wanted, hint };
-        assert!(advice_for(&lacks, "preview").starts_with("`--font` names another font"));
+        assert!(advice_for(&lacks, "preview").starts_with("`--font` selects another font"));
         assert_eq!(advice_at("plan.csv:7: x_m", "fly") + &advice_for(&lacks, "fly"), "");
         assert_eq!(advice_at("my.toml:3: vehicle.mas_kg", "fly"), "");
     }

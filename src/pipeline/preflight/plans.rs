@@ -269,7 +269,7 @@ fn jumps(plan: &Plan) -> Diagnostic {
 /// Returns the time in the air.
 fn air_s(plan: &Plan) -> f64 {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
-    // The sum of no numbers is -0.0, which adding 0.0 turns into 0.0.
+    // An empty sum is -0.0, which adding 0.0 turns into 0.0.
     in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0
 }
 

@@ -1,5 +1,5 @@
 //! Downwash, the stream of air below a drone, and the thrust that another drone loses in the
-    /// stream.
+//! stream.
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
 //! A rotor in the jet lifts less, depending on the speeds of the stream and of the rotor. Unequal
