@@ -192,7 +192,7 @@ fn the_lights_of_a_trajectory_are_timed_on_its_own_flight() {
     let (code, report, previewed) = run(at, &[&preview[..], &SMALL].concat());
     assert_eq!((code, &report["read"]), (0, &"NOOR".into()), "{report}");
     assert_eq!(warnings, previewed, "export warns as its preview does");
-    assert!(warnings.contains("lags a trajectory"), "{warnings}");
+    assert!(warnings.contains("lags behind a trajectory"), "{warnings}");
 
     // The preview's plan, the script and the tables of a show must contain the same light changes.
     let data = script(&at.join("noor.py")).1;
