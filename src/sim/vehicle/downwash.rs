@@ -1,5 +1,4 @@
-//! Downwash, the stream of air below a drone, and the thrust that another drone loses in the
-//! stream.
+//! Downwash, the stream of air below a drone, and the thrust that another drone loses in it.
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
 //! A rotor in the jet lifts less, depending on the speeds of the stream and of the rotor. Unequal
@@ -66,7 +65,7 @@ impl Jet {
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Returns the thrust that each rotor of another drone with thrust `thrust_n` loses in it.
+    /// Returns the thrust lost in the stream by each rotor of a drone with the thrust `thrust_n`.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);
