@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use super::statistics::{Estimate, mean};
 use super::{Outcome, Pair, Prepared, Record, Store, Study, evaluate, rank};
-use noctograph_core::camera::{Framing, Metering};
+use noctograph_core::camera::{CameraOptions, Framing, Metering};
 use noctograph_core::error::Result;
 use noctograph_core::lamps::{Deck, Fixture};
 use noctograph_pipeline::scene::Scene;
@@ -31,8 +31,9 @@ use noctograph_plan::Style;
 pub const RUNGS: u32 = 7;
 /// Cap height of the last rung, as a multiple of the scene's. 2 cm for letters of 0.5 m.
 const LAST_TIMES: f64 = 0.04;
-/// Least cap height of the last rung: that of a scene.
-const LEAST_M: f64 = 0.01;
+/// Least cap height of the last rung, and least width of a letter's box in a scene.
+const LEAST_M: f64 = 0.02;
+const LEAST_BOX_M: f64 = 0.01;
 /// Octaves between two rungs: letters of 16 to 2 cm.
 const OCTAVES_PER_RUNG: f64 = 0.5;
 /// Diameter of the lamp, as a multiple of the smallest cap height: a LED of 3 mm for 2 cm.
@@ -113,6 +114,7 @@ fn shrink(scene: &mut Scene, cap_height_m: f64, speed_m_s: f64) {
     for length_m in gaps.into_iter().flatten().chain([&mut letters.spacing_m]) {
         *length_m *= scale;
     }
+    letters.width_m = letters.width_m.map(|width_m| width_m.max(LEAST_BOX_M));
     (letters.cap_height_m, letters.canvas_m) = (cap_height_m, None);
     scene.plan.stroke_speed_m_s = speed_m_s;
     if let Style::Even(even) = &mut scene.plan.style {
@@ -129,7 +131,14 @@ fn narrow_lamp(scene: &mut Scene, diameter_m: f64) {
     let lamp = Fixture { position_body_m: [x, 0.0, z], diameter_m, ..headlight };
     scene.plan.lights = vec![Deck::LedRing.channel().to_owned()];
     (scene.light.fixtures, scene.light.letters_wrgb) = (Some(vec![lamp]), Vec::new());
-    (scene.camera.framing, scene.camera.metering) = (Framing::default(), Metering::default());
+    scene.camera = CameraOptions {
+        framing: Framing::default(),
+        metering: Metering::default(),
+        focus_m: None,
+        shutter_open_s: 0.0,
+        shutter_close_s: None,
+        ..scene.camera.clone()
+    };
 }
 
 /// Flies the rungs of a [`Study::ladder`] as [`evaluate`] does, and returns the records of each.
@@ -279,13 +288,14 @@ mod tests {
     }
 
     #[test]
-    fn letters_of_boxes_keep_their_proportions_and_the_least_height_is_that_of_scenes() {
+    fn letters_of_boxes_keep_their_proportions_and_none_is_smaller_than_scenes_allow() {
         let mut study = study(1);
         let letters = &mut study.contenders[0].scene.letters;
         (letters.cap_height_m, letters.width_m, letters.gap_m) = (0.2, Some(0.1), Some(0.04));
         let ladder = study.ladder();
         let letters = &ladder[6].contenders[0].scene.letters;
-        assert_eq!((letters.cap_height_m, letters.canvas_m), (0.01, None), "{letters:?}");
-        assert!((letters.width_m.unwrap() - 0.005).abs() < 1e-12, "{letters:?}");
+        assert_eq!((letters.cap_height_m, letters.canvas_m), (0.02, None), "{letters:?}");
+        assert_eq!((letters.width_m, letters.gap_m), (Some(0.01), Some(0.004)), "{letters:?}");
+        ladder.iter().for_each(|study| study.check().unwrap());
     }
 }
