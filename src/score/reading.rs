@@ -248,7 +248,7 @@ fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
 
 /// Returns the likeliest text of columns and the mean of ln p over its letters, or `None` if no
 /// letter is read. How usual the kinds of words are chooses the text, and is not in ln p: it would
-/// take a clear digit alone for a doubtful letter of another size.
+/// take a clear single digit for a doubtful letter of another size.
 fn spell(columns: &Columns) -> Option<(String, f64)> {
     // In a word of one kind, each character stands for all characters of its shape.
     let [capitals, small, digits] = ['A'..='Z', 'a'..='z', '0'..='9']
