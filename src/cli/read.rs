@@ -10,7 +10,8 @@ use crate::camera::Framing;
 use crate::error::Result;
 use crate::photo::{self, Photo};
 use crate::score::{
-    Reading, View, has_bright_edge, mirrored, quarter_turned, read_any_way_up, read_mirrored,
+    ReadLetter, Reading, View, has_bright_edge, mirrored, quarter_turned, read_any_way_up,
+    read_mirrored,
 };
 use clap::Args;
 use serde_json::json;
@@ -27,12 +28,18 @@ pub(super) struct ReadArgs {
     camera: CameraFlags,
 }
 
+/// Probability from which a single mark that is no writing is named.
+const NOTED: f64 = 0.4;
+
 pub(super) fn run(args: &ReadArgs) -> Result<Report> {
     let photo = photo::read(&args.photo)?;
     let photo = square_on(photo, args.corners.as_ref(), &args.camera)?;
     let reading = read_upright(photo, "").1;
-    if let ([mark], true) = (&reading.letters[..], reading.clone().of_writing().text.is_empty()) {
-        let (letter, p) = (mark.letter, mark.p);
+    let is_writing = !reading.clone().of_writing().text.is_empty();
+    if let [ReadLetter { letter, p, .. }] = &reading.letters[..]
+        && !is_writing
+        && *p >= NOTED
+    {
         let text = format!("a single mark is too unclear to be writing: {letter} with {p:.2}");
         message("note: ", &text);
     }

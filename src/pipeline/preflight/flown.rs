@@ -205,13 +205,6 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
 /// Minimum height at which a drone counts as in the air, with its battery under load.
 const AIRBORNE_M: f64 = 0.2;
 
-/// Returns the time in s from the first to the last sample in the air.
-fn air_s(flight: &Flight) -> f64 {
-    let mut in_air = flight.samples.iter().filter(|sample| sample.position_m.z > AIRBORNE_M);
-    let first_s = in_air.next().map_or(0.0, |first| first.time_s);
-    in_air.next_back().map_or(0.0, |last| last.time_s - first_s)
-}
-
 /// Checks that the battery lasts for the flight, by the same rule as exported scripts.
 fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     if scene.battery.capacity_ah <= 0.0 {
@@ -229,13 +222,10 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     let (voltages, wanted) = match &load {
         None => ("lasts".to_owned(), never),
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
-            // Hovering explains an empty battery better than voltages do.
-            let air_s = air_s(flight);
-            let short_s = hovers_s(scene).filter(|hovers_s| *hovers_s < air_s);
-            let verdict = match short_s {
-                _ if lasts => "lasts".to_owned(),
-                None => "does not last".to_owned(),
-                Some(hovers_s) => format!("does not last {air_s:.0} s, hovers for {hovers_s:.0} s"),
+            // The time of hovering explains an empty battery better than voltages do.
+            let verdict = match hovers_s(scene) {
+                Some(hovers_s) if !lasts => format!("does not last, hovers for {hovers_s:.0} s"),
+                _ => if lasts { "lasts" } else { "does not last" }.to_owned(),
             };
             let lowest_v = rest_v - sag_v;
             let wanted = match least_rest_v {

@@ -291,8 +291,7 @@ pub(super) fn hovers_s(scene: &Scene) -> Option<f64> {
 
 /// Checks the time in the air.
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
-    let air_s = air_s(plan);
-    let most_s = profile.flight_time_s;
+    let (air_s, most_s) = (air_s(plan), profile.flight_time_s);
     Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
         format!("up to {most_s:.0} s in the air"),
