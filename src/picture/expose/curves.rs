@@ -211,7 +211,7 @@ const ERROR_FUNCTION: [&[f64]; 2] = [
 /// Returns the error function within 7e-8, by a rational function that Eigen has for f32
 /// (`generic_fast_erf_float`). From 4 on the error function is 1 in f32.
 #[inline(always)]
-fn error_function(x: f64) -> f64 {
+pub(super) fn error_function(x: f64) -> f64 {
     let x = x.clamp(-4.0, 4.0);
     let square = x * x;
     let [above, below] =
