@@ -212,7 +212,7 @@ const ERROR_FUNCTION: [&[f64]; 2] = [
 /// Returns the error function with an error of at most 7e-8, by the rational function that Eigen
 /// uses for f32 (`generic_fast_erf_float`). From 4 on, the error function is 1 in f32.
 #[inline(always)]
-fn error_function(x: f64) -> f64 {
+pub(super) fn error_function(x: f64) -> f64 {
     let x = x.clamp(-4.0, 4.0);
     let square = x * x;
     let [above, below] =

@@ -290,7 +290,7 @@ impl<'a> Floor<'a> {
         let n_trees = if surface.is_floor() { self.n_lamp_trees } else { self.trees.len() };
         let trees = &self.trees[..n_trees];
         let exposures: [Rgb; N] =
-            noctograph_core::dispatch(|| exposures_lx_s(trees, points_m, surface, toward));
+            noctograph_core::dispatch!(|| exposures_lx_s(trees, points_m, surface, toward));
         std::array::from_fn(|n| exposures[n].map(|channel| channel * hits[n].3))
     }
 

@@ -8,6 +8,7 @@
 
 use serde::Serialize;
 
+use super::curves::error_function;
 use super::merge::{self, Segment};
 use super::project::{self, Px};
 use crate::light::{Fixture, Lamp, LightTrace, emitter};
@@ -311,8 +312,8 @@ fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
     // For a very short segment, the difference in the mean would lose all its digits.
     let smear = if length > MIN_LENGTH_SIGMA * sigma {
-        let [upper, lower] =
-            [u, u - length / sigma].map(|x| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2));
+        let [upper, lower] = [u, u - length / sigma]
+            .map(|x| 0.5 * error_function(x * std::f64::consts::FRAC_1_SQRT_2));
         (upper - lower) / length
     } else {
         libm::exp(-0.5 * u * u) / (sigma * root_tau)
@@ -338,7 +339,7 @@ fn rectangle_lx_s(segment: &Segment, point_px: Px) -> f64 {
 fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
     let half = half.max(MIN_HALF_SIGMA * sigma);
     let [lower, upper] = [from_middle - half, from_middle + half]
-        .map(|x| libm::erf(x / sigma * std::f64::consts::FRAC_1_SQRT_2));
+        .map(|x| error_function(x / sigma * std::f64::consts::FRAC_1_SQRT_2));
     (upper - lower) / (4.0 * half)
 }
 

@@ -113,12 +113,13 @@ pub(super) fn shine(
     changes: &[Change],
 ) -> Vec<LightSample> {
     let knots = knots(changes);
+    let mount = Mount::new(fixture);
     let mut samples = Vec::new();
     // Knots before index `next` are in the past.
     let mut next = 0;
     for poses in stretches {
         let start = samples.len();
-        shine_along(poses, fixture, &knots, &mut next, &mut samples);
+        shine_along(poses, &mount, &knots, &mut next, &mut samples);
         if let Some(first) = samples.get(start).copied().filter(|first| first.level > 0.0) {
             samples.insert(start, LightSample { level: 0.0, ..first });
         }
@@ -133,7 +134,7 @@ pub(super) fn shine(
 /// at its start. `next` is the index of the first knot that is not in the past, and is advanced.
 fn shine_along(
     poses: &[Pose],
-    fixture: &Fixture,
+    mount: &Mount,
     knots: &[Change],
     next: &mut usize,
     samples: &mut Vec<LightSample>,
@@ -146,8 +147,8 @@ fn shine_along(
         }
         // Adds a sample at each knot since the previous pose, and then one at this pose.
         if first < *next {
-            let end = dark_sample(pose, fixture);
-            let start = previous.map_or(end, |previous| dark_sample(previous, fixture));
+            let end = mount.dark_sample(pose);
+            let start = previous.map_or(end, |previous| mount.dark_sample(previous));
             for index in first..*next {
                 // The lamp is lit at the knot, just before it, or just after it.
                 let neighbors = &knots[index.saturating_sub(1)..(index + 2).min(knots.len())];
@@ -160,7 +161,7 @@ fn shine_along(
         let level = level_at(knots, *next, pose.time_s);
         let is_at_knot = *next > 0 && knots[*next - 1].time_s == pose.time_s;
         if level > 0.0 && !is_at_knot {
-            samples.push(LightSample { level, ..dark_sample(pose, fixture) });
+            samples.push(LightSample { level, ..mount.dark_sample(pose) });
         }
         previous = Some(pose);
     }
@@ -192,14 +193,26 @@ fn level_at(knots: &[Change], next: usize, time_s: f64) -> f64 {
     }
 }
 
-/// Returns the position and axis of a lamp at a pose, with a level of 0.
-fn dark_sample(pose: &Pose, fixture: &Fixture) -> LightSample {
-    let axis = Vector3::from(fixture.axis_body).normalize();
-    LightSample {
-        time_s: pose.time_s,
-        position_m: pose.position_m + pose.world_from_body * Vector3::from(fixture.position_body_m),
-        axis: pose.world_from_body * axis,
-        level: 0.0,
+/// Position and axis of a lamp in the body frame.
+struct Mount {
+    position_m: Vector3<f64>,
+    axis: Vector3<f64>,
+}
+
+impl Mount {
+    fn new(fixture: &Fixture) -> Self {
+        let axis = Vector3::from(fixture.axis_body).normalize();
+        Self { position_m: fixture.position_body_m.into(), axis }
+    }
+
+    /// Returns the position and axis of the lamp at a pose, with a level of 0.
+    fn dark_sample(&self, pose: &Pose) -> LightSample {
+        LightSample {
+            time_s: pose.time_s,
+            position_m: pose.position_m + pose.world_from_body * self.position_m,
+            axis: pose.world_from_body * self.axis,
+            level: 0.0,
+        }
     }
 }
 
