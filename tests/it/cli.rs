@@ -379,7 +379,7 @@ fn an_unwritable_folder_is_refused_before_the_flight() {
     fails(
         &["preview", "NOOR", "-o", "file/out"],
         &[("file", "")],
-        &["file/out", "a file is where"],
+        &["file/out", "a file has this folder's name"],
     );
     fails(&["plan", "NOOR", "-o", "nowhere/plan.csv"], &[], &["nowhere/plan.csv"]);
 }

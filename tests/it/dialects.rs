@@ -426,7 +426,7 @@ fn broken_tables_are_read_with_a_warning_or_refused() {
         ("empty lines", text.replace('\n', "\n\n"), Same),
         ("a comment", line(&text, 5, |row| format!("# gust\n{row}")), Same),
         ("separators at the end", text.replace('\n', ",\n"), Same),
-        ("no last line end", text.trim_end().to_owned(), Warned("no end")),
+        ("no last line end", text.trim_end().to_owned(), Warned("no line end")),
         (
             "an unknown column",
             text.replacen(head, &head.replace("roll", "roll,mood"), 1),

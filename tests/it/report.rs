@@ -88,7 +88,7 @@ fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
     }
     std::fs::write(folder.path().join("logs/cf2-1.csv"), "no log").unwrap();
     run("import logs")
-        .stdout(predicates::str::contains("4 logs, 3 sound"))
+        .stdout(predicates::str::contains("4 logs, 3 valid"))
         .stdout(predicates::str::contains("vehicle.").not());
     let out = folder.path().join("noctograph-evening");
     let html = std::fs::read_to_string(out.join("evening.html")).unwrap();
