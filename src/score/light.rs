@@ -264,8 +264,8 @@ fn blocks_beside(pixel: usize, block: usize, n_blocks: usize) -> (usize, usize, 
 
 /// Returns the sky of each block: a quantile of the means around it.
 ///
-/// The window slides along each row of blocks (Huang, Yang and Tang 1979). It holds the ranks of its
-/// means among all, which are distinct.
+/// The window slides along each row of blocks (Huang, Yang and Tang 1979). It holds the ranks of
+/// its means among all, which are distinct.
 fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     fn near(place: usize, end: usize) -> Range<usize> {
         place.saturating_sub(BLOCKS_AROUND)..(place + BLOCKS_AROUND + 1).min(end)
@@ -276,6 +276,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     in_order.iter().enumerate().for_each(|(rank, block)| ranks[*block] = rank);
     let mut sky = Vec::with_capacity(means.len());
     for y in 0..height {
+        // At each step a column of blocks enters the window, and one leaves it.
         let rows = near(y, height);
         let mut window = Window::new(means.len());
         let column = |x: usize| rows.clone().map(move |row| row * width + x);
