@@ -280,6 +280,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     in_order.iter().enumerate().for_each(|(rank, block)| ranks[*block] = rank);
     let mut sky = Vec::with_capacity(means.len());
     for y in 0..height {
+        // At each step a column of blocks enters the window, and one leaves it.
         let rows = near(y, height);
         let mut window = Window::new(means.len());
         let column = |x: usize| rows.clone().map(move |row| row * width + x);
