@@ -183,7 +183,11 @@ fn fleets_that_cannot_be_are_refused_with_the_reason() {
         ("sensors.uwb.heard", "[[0, 0], [1, 2]]", "sensors.uwb.heard[0][1]: found 0"),
         ("sensors.uwb.heard", "[[], [1, 2]]", "sensors.uwb.heard[0]: found 0 of them"),
         ("sensors.uwb.heard", "[[0, 2]]", "1 lists for at least 2 drones"),
-        ("sensors.uwb.anchors_m", "[[1, 2, 3], [0, 0, 1], [1, 2, 3]]", "the position of another anchor"),
+        (
+            "sensors.uwb.anchors_m",
+            "[[1, 2, 3], [0, 0, 1], [1, 2, 3]]",
+            "the position of another anchor",
+        ),
         ("sensors.positioning", "gnss", "without uwb-twr"),
         ("sensors.peers.loss_frac", "1.5", "sensors.peers.loss_frac"),
         ("observer.cooperative.share", "telepathy", "telepathy"),

@@ -150,7 +150,10 @@ fn of_a_scene_without_a_digest_it_is_said() {
     for verb in [&["check", "a.csv"][..], &["export", "a.csv", "--to", "cflib", "-o", "a.py"]] {
         let (code, _, said) = run(parent, verb);
         assert_eq!(code, 0, "{said}");
-        assert!(said.contains("warning: a.scene.toml: the scene has no digest"), "{verb:?}: {said}");
+        assert!(
+            said.contains("warning: a.scene.toml: the scene has no digest"),
+            "{verb:?}: {said}"
+        );
     }
     // A scene that is passed with --scene is accepted without a warning.
     let (_, _, said) = run(parent, &["check", "a.csv", "--scene", "a.scene.toml"]);
