@@ -42,8 +42,12 @@ const WHOLE_LETTER: f64 = 0.7;
 /// Least height of a letter with a level bar, in widths of its stroke.
 const BAR: f64 = 3.0;
 
-/// Most lines of a photo.
+/// Most lines of a photo, and most bands of rows in which they are looked for.
 const MAX_LINES: usize = 4;
+const MOST_BANDS: usize = 8;
+
+/// Fewest rows of a line.
+pub(super) const LEAST_PX: usize = 8;
 
 /// Largest ratio of the letters' heights of two lines.
 const MAX_RATIO: f64 = 1.8;
@@ -116,21 +120,23 @@ impl Ink {
     }
 
     /// Returns lines, those with the most crossings first. The rows of each are blank for the next.
-    fn by_crossings(&self) -> impl Iterator<Item = Line> {
+    /// `None` stands for rows that are too low for a line, such as those of a small credit.
+    fn by_crossings(&self) -> impl Iterator<Item = Option<Line>> {
         let mut mask = self.mask();
-        let lines = std::iter::from_fn(move || {
-            let line = Line::from_mask(self, &mask, Band::OfMost)?;
-            let width = self.raster().width;
-            mask[line.rows[0] * width..line.rows[1] * width].fill(false);
+        let width = self.raster().width;
+        (0..MOST_BANDS).map_while(move |_| {
+            let rows = band(&mask, width, Band::OfMost)?;
+            let line = Line::from_mask(self, &mask, Band::OfMost);
+            let [top, bottom] = line.as_ref().map_or(rows, |line| line.rows);
+            mask[top * width..bottom * width].fill(false);
             Some(line)
-        });
-        lines.take(MAX_LINES)
+        })
     }
 
     /// Returns the lines of one text, from the top.
     pub(super) fn lines(&self) -> Vec<Line> {
         let mut lines: Vec<Line> = Vec::new();
-        for line in self.by_crossings() {
+        for line in self.by_crossings().map_while(|line| line).take(MAX_LINES) {
             if lines.first().is_some_and(|first| !line.has_height_of(first)) {
                 break;
             }
@@ -152,7 +158,7 @@ impl Ink {
         if least_px > ROOM * self.raster().height as f64 {
             return None;
         }
-        self.by_crossings().find(|line| line.letter_px >= least_px)
+        self.by_crossings().flatten().find(|line| line.letter_px >= least_px)
     }
 }
 
@@ -161,7 +167,8 @@ impl Line {
     /// wide.
     fn from_mask(ink: &Ink, mask: &[bool], by: Band) -> Option<Self> {
         let Raster { width, height, .. } = *ink.raster();
-        let [top, bottom] = band(mask, width, by)?;
+        let [top, bottom] =
+            band(mask, width, by).filter(|[top, bottom]| bottom - top >= LEAST_PX)?;
         let stroke_px = stroke_width(mask, width);
         if by == Band::OfAny && ((bottom - top) as f64) < BAR * stroke_px {
             return None;
@@ -296,7 +303,7 @@ fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     let middle = (0..rows.len()).find(|y| smooth[*y] >= most).filter(|_| most > 0.0)?;
     let top = (0..=middle).rev().take_while(|y| enough[*y]).last()?;
     let bottom = (middle..rows.len()).take_while(|y| enough[*y]).last()? + 1;
-    (bottom - top >= 8).then_some([top, bottom])
+    Some([top, bottom])
 }
 
 /// Returns the width of strokes: twice their area by the length of their edge.
