@@ -44,8 +44,13 @@ const WHOLE_LETTER: f64 = 0.7;
 /// Minimum height of a single letter, in stroke widths. A mere horizontal bar is lower.
 const BAR: f64 = 3.0;
 
-/// Maximum number of lines that are read in a photo.
+/// Maximum number of lines that are read in a photo, and of bands of rows that are searched for
+/// lines.
 const MAX_LINES: usize = 4;
+const MOST_BANDS: usize = 8;
+
+/// Fewest rows of a line.
+pub(super) const LEAST_PX: usize = 8;
 
 /// Maximum ratio between the letter heights of two lines of one text.
 const MAX_RATIO: f64 = 1.8;
@@ -118,22 +123,24 @@ impl Ink {
     }
 
     /// Returns the lines of writing in order of decreasing crossings. The rows of each line are
-    /// blanked before the next line is searched.
-    fn by_crossings(&self) -> impl Iterator<Item = Line> {
+    /// blanked before the next line is searched. `None` stands for rows that are too low for a line,
+    /// such as those of a small credit.
+    fn by_crossings(&self) -> impl Iterator<Item = Option<Line>> {
         let mut mask = self.mask();
-        let lines = std::iter::from_fn(move || {
-            let line = Line::from_mask(self, &mask, Band::OfMost)?;
-            let width = self.raster().width;
-            mask[line.rows[0] * width..line.rows[1] * width].fill(false);
+        let width = self.raster().width;
+        (0..MOST_BANDS).map_while(move |_| {
+            let rows = band(&mask, width, Band::OfMost)?;
+            let line = Line::from_mask(self, &mask, Band::OfMost);
+            let [top, bottom] = line.as_ref().map_or(rows, |line| line.rows);
+            mask[top * width..bottom * width].fill(false);
             Some(line)
-        });
-        lines.take(MAX_LINES)
+        })
     }
 
     /// Returns the lines of one text, from top to bottom.
     pub(super) fn lines(&self) -> Vec<Line> {
         let mut lines: Vec<Line> = Vec::new();
-        for line in self.by_crossings() {
+        for line in self.by_crossings().map_while(|line| line).take(MAX_LINES) {
             if lines.first().is_some_and(|first| !line.has_height_of(first)) {
                 break;
             }
@@ -157,7 +164,7 @@ impl Ink {
         if least_px > ROOM * self.raster().height as f64 {
             return None;
         }
-        self.by_crossings().find(|line| line.letter_px >= least_px)
+        self.by_crossings().flatten().find(|line| line.letter_px >= least_px)
     }
 }
 
@@ -166,7 +173,8 @@ impl Line {
     /// pixel high without its strokes.
     fn from_mask(ink: &Ink, mask: &[bool], by: Band) -> Option<Self> {
         let Raster { width, height, .. } = *ink.raster();
-        let [top, bottom] = band(mask, width, by)?;
+        let [top, bottom] =
+            band(mask, width, by).filter(|[top, bottom]| bottom - top >= LEAST_PX)?;
         let stroke_px = stroke_width(mask, width);
         if by == Band::OfAny && ((bottom - top) as f64) < BAR * stroke_px {
             return None;
@@ -301,7 +309,7 @@ fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     let middle = (0..rows.len()).find(|y| smooth[*y] >= most).filter(|_| most > 0.0)?;
     let top = (0..=middle).rev().take_while(|y| enough[*y]).last()?;
     let bottom = (middle..rows.len()).take_while(|y| enough[*y]).last()? + 1;
-    (bottom - top >= 8).then_some([top, bottom])
+    Some([top, bottom])
 }
 
 /// Returns the width of strokes, which is twice their area divided by the length of their edge.

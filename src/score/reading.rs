@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::alphabet::{Classes, alike, class_of, seen_as, with_case_of};
 use super::lattice::Columns;
-use super::line::{Ink, Line, inks};
+use super::line::{Ink, LEAST_PX, Line, inks};
 use super::net;
 use super::search::{Symbols, search};
 use super::spelling::likeliest;
@@ -152,9 +152,10 @@ pub fn read(photo: &Photo) -> Reading {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
     }
-    // If the photo has much larger writing, these lines are only a credit.
-    let small = best_lines.iter().map(|line| line.letter_px).fold(0.0, f64::max);
-    let larger = inks.iter().filter(|_| !best_lines.is_empty()).filter_map(|ink| ink.larger(small));
+    // If the photo has much larger writing, these lines are only a credit, and so are rows that are
+    // too low.
+    let small = best_lines.iter().map(|line| line.letter_px).fold(LEAST_PX as f64, f64::max);
+    let larger = inks.iter().filter_map(|ink| ink.larger(small));
     let larger = clearest(larger, &mut budget, |line| line.letters.len() > 1 && line.ln_p > SURE);
     let mut smaller = String::new();
     if let Some(larger) = larger {

@@ -82,20 +82,26 @@ fn a_character_alone_is_read() {
 fn a_credit_below_the_writing_is_passed_over() {
     let word = Shot::new(&word("GREEN")).photo();
     let credit = Shot::new(&simplex("Studio Miller 2024")).photo();
-    let mut both = PhotoData::clone(&word);
-    let width = word.width_px as usize;
-    let n_rows = credit.height_px as usize / 5;
-    both.rgb8.resize(3 * width * (word.height_px as usize + n_rows + 10), 0);
-    both.height_px += u32::try_from(n_rows).unwrap() + 10;
-    for (y, x) in (0..n_rows).flat_map(|y| (0..credit.width_px as usize / 5).map(move |x| (y, x))) {
-        let within =
-            (0..25).map(|k| 3 * ((5 * y + k / 5) * credit.width_px as usize + 5 * x + k % 5));
-        let most = within.map(|pixel| credit.rgb8[pixel]).max().unwrap_or(0);
-        let pixel = 3 * ((word.height_px as usize + y) * width + x);
-        both.rgb8[pixel..pixel + 3].fill(most);
+    // The larger one is read by itself, and the rows of the smaller one are too low for a line.
+    for shrink in [5, 10] {
+        let mut both = PhotoData::clone(&word);
+        let width = word.width_px as usize;
+        let n_rows = credit.height_px as usize / shrink;
+        both.rgb8.resize(3 * width * (word.height_px as usize + n_rows + 10), 0);
+        both.height_px += u32::try_from(n_rows).unwrap() + 10;
+        let n_columns = credit.width_px as usize / shrink;
+        for (y, x) in (0..n_rows).flat_map(|y| (0..n_columns).map(move |x| (y, x))) {
+            let within = (0..shrink * shrink).map(|k| {
+                let (row, column) = (shrink * y + k / shrink, shrink * x + k % shrink);
+                3 * (row * credit.width_px as usize + column)
+            });
+            let most = within.map(|pixel| credit.rgb8[pixel]).max().unwrap_or(0);
+            let pixel = 3 * ((word.height_px as usize + y) * width + x);
+            both.rgb8[pixel..pixel + 3].fill(most);
+        }
+        let reading = read(&Photo::made(both));
+        assert_eq!(reading.text, "GREEN", "{shrink}: {reading:?}");
     }
-    let reading = read(&Photo::made(both));
-    assert_eq!(reading.text, "GREEN", "{reading:?}");
 }
 
 #[test]
