@@ -308,6 +308,10 @@ fn beams<const N: usize>(
     let beams: [f64; N] = if emitter.beam_exponent == 1.0 {
         // As below, for all points at once.
         std::array::from_fn(|n| {
+            #[expect(
+                clippy::manual_clamp,
+                reason = "0 for a point in the source, without a cosine"
+            )]
             let beam = cos_beam[n].max(0.0).min(1.0);
             let intensity = isotropic_fraction + (1.0 - isotropic_fraction) * beam;
             if cos_beam[n] < visible_cos { 0.0 } else { intensity }
