@@ -123,8 +123,8 @@ impl Ink {
     }
 
     /// Returns the lines of writing in order of decreasing crossings. The rows of each line are
-    /// blanked before the next line is searched. `None` stands for rows that are too low for a line,
-    /// such as those of a small credit.
+    /// blanked before the next line is searched. `None` stands for rows that are too low for a
+    /// line, such as those of a small credit.
     fn by_crossings(&self) -> impl Iterator<Item = Option<Line>> {
         let mut mask = self.mask();
         let width = self.raster().width;
