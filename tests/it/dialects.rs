@@ -184,7 +184,8 @@ fn script_lines(flight: &Flight) -> String {
 /// Tables of other programs: name, head, and cells of the time, the position, the quaternion
 /// (w, x, y, z) and the heading, in the program's units and axes.
 type Pose = (f64, [f64; 3], [f64; 4], f64);
-const PROGRAMS: [(&str, &str, fn(Pose) -> Vec<f64>); 7] = [
+type Cells = fn(Pose) -> Vec<f64>;
+const PROGRAMS: [(&str, &str, Cells); 7] = [
     ("TUM", "# timestamp tx ty tz qx qy qz qw", |(t, p, [w, x, y, z], _)| {
         vec![1.7e9 + t, p[0], p[1], p[2], x, y, z, w]
     }),
@@ -226,7 +227,7 @@ const PROGRAMS: [(&str, &str, fn(Pose) -> Vec<f64>); 7] = [
 ];
 
 /// A flight as the table of a program.
-fn table(flight: &Flight, head: &str, cells: fn(Pose) -> Vec<f64>) -> String {
+fn table(flight: &Flight, head: &str, cells: Cells) -> String {
     let separator = if head.contains(',') { "," } else { " " };
     let mut text = format!("{head}\n");
     for s in &flight.samples {
