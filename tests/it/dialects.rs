@@ -184,9 +184,10 @@ fn script_lines(flight: &Flight) -> String {
 
 /// A time, a position, a quaternion (w, x, y, z) and a heading.
 type Pose = (f64, [f64; 3], [f64; 4], f64);
-/// Tables of other programs: the name, the header, and a function that returns the cells of a pose
-/// in the program's units and axes.
-const PROGRAMS: [(&str, &str, fn(Pose) -> Vec<f64>); 7] = [
+/// Function that returns the cells of a pose in a program's units and axes.
+type Cells = fn(Pose) -> Vec<f64>;
+/// Tables of other programs: the name, the header, and the function for the cells.
+const PROGRAMS: [(&str, &str, Cells); 7] = [
     ("TUM", "# timestamp tx ty tz qx qy qz qw", |(t, p, [w, x, y, z], _)| {
         vec![1.7e9 + t, p[0], p[1], p[2], x, y, z, w]
     }),
@@ -228,7 +229,7 @@ const PROGRAMS: [(&str, &str, fn(Pose) -> Vec<f64>); 7] = [
 ];
 
 /// Returns a flight as the table of a program.
-fn table(flight: &Flight, head: &str, cells: fn(Pose) -> Vec<f64>) -> String {
+fn table(flight: &Flight, head: &str, cells: Cells) -> String {
     let separator = if head.contains(',') { "," } else { " " };
     let mut text = format!("{head}\n");
     for s in &flight.samples {

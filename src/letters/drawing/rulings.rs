@@ -1,4 +1,4 @@
-//! Rulings of paper in a clean scan: straight lines from edge to edge that are paler than the pen.
+//! Rulings of paper in a picture: straight lines from edge to edge that are paler than the pen.
 
 use super::ink::Field;
 use super::patches::FAINT;

@@ -67,8 +67,8 @@ fn mirrored_writing_is_read_from_behind() {
 fn a_character_alone_is_read() {
     // In so small a photo, C and L of the team's font have 0.8.
     let letters = "ABDEFGHJKMNOPQRSTUVWXYZ";
-    let fonts: [(fn(&str) -> Strokes, _); 3] =
-        [(word, letters), (simplex, letters), (simplex, "23456789CL")];
+    type Font = fn(&str) -> Strokes;
+    let fonts: [(Font, &str); 3] = [(word, letters), (simplex, letters), (simplex, "23456789CL")];
     for (font, characters) in fonts {
         let is_unread = |c: &char| {
             let reading = read(&Shot::new(&font(&c.to_string())).photo()).of_writing();
