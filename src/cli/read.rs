@@ -73,9 +73,11 @@ pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
         let mirrored_reading = read_mirrored(&photo, &reading, word);
         let Some((flipped, turns)) = mirrored_reading else { return (photo, reading) };
         let text = flipped.text.replace('\n', " ");
-        message("note: ", &format!("the writing is mirrored: flipped, it reads {text}"));
-        // If a word is given, the photo is judged without flipping it.
-        return if word.is_empty() {
+        let is_doubtful = word.is_empty() && reading.is_clear();
+        let how_sure = if is_doubtful { "may be" } else { "is" };
+        message("note: ", &format!("the writing {how_sure} mirrored: flipped, it reads {text}"));
+        // The photo is read without flipping it if a word is given, or if it is clear as it is.
+        return if word.is_empty() && !is_doubtful {
             (quarter_turned(&mirrored(&photo), turns), flipped)
         } else {
             (photo, reading)

@@ -10,6 +10,10 @@ const UPRIGHT: f64 = 0.92;
 /// it reads NOOW with 0.98.
 const LEAD: f64 = 0.1;
 
+/// Minimum gain in mean probability at which writing that is clear both ways may be mirrored. A
+/// mirrored GLOW reads WOJO with 0.93, flipped it has 0.99. An upright MAXI gains 0.01.
+const DOUBT: f64 = 0.03;
+
 /// Minimum level of white paper in daylight, and minimum ratio of bright to dark pixels at an edge.
 const BRIGHT: u8 = 190;
 const BRIGHT_PER_DARK: usize = 9;
@@ -37,36 +41,46 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
 }
 
 /// Reads the mirrored photo in the same way as [`read_any_way_up`]. Returns `None` if the original,
-/// whose reading is `upright`, is as clear.
+/// whose reading is `upright`, is as clear. If both are clear, as [`Reading::is_clear`] tells, the
+/// photo may be mirrored or not.
 pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
-    if is_right(upright, word) {
+    let is_beyond_doubt = !word.is_empty() || upright.mean_p() > 1.0 - DOUBT;
+    if is_right(upright, word) && is_beyond_doubt {
         return None;
     }
     // The writing is seen from behind, or reflected in water and therefore also upside down.
     let [left, down] =
         [0, 2].map(|quarters| (read(&quarter_turned(&mirrored(photo), quarters)), quarters));
     let is_down = down.0.mean_p() > left.0.mean_p() + LEAD;
-    Some(if is_down { down } else { left })
-        .filter(|(reading, _)| is_clearer(reading, upright, word, LEAD))
+    Some(if is_down { down } else { left }).filter(|(reading, _)| {
+        if is_right(upright, word) {
+            reading.is_clear() && reading.mean_p() >= upright.mean_p() + DOUBT
+        } else {
+            is_clearer(reading, upright, word, LEAD)
+        }
+    })
 }
 
-/// True if a reading has enough letters, and their mean probability is high.
-fn is_clear(reading: &Reading) -> bool {
-    reading.letters.len() >= LEAST_LETTERS && reading.mean_p() >= UPRIGHT
+impl Reading {
+    /// True if the reading has enough letters to show the orientation, and their mean probability is
+    /// high.
+    pub fn is_clear(&self) -> bool {
+        self.letters.len() >= LEAST_LETTERS && self.mean_p() >= UPRIGHT
+    }
 }
 
 /// True if a photo reads as the word, or if it reads clearly and `word` is empty.
 fn is_right(upright: &Reading, word: &str) -> bool {
-    upright.text.eq_ignore_ascii_case(word) || is_clear(upright) && word.is_empty()
+    upright.text.eq_ignore_ascii_case(word) || upright.is_clear() && word.is_empty()
 }
 
 /// True if a turned photo reads clearly, and more clearly than the original.
 fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
     let lead = if is_word { 0.0 } else { lead };
-    is_clear(reading)
+    reading.is_clear()
         && reading.mean_p() >= upright.mean_p() + lead
-        && (is_word || !is_clear(upright))
+        && (is_word || !upright.is_clear())
 }
 
 /// Flips a photo from left to right.

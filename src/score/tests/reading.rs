@@ -61,6 +61,13 @@ fn mirrored_writing_is_read_from_behind() {
         assert_eq!(read_mirrored(&photo, &read(&photo), ""), None, "{text}");
         assert_eq!(read_mirrored(&photo, &read(&photo), text), None, "{text}");
     }
+    // A mirrored DOOM is also clear as it is, but less clear than flipped.
+    let photo = Shot::new(&word("DOOM")).photo();
+    let upright = read(&mirrored(&photo));
+    assert!(upright.is_clear() && upright.text != "DOOM", "{}", upright.text);
+    let (reading, _) = read_mirrored(&mirrored(&photo), &upright, "").unwrap();
+    assert_eq!(reading.text, "DOOM");
+    assert_eq!(read_mirrored(&photo, &read(&photo), ""), None);
 }
 
 #[test]
