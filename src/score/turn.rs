@@ -62,8 +62,8 @@ pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Re
 }
 
 impl Reading {
-    /// True if the reading has enough letters to show the orientation, and their mean probability is
-    /// high.
+    /// True if the reading has enough letters to show the orientation, and their mean probability
+    /// is high.
     pub fn is_clear(&self) -> bool {
         self.letters.len() >= LEAST_LETTERS && self.mean_p() >= UPRIGHT
     }
