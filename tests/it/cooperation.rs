@@ -188,7 +188,7 @@ fn fleets_that_cannot_be_are_refused_with_the_reason() {
             "[[1, 2, 3], [0, 0, 1], [1, 2, 3]]",
             "the position of another anchor",
         ),
-        ("sensors.positioning", "gnss", "without uwb-twr"),
+        ("sensors.positioning", "gnss", "of uwb-twr"),
         ("sensors.peers.loss_frac", "1.5", "sensors.peers.loss_frac"),
         ("observer.cooperative.share", "telepathy", "telepathy"),
     ] {

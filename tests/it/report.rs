@@ -111,7 +111,7 @@ fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
     run("import other")
         .stdout(predicates::str::contains("at (+3.1, +0.0) mm"))
         .stdout(predicates::str::contains("center_of_mass_m=[0.0031,0.0000]"))
-        .stdout(predicates::str::contains("thrust is +"));
+        .stdout(predicates::str::contains("thrust differs from the scene's by +"));
     run(
         "preview O --spread 2 --conditions noctograph-evening/conditions.toml --backend cpu --size 320x180",
     );

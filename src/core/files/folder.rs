@@ -65,6 +65,7 @@ impl OutputFolder {
                 Ok(there) if there.is_file() => {
                     OpenOptions::new().write(true).open(&path).map(|_| ())
                 }
+                // A new file needs a writable folder, as the staging folder in it has shown.
                 _ => Ok(()),
             };
             writable.map_err(|source| Error::write(&path, source))

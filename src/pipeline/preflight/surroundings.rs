@@ -82,7 +82,8 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
 /// bridge (an assumption).
 const MAX_SILENT_S: f64 = 1.0;
 
-/// Returns the indices of the stations that are silent for too long while a plan is in the air.
+/// Returns the indices of the stations that are silent for too long while a plan is in the air. The
+/// time of overlapping outages counts twice, which errs on the side of safety.
 fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
     let mut in_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
     let start_s = in_air.clone().next().map_or(0.0, |setpoint| setpoint.time_s);

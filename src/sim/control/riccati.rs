@@ -74,7 +74,7 @@ fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     None
 }
 
-/// Solves the continuous equation as a discrete equation, because `s = shift (z − 1) / (z + 1)`
+/// Solves the continuous equation as a discrete equation, because `z = (s + shift) / (s − shift)`
 /// maps the left half-plane to the unit disc and preserves the solution. Returns `None` if the
 /// shift does not work.
 fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matrix> {
