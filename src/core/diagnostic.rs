@@ -1,8 +1,8 @@
-//! Diagnostics, the only type in which the program reports what is wrong, doubtful or improvable.
+//! Diagnostics, through which the program reports everything wrong, doubtful or improvable.
 //!
 //! A [`Diagnostic`] contains a code, to which programs and translations refer, a severity, a place,
-//! a message, named figures, and help, a sentence whose scene keys are stored as data. Stages make
-//! diagnostics, [`Warned`] carries them beside a product, and only callers print them.
+//! a message, named figures, and help, which stores scene keys as data. Stages create diagnostics,
+//! [`Warned`] returns them together with a product, and only callers print them.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,11 +18,11 @@ pub enum Severity {
     /// The value is within its limit.
     #[default]
     Fine,
-    /// The check was not made, because data are missing.
+    /// The check could not be carried out, because data is missing.
     Unknown,
-    /// The drone can fly, but the picture suffers, or the program guessed or left out something.
+    /// The drone can fly, but the picture is affected, or the program guessed or omitted something.
     Warning,
-    /// The drone should not fly, no word can be read with any letters, or an input is refused.
+    /// The drone should not fly, the word would be unreadable, or an input is refused.
     Stop,
 }
 
@@ -30,7 +30,7 @@ pub enum Severity {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Figure {
-    /// Number in the unit that the figure's name ends with.
+    /// Number, in the unit at the end of the figure's name.
     Number(f64),
     /// Number of items.
     Count(usize),
@@ -51,7 +51,7 @@ macro_rules! figure_from {
 }
 figure_from! { f64 => Number, usize => Count, [f64; 3] => Position, String => Text, &str => Text, }
 
-/// Result of a check or an event: a problem, a doubt, or a possible improvement.
+/// Result of a check, or report of an event, such as a problem or a possible improvement.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Diagnostic {
     /// Code, which is the name of a check (`lit transit`) or of an event (`shutter-closes`).
@@ -64,7 +64,7 @@ pub struct Diagnostic {
     pub message: String,
     /// Sentence that states what is wanted. The text may be empty.
     pub wanted: String,
-    /// Figures by name. A check has the figures `value` and `limit` in the same unit, `count`,
+    /// Figures by name. A check may have the figures `value` and `limit` in the same unit, `count`,
     /// `time_s`, `position_m`, and `detail`, which is its subject or a reason.
     pub figures: BTreeMap<&'static str, Figure>,
     /// Suggested action. The help may be empty.
@@ -72,17 +72,17 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// Makes a diagnostic with a message.
+    /// Creates a diagnostic with a message.
     pub fn new(code: &'static str, severity: Severity, message: impl Into<String>) -> Self {
         Self { code, severity, message: message.into(), ..Self::default() }
     }
 
-    /// Makes a warning.
+    /// Creates a warning.
     pub fn warning(code: &'static str, message: impl Into<String>) -> Self {
         Self::new(code, Severity::Warning, message)
     }
 
-    /// Makes a warning for each message, all with the same code.
+    /// Creates a warning for each message, all with the same code.
     pub fn warnings(
         code: &'static str,
         messages: impl IntoIterator<Item: Into<String>>,
@@ -90,12 +90,12 @@ impl Diagnostic {
         messages.into_iter().map(|message| Self::warning(code, message)).collect()
     }
 
-    /// Makes a check with its measured value, if there is one. [`Self::say`] adds the texts.
+    /// Creates a check with its measured value, if there is one. [`Self::say`] adds the texts.
     pub fn check(code: &'static str, severity: Severity, value: impl Into<Option<f64>>) -> Self {
         Self::new(code, severity, "").with_some("value", value.into())
     }
 
-    /// Makes a check that could not be carried out, with the reason, the missing data, and help.
+    /// Creates a check that could not be carried out, with the reason, the missing data, and help.
     pub fn unchecked(
         code: &'static str,
         why: impl ToString,
@@ -154,27 +154,27 @@ impl Diagnostic {
         Self { message: message.into(), wanted: wanted.into(), help: Help::from(help), ..self }
     }
 
-    /// Sets the help. A literal contains keys of the scene in braces, as [`Help`] describes.
+    /// Sets the help. String literals contain scene keys in braces, as [`Help`] describes.
     #[must_use]
     pub fn helped(self, help: impl Into<Help>) -> Self {
         Self { help: help.into(), ..self }
     }
 
-    /// Names the drone at the beginning of the place, if there are several drones.
+    /// Prepends the drone to the place, if there are several drones.
     #[must_use]
     pub fn of_drone(mut self, drone: impl Into<Option<DroneIndex>>) -> Self {
         self.place.0.splice(..0, drone.into().map(Segment::Drone));
         self
     }
 
-    /// Names the file at the beginning of the place.
+    /// Prepends the file to the place.
     #[must_use]
     pub fn in_file(mut self, file: impl fmt::Display) -> Self {
         self.place.0.splice(..0, Place::file(file).0);
         self
     }
 
-    /// True if the problem stops the flight or hides the word.
+    /// True if the severity is [`Severity::Stop`].
     pub fn is_stop(&self) -> bool {
         self.severity == Severity::Stop
     }
@@ -276,17 +276,17 @@ impl<T> Warned<T> {
     }
 }
 
-/// Key of a scene, and the value that it should have.
+/// Scene key, and the value to which it should be set.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Change {
     /// Dotted key in the scene file.
     pub key: String,
-    /// Value in the syntax of a scene, or `None` if the sentence only gives a direction.
+    /// Value in scene-file syntax, or `None` if the sentence only says to raise or lower it.
     pub value: Option<String>,
 }
 
 impl Change {
-    /// Makes a change from a key and the value that it should have.
+    /// Creates a change from a key and its new value.
     pub fn new(key: impl Into<String>, value: impl ToString) -> Self {
         Self { key: key.into(), value: Some(value.to_string()) }
     }
@@ -296,20 +296,19 @@ impl fmt::Display for Change {
     /// Writes the change in the syntax of a scene file.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(value) = &self.value else { return f.write_str(&self.key) };
-        // Numbers, lists and texts in quotation marks are valid TOML, but a bare name is not.
+        // Numbers, lists and quoted strings are valid TOML, but a bare name is not.
         let is_toml = format!("value = {value}").parse::<toml::Table>().is_ok();
         let quote = if is_toml { "" } else { "\"" };
         write!(f, "{} = {quote}{value}{quote}", self.key)
     }
 }
 
-/// Suggested action, which consists of words, and of keys of the scene as data. A literal contains
-/// the keys in braces, some of them with a value: `"raise {camera.iso}, or set
-/// {camera.metering=trail}"`.
+/// Suggested action, made of words and of scene keys as data. In a string literal, keys are in
+/// braces and may include a value, as in `"raise {camera.iso}, or set {camera.metering=trail}"`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Help(Vec<Part>);
 
-/// Part of a sentence.
+/// Part of a suggested action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {
     Words(String),
@@ -317,7 +316,7 @@ enum Part {
 }
 
 impl Help {
-    /// Returns the changes that the sentence names, in order.
+    /// Returns the suggested changes in the order of the sentence.
     pub fn changes(&self) -> impl Iterator<Item = &Change> {
         self.0.iter().filter_map(|part| match part {
             Part::Words(_) => None,
@@ -340,9 +339,9 @@ impl Help {
 }
 
 impl From<&'static str> for Help {
-    /// Parses a literal, which contains keys in braces, such as `raise {camera.iso}`.
+    /// Parses a string literal with keys in braces, such as `raise {camera.iso}`.
     fn from(text: &'static str) -> Self {
-        // Every second part was enclosed in braces.
+        // After the split, every second part was enclosed in braces.
         let parts = text.split(['{', '}']).enumerate().map(|(index, part)| {
             match (index % 2, part.split_once('=')) {
                 (0, _) => Part::Words(part.to_owned()),
@@ -355,7 +354,7 @@ impl From<&'static str> for Help {
 }
 
 impl From<String> for Help {
-    /// Takes a text as words without keys. Braces in the text have no special meaning.
+    /// Converts a text without keys. Braces in the text have no special meaning.
     fn from(words: String) -> Self {
         Self(if words.is_empty() { Vec::new() } else { vec![Part::Words(words)] })
     }

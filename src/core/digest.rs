@@ -1,10 +1,10 @@
-//! Digests of products, as SHA-256 (FIPS 180-4) in hexadecimal, equal on every machine.
+//! Digests of products, as hexadecimal SHA-256 (FIPS 180-4) that is the same on every machine.
 
 use std::io::Write;
 
 use sha2::Digest as _;
 
-/// SHA-256 of a product that is added piece by piece.
+/// SHA-256 computation to which a product is added piece by piece.
 #[derive(Clone, Debug, Default)]
 pub struct Digest(sha2::Sha256);
 
@@ -14,9 +14,9 @@ impl Digest {
         self.0.update(bytes);
     }
 
-    /// Adds the bits of numbers, lowest byte first.
+    /// Adds the bit patterns of numbers in little-endian order.
     pub fn add_numbers(&mut self, numbers: &[f64]) {
-        // The numbers are added in chunks, because a call for each takes as long as the digest
+        // The numbers are added in chunks, because one call per number takes as long as the digest
         // itself.
         const CHUNK: usize = 64;
         let mut buffer = [0; 8 * CHUNK];
@@ -34,7 +34,7 @@ impl Digest {
     }
 }
 
-/// Adds all bytes that are written.
+/// Adds every written byte to the digest.
 impl Write for Digest {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.add(bytes);
@@ -56,7 +56,7 @@ pub struct Digested<W> {
 }
 
 impl<W: Write> Digested<W> {
-    /// Wraps a writer, and computes the digest of everything written from now on.
+    /// Wraps a writer, and computes the digest of everything written through it.
     pub fn new(to: W) -> Self {
         Self { to, digest: Some(Digest::default()) }
     }
@@ -85,7 +85,7 @@ pub fn sha256(bytes: &[u8]) -> String {
 
 /// Returns the HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes.
 pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32] {
-    // The key is XORed into a block of the outer and of the inner padding, as RFC 2104 names them.
+    // As in RFC 2104, the key is XORed with a block of outer padding and a block of inner padding.
     const OPAD: u8 = 0x5c;
     const IPAD: u8 = 0x36;
     fn keyed_sha256(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
@@ -97,7 +97,7 @@ pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32
     keyed_sha256(OPAD, key, &keyed_sha256(IPAD, key, &message))
 }
 
-/// Returns the 64-bit FNV-1a hash (Fowler, Noll, Vo). The digest identifies streams of random
+/// Returns the 64-bit FNV-1a hash (Fowler, Noll, Vo). The hash identifies streams of random
 /// numbers.
 pub fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
     const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn the_digest_is_the_standards() {
-        // The digest is that of FIPS 180-4's example with one block.
+        // The expected digest is from the one-block example in FIPS 180-4.
         let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(sha256(b"abc"), abc);
         let mut pieces = Digest::default();
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn the_keyed_hash_is_the_standards() {
-        // The hash is that of RFC 4231's test case 2.
+        // The expected hash is from test case 2 in RFC 4231.
         let hash = hmac_sha256(b"Jefe", b"what do ya want for nothing?".iter().copied());
         assert_eq!(hash[..8], [0x5b, 0xdc, 0xc1, 0x46, 0xbf, 0x60, 0x75, 0x4e]);
         assert_eq!(hash[24..], [0x9d, 0xec, 0x58, 0xb9, 0x64, 0xec, 0x38, 0x43]);
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn hash_is_the_published_fnv_1a() {
-        // The hashes are the test vectors of the authors' reference code.
+        // The expected hashes are test vectors from the authors' reference code.
         assert_eq!(fnv_1a("".bytes()), 0xcbf2_9ce4_8422_2325);
         assert_eq!(fnv_1a("foobar".bytes()), 0x8594_4171_f739_67e8);
     }

@@ -1,4 +1,4 @@
-//! Errors, grouped by the way in which they are fixed.
+//! Errors, grouped by how they are fixed.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -7,12 +7,13 @@ pub use crate::place::{DroneIndex, Place, Segment};
 /// Result of every function in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Maximum number of printed characters of a value, more than any digest or name that occurs.
+/// Maximum number of characters of a value that are printed. No digest or name in use is longer.
 const LONGEST_FOUND: usize = 160;
 
 /// Error type of all crates.
 ///
-/// The text names the place, the found and the wanted value. [`Error::hint`] says how to fix it.
+/// The text states the place, the value found, and what is wanted. [`Error::hint`] says how to fix
+/// it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -70,7 +71,7 @@ pub enum Error {
         /// Advice on how to fix the error.
         hint: String,
     },
-    /// The caller who requested the work stopped it.
+    /// The caller stopped the work.
     #[error("stopped")]
     Stopped,
 }
@@ -96,7 +97,7 @@ impl Error {
         self
     }
 
-    /// Makes the error for an input that is well formed, but cannot be carried out.
+    /// Creates the error for a well-formed request that cannot be carried out.
     pub fn infeasible(what: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Infeasible { code: "infeasible", what: what.into(), hint: hint.into() }
     }
@@ -127,8 +128,8 @@ impl Error {
         self
     }
 
-    /// Adds the file, and its line if one is given, before the error's place. A file that the place
-    /// already names is part of the added file.
+    /// Prepends the file, and its line if one is given, to the error's place. A file already in the
+    /// place is part of the added file.
     #[must_use]
     pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
@@ -144,14 +145,14 @@ impl Error {
         self
     }
 
-    /// Adds the item of a list before the error's place.
+    /// Prepends an item of a list to the error's place.
     #[must_use]
     pub fn of_item(self, list: &str, index: usize) -> Self {
         let list = Place::from(list).0;
         self.inside(list.into_iter().chain([Segment::Index(index)]))
     }
 
-    /// Adds segments before the place of an input.
+    /// Prepends segments to an input's place.
     fn inside(mut self, outer: impl IntoIterator<Item = Segment>) -> Self {
         if let Self::Input { place, .. } = &mut self {
             place.0.splice(..0, outer);
@@ -159,16 +160,16 @@ impl Error {
         self
     }
 
-    /// Makes the error for a file that cannot be read.
+    /// Creates the error for a file that cannot be read.
     pub fn read(path: &Path, source: std::io::Error) -> Self {
         let hint = "name a file or folder that exists and is readable".into();
         Self::Io { path: path.into(), source, hint }
     }
 
-    /// Makes the error for a file or folder that cannot be written.
+    /// Creates the error for a file or folder that cannot be written.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
-        // On Windows, a forbidden name causes an error that does not name the reason.
+        // On Windows, a forbidden name causes an error that does not state the reason.
         let mut names = path.components().filter_map(|part| match part {
             Component::Normal(name) => Some(name.to_string_lossy()),
             _ => None,
@@ -183,7 +184,7 @@ impl Error {
         Self::Io { path: path.into(), source, hint: hint.into() }
     }
 
-    /// Makes the error for a value that cannot be used.
+    /// Creates the error for a value that cannot be used.
     pub fn input(
         place: impl Into<Place>,
         found: impl std::fmt::Display,
@@ -200,14 +201,14 @@ impl Error {
     }
 }
 
-/// True if Windows refuses a file's name, which is that of a device or has a forbidden character.
+/// True if Windows refuses a name because it is a device's or contains a forbidden character.
 fn is_reserved(name: &str) -> bool {
     is_device(name)
         || name.ends_with(['.', ' '])
         || name.chars().any(|c| c.is_control() || "<>:\"|?*".contains(c))
 }
 
-/// True if a name, with any extension, is that of a device on Windows.
+/// True if a name is reserved for a device on Windows, regardless of its extension.
 #[must_use]
 pub fn is_device(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
@@ -216,8 +217,8 @@ pub fn is_device(name: &str) -> bool {
         || port.is_some_and(|rest| matches!(rest.as_bytes(), [b'0'..=b'9']))
 }
 
-/// Makes an [`Error::input`] from texts with inline format arguments, such as `input_error!("word",
-/// "{n} characters", "at most {most}", "split the text")`.
+/// Creates an [`Error::input`] from texts with inline format arguments, such as
+/// `input_error!("word", "{n} characters", "at most {most}", "split the text")`.
 #[macro_export]
 macro_rules! input_error {
     ($place:expr, $found:literal, $wanted:literal, $hint:literal $(,)?) => {
@@ -225,7 +226,7 @@ macro_rules! input_error {
     };
 }
 
-/// Cuts a text with an ellipsis if it is too long to print, since 1e308 has 309 digits.
+/// Truncates a text with an ellipsis if it is too long to print, such as the 309 digits of 1e308.
 fn shortened(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(LONGEST_FOUND) {
         text.truncate(end);

@@ -1,4 +1,4 @@
-//! Tools and data types for all stages of Noctograph.
+//! Tools and data types that all stages of Noctograph share.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -22,8 +22,8 @@ pub mod srgb;
 pub mod statistics;
 pub mod strokes;
 
-/// Runs work in a version that is compiled for the widest registers of this processor. WebAssembly
-/// has only one register width.
+/// Runs work in a version that is compiled for this processor's widest vector registers.
+/// WebAssembly has only one register width.
 #[inline(always)]
 pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     #[cfg(target_family = "wasm")]

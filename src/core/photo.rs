@@ -1,5 +1,4 @@
-//! Photos: pictures that were rendered, or that come from a real camera. The reader of letters
-//! cannot distinguish them.
+//! Photos, either rendered or from a real camera. The letter reader treats both alike.
 
 use crate::error::Result;
 use crate::product::{Rules, Valid, check_picture};
@@ -16,7 +15,7 @@ pub struct PhotoData {
     pub height_px: u32,
     /// Red, green and blue of each pixel, row by row from the top left, sRGB-encoded.
     pub rgb8: Vec<u8>,
-    /// Text of the scene from which the photo was made, if the file contains it.
+    /// Text of the scene from which the photo was rendered, if the file contains it.
     pub scene_toml: Option<String>,
 }
 

@@ -23,7 +23,7 @@ pub enum Segment {
 }
 
 impl Place {
-    /// Makes the place of a whole file.
+    /// Creates the place of a whole file.
     pub fn file(name: impl std::fmt::Display) -> Self {
         Self(vec![Segment::File(name.to_string())])
     }
@@ -65,7 +65,7 @@ impl std::fmt::Display for Place {
 }
 
 impl From<String> for Place {
-    /// Makes a place with this key, or an empty place for an empty key.
+    /// Creates a place with this key, or an empty place for an empty key.
     fn from(key: String) -> Self {
         Self(if key.is_empty() { Vec::new() } else { vec![Segment::Key(key)] })
     }
@@ -83,7 +83,7 @@ impl From<std::path::Display<'_>> for Place {
     }
 }
 
-/// Index of one of several drones. Messages and JSON count drones from 1, as people do.
+/// Index of one of several drones. Messages and JSON count drones from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DroneIndex(pub usize);
 

@@ -1,14 +1,14 @@
-//! Products that cannot be invalid, because their data is checked once, when a stage has made it.
+//! Products that are always valid, because their data is checked once, when a stage creates it.
 
 use std::ops::Deref;
 
 use crate::error::{Error, Result};
 
 /// Largest magnitude of a position in m, a speed in m/s, an angle in rad or a motor command, far
-/// beyond any value of a drone.
+/// above any value that a drone reaches.
 pub const MAX_QUANTITY: f64 = 1e6;
 
-/// Data with rules, such as agreeing lengths, finite numbers and times in order.
+/// Data that is subject to rules, such as equal lengths, finite numbers and ordered times.
 pub trait Rules {
     /// Checks the rules.
     ///
@@ -18,7 +18,7 @@ pub trait Rules {
     fn check(&self) -> Result<()>;
 }
 
-/// Data that follows its rules. The fields can be read, but changed only through [`Self::edit`].
+/// Data that satisfies its rules. Fields can be read, but only [`Self::edit`] can change them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Valid<T>(T);
 
@@ -33,11 +33,11 @@ impl<T: Rules> Valid<T> {
         Ok(Self(data))
     }
 
-    /// Makes the product of a stage that is supposed to keep the rules.
+    /// Creates a product from data that a stage guarantees to be valid.
     ///
     /// # Panics
     ///
-    /// Panics if the data breaks a rule, which is a defect of the stage.
+    /// Panics if the data violates a rule, which is a defect of the stage.
     #[must_use]
     pub fn made(data: T) -> Self {
         Self::new(data).unwrap_or_else(|error| broken(&error))
@@ -47,20 +47,20 @@ impl<T: Rules> Valid<T> {
     ///
     /// # Panics
     ///
-    /// Panics if the changed data breaks a rule, as [`Self::made`] does.
+    /// Panics if the changed data violates a rule, as [`Self::made`] does.
     pub fn edit<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> R {
         let changed = change(&mut self.0);
         self.0.check().unwrap_or_else(|error| broken(&error));
         changed
     }
 
-    /// Returns the data without the guarantee that it follows its rules.
+    /// Returns the data without the guarantee that it satisfies its rules.
     pub fn into_data(self) -> T {
         self.0
     }
 }
 
-/// Panics with the rule that a stage's product breaks.
+/// Panics with the rule that a stage's product violates.
 fn broken(error: &Error) -> ! {
     panic!("a product breaks its rules: {error}")
 }
@@ -89,7 +89,7 @@ pub(crate) fn is_number(value: f64) -> bool {
     value.abs() <= MAX_QUANTITY
 }
 
-/// Makes the error for a number for which [`is_number`] is false.
+/// Creates the error for a number for which [`is_number`] is false.
 pub(crate) fn odd_number(name: &str, row: usize, value: f64) -> Error {
     let wanted = format!("a number within ±{MAX_QUANTITY}");
     Error::input(name, format_args!("{value} in row {row}"), wanted, FINITE_HINT)
@@ -99,7 +99,7 @@ pub(crate) fn odd_number(name: &str, row: usize, value: f64) -> Error {
 pub(crate) fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> {
     let mut last_s = f64::NEG_INFINITY;
     for (row, time_s) in times_s.into_iter().enumerate() {
-        // The comparison is false for NaN.
+        // NaN fails the comparison.
         if !(time_s.is_finite() && time_s >= last_s) {
             let actual = format!("{time_s} after {last_s} in row {row}");
             return Err(Error::input("time_s", actual, "rising times", "sort the rows by time"));
@@ -125,7 +125,7 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], n_times: usize) -> Result
 /// Checks that a picture has at least one pixel, and `n_channels` values for each.
 pub fn check_picture(size_px: [u32; 2], n_values: usize, n_channels: usize) -> Result<()> {
     let [width_px, height_px] = size_px;
-    // The product of the three factors may exceed `usize`.
+    // The product of the three factors may overflow `usize`.
     let n_wanted = u128::from(width_px) * u128::from(height_px) * n_channels as u128;
     if n_wanted > 0 && n_values as u128 == n_wanted {
         return Ok(());

@@ -4,7 +4,7 @@
 //! The macro [`settings!`] declares groups of settings, choices by name, and choices with settings
 //! of their own. Each declaration produces the Rust type with its `Default`, its form in a scene
 //! file, the check of its ranges, the commented scene that `noctograph scene` prints, and the
-//! suggestions for a key that does not exist.
+//! suggestions for an unknown key.
 //!
 //! ```ignore
 //! settings! {
@@ -160,14 +160,14 @@ pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     keys
 }
 
-/// Returns the settings of the kind that a choice's table names, or none for an unknown kind.
+/// Returns the settings of the kind selected in a choice's table, or none for an unknown kind.
 pub fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] {
     let kind = table.get("kind").and_then(toml::Value::as_str);
     let variant = variants.iter().find(|variant| Some(variant.name) == kind);
     variant.map_or(&[], |variant| variant.settings)
 }
 
-/// Returns the hint for an unknown name, the most similar candidate, or `otherwise` without one.
+/// Returns the hint for an unknown name, which is the most similar candidate, or `otherwise`.
 pub fn suggestion<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
@@ -179,7 +179,7 @@ pub fn suggestion<'a>(
 /// Returns the candidate with the smallest edit distance from an unknown name, or `None` if that
 /// distance is greater than a quarter of the candidate's length plus one.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // The edit distance is at least the difference in length, and a very long name costs nothing.
+    // Because the edit distance is at least the difference in length, a very long name is skipped.
     let n_letters = name.chars().count();
     let distances = candidates.into_iter().filter_map(|candidate| {
         let max_distance = 1 + candidate.len() / 4;

@@ -1,6 +1,6 @@
 //! The sRGB color space (IEC 61966-2-1), its transfer curve, primaries and luminance.
 
-/// Luminance of the primaries red, green and blue.
+/// Luminance of the red, green and blue primaries.
 pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Returns the luminance of linear light.

@@ -2,8 +2,8 @@
 
 use std::cmp::Ordering;
 
-/// Returns the median of values, which is the upper of the two middle values for an even number.
-/// Returns `None` without values.
+/// Returns the median of values, or `None` without values. For an even number of values, the median
+/// is the upper of the two middle values.
 pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Option<T> {
     let mut values: Vec<T> = values.into_iter().collect();
     let middle = values.len() / 2;
@@ -15,8 +15,8 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
     Some(*median)
 }
 
-/// Returns the weighted quantile of pairs of a value and its weight, the least value at which the
-/// cumulative weight reaches a fraction of the total. Sorts the pairs. Returns `None` without
+/// Sorts pairs of a value and its weight, and returns the weighted quantile, which is the smallest
+/// value at which the cumulative weight reaches a fraction of the total. Returns `None` without
 /// pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,4 +1,4 @@
-//! Strokes, the product of letters, which are glyphs placed in the plane of the word.
+//! Strokes, the product of the letters stage, which consist of glyphs placed in the word's plane.
 //!
 //! The plane of the word has x to the viewer's right and y up, in meters, with the floor at y = 0.
 
@@ -20,7 +20,7 @@ pub struct StrokesData {
     pub word: String,
     /// Name of the font, or `None` for a drawing.
     pub font: Option<String>,
-    /// Characters whose center lines miss a stroke of the typeface, with its length in cap heights.
+    /// Characters whose center lines lack a stroke of the typeface, with its length in cap heights.
     pub lost: BTreeMap<char, f64>,
     /// Glyphs, one for each drawn character. Spaces and line ends have no glyph.
     pub glyphs: Vec<Glyph>,
@@ -117,7 +117,8 @@ pub struct Move {
 }
 
 impl Rules for StrokesData {
-    /// Checks that all glyphs or none have a color, numbers are finite, and paces above 0.
+    /// Checks that all glyphs or none have a color, that numbers are finite, and that paces exceed
+    /// 0.
     fn check(&self) -> Result<()> {
         let (n, colors) = (self.glyphs.len(), self.colors.len());
         if colors != 0 && colors != n {

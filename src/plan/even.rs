@@ -1,8 +1,8 @@
 //! Style `even`, with strokes in the shortest order at one speed, and time-optimal transits.
 //!
-//! Every stroke begins and ends at a 50 ms tick of the lamps' timer, so that light commands can
-//! coincide with its ends. All setpoints are on one time grid, so that a controller that holds
-//! positions acts as a linear filter of them.
+//! Every stroke begins and ends at a 50 ms tick of the lamp timer, so that light commands can
+//! coincide with its ends. All setpoints are on one time grid. A controller that holds positions
+//! therefore acts on them as a linear filter.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -15,29 +15,28 @@ use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 
-/// Number of steps of a dimmed light. Finer levels would be invisible and need more commands.
+/// Number of brightness steps of a dimmed light. Finer levels would be invisible and need more
+/// commands.
 const LEVEL_STEPS: f64 = 50.0;
-/// Minimum light level, so that a slow corner does not become dark.
+/// Minimum light level, which keeps a slow corner from becoming dark.
 const LEAST_LEVEL: f64 = 0.04;
-/// Height in m above its home to which one of several drones climbs first.
+/// Height in m above its home to which each of several drones climbs first.
 const OVER_HOME_M: f64 = 0.3;
 /// Acceleration of the take-off as a fraction of that of other transits. A climb that saturates the
-/// motors winds up a PID controller's integrators, which writes the first letter too high.
+/// motors winds up a PID controller's integrators. The first letter would then be too high.
 const TAKE_OFF_FRACTION: f64 = 0.5;
-/// Run-in in s of the first stroke, which the drone would take from the hover to the stroke's
-/// beginning at the stroke's speed.
+/// Run-in of the first stroke, in s of flight at stroke speed from the hover to its beginning.
 const RUN_IN_S: f64 = 0.3;
-/// Delay in s after a loop's beginning at which its light goes on and after its end at which it
-/// goes off, so that the drone is equally far off the curve at both. Only loops longer than three
-/// of these delays have one.
+/// Delay in s of the light relative to a loop's beginning and end, so that the drone is equally far
+/// off the curve when the light goes on and off. Only loops longer than three delays have one.
 const LEAD_S: f64 = 0.4;
-/// Length in m by which a loop's light overlaps itself. The beginning and end of the light are
-/// uncertain by half a tick of the lamps' timer, which is 5 mm each at 0.2 m/s, and the drone may
-/// be off along the curve by as much.
+/// Length in m by which a loop's light overlaps itself. The light's beginning and end are each
+/// uncertain by half a tick of the lamp timer (5 mm at 0.2 m/s), and the drone's position along the
+/// curve is uncertain by as much.
 const OVERLAP_M: f64 = 0.015;
 /// Wait in s at the first letter if only the letters are planned.
 const LETTERS_WAIT_S: f64 = 0.5;
-/// Slack in s for rounding in sums of times, and minimum time in s between two setpoints.
+/// Tolerance in s for rounding in sums of times, and minimum time in s between two setpoints.
 const SLACK_S: f64 = 1e-6;
 const LEAST_INTERVAL_S: f64 = 1e-4;
 /// Hover in s at a dot before its light goes on, so that the drone comes to rest.
@@ -99,7 +98,7 @@ pub(super) fn plan(
         end_s: 0.0,
         state: State::default(),
     };
-    // Each part begins in the final state of the previous one.
+    // Each segment begins in the final state of the previous one.
     course.begin(drawn)?;
     for stroke in drawn {
         course.draw(stroke)?;
@@ -108,7 +107,7 @@ pub(super) fn plan(
     Ok(course.sampled())
 }
 
-/// Flight under construction, with the time and the state at its end.
+/// Flight that is being planned, with the time and the state at its end so far.
 struct Course<'a> {
     options: &'a PlanOptions,
     style: &'a EvenStyle,
@@ -136,8 +135,7 @@ impl Course<'_> {
         if let Some(home_x_m) = self.home_x_m {
             self.go_by(&gentle, None, &rest(home_x_m, OVER_HOME_M))?;
         }
-        // The hover is behind the stroke, and the drone reaches the stroke's speed at its
-        // beginning.
+        // The hover is behind the stroke's beginning, where the drone reaches the stroke speed.
         if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
             let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
             self.go_by(&gentle, None, &rest(before_m.x, before_m.y))?;
@@ -148,7 +146,7 @@ impl Course<'_> {
 
     /// Flies in the dark to a stroke, and then along it with light.
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
-        // The path to the first stroke belongs to no letter.
+        // The transit to the first stroke belongs to no letter.
         let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
         if let Some(dot_m) = stroke.dot_m() {
             self.go(letter, &rest(dot_m.x, dot_m.y))?;
@@ -180,7 +178,7 @@ impl Course<'_> {
         self.push(None, Path::Still(home), self.options.floor_wait_s)
     }
 
-    /// Returns the motion along a stroke. A loop continues beyond its end over its beginning.
+    /// Returns the motion along a stroke. A loop continues past its end and overlaps its beginning.
     fn motion(&self, stroke: &PenStroke) -> Motion {
         let more_m = if stroke.is_loop() { OVERLAP_M + self.lead_m(stroke) } else { 0.0 };
         let stroke = stroke.overlapped(more_m);
@@ -198,8 +196,8 @@ impl Course<'_> {
         self.go_by(self.style, letter, to)
     }
 
-    /// Adds a transit to a state in a style, without acceleration at its ends if Ruckig finds no
-    /// other. Returns an error if there is none.
+    /// Adds a transit to a state in a style. If Ruckig finds none, the acceleration at both ends is
+    /// set to zero. Returns an error if there is still no transit.
     fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
         let unaccelerated = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
         let transit = Transit::new(&self.state, to, style, RING_TICK_S).or_else(|| {
@@ -216,14 +214,15 @@ impl Course<'_> {
         self.push(letter, Path::Dark(transit), duration_s)
     }
 
-    /// Adds a segment whose duration is rounded up to whole ticks. Fails beyond the longest flight.
+    /// Adds a segment whose duration is rounded up to whole ticks. Returns an error if the flight
+    /// becomes too long.
     fn push(&mut self, letter: Option<usize>, path: Path, duration_s: f64) -> Result<()> {
         let n_ticks = (duration_s / RING_TICK_S - 1e-6).ceil();
         let rounded_s = n_ticks * RING_TICK_S;
         self.state = path.state_at(rounded_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
         self.end_s += rounded_s;
-        // The error comes before more of the flight is planned, sampled or flown.
+        // The flight is refused here, before more of it is planned or sampled.
         if self.end_s <= MAX_DURATION_S {
             return Ok(());
         }
@@ -266,7 +265,8 @@ impl Course<'_> {
         Plan::made(plan)
     }
 
-    /// Returns the light level from a setpoint to the next, the mean speed over the nominal one.
+    /// Returns the light level from a setpoint to the next, the ratio of the mean to the nominal
+    /// speed.
     fn level(&self, segment: &Segment, from_s: f64, next_s: f64) -> f64 {
         let motion = match &segment.path {
             Path::Lit(motion) => motion,
@@ -291,7 +291,7 @@ fn world(vector: Vector2<f64>) -> Vector3<f64> {
     Vector3::new(vector.x, 0.0, vector.y).map(on_grid)
 }
 
-/// Returns the state of rest at a position.
+/// Returns the state of a drone at rest at a position.
 fn rest(x_m: f64, height_m: f64) -> State {
     State { position_m: Vector2::new(x_m, height_m), ..State::default() }
 }
@@ -358,8 +358,7 @@ mod tests {
                 **level > 0.0 && pair.iter().all(|setpoint| setpoint.velocity_m_s.norm() == 0.0)
             });
             let still_s: f64 = still.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum();
-            // The first dark setpoint after the stroke is at rest too, so that all of the stroke
-            // counts.
+            // The first dark setpoint after the stroke is also at rest, so the whole stroke counts.
             let wanted_s = 0.2 * f64::from(dots);
             assert!((still_s - wanted_s).abs() < 1e-4, "{word} in {font}: {still_s} s");
         }

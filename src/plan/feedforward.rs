@@ -1,7 +1,8 @@
-//! Feedforward, which sends setpoints ahead of the design, so that a lagging drone follows it.
+//! Feedforward, which sends setpoints ahead of the design so that a lagging drone follows it.
 //!
-//! Input: a [`Plan`] and the step responses of the position loop. Output: the plan with positions
-//! to send. The method is the zero-phase [`Inverse`] of the loop over the flight, per axis.
+//! The input is a [`Plan`] and the step responses of the position loop. The output is the plan with
+//! the positions to send. The method is the zero-phase [`Inverse`] of the loop over the flight, per
+//! axis.
 
 use nalgebra::Vector3;
 
@@ -11,7 +12,7 @@ use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 
 /// Weight of the input relative to the output error. A smaller weight would require tilts that the
-/// drone does not reach.
+/// drone cannot reach.
 const RIDGE: f64 = 0.02;
 
 /// Returns the inverses of the position loop at the times of a plan's setpoints, one for each axis.
@@ -26,8 +27,8 @@ pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a
     })
 }
 
-/// Returns the plan that sends the inputs for which the loop's output is the design, for each axis.
-/// The offset between sent positions and design is kept.
+/// Returns the plan that sends, on each axis, the inputs whose output is the design. The offset of
+/// the sent positions from the design is preserved.
 pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = for_axes(|axis| {
         // An axis that never moves needs no inverse.
@@ -71,7 +72,7 @@ fn for_axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
     [x, y, z]
 }
 
-/// Returns the plan that sends the position `sent_m` for each row in the air.
+/// Returns the plan that sends the position `sent_m` of each row at which the drone flies.
 fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
     let sent = |(row, setpoint): (usize, &Setpoint)| {
         if setpoint.on_floor() { plan.sent_m(row) } else { sent_m(row).map(on_grid) }
@@ -92,7 +93,8 @@ mod tests {
 
     #[test]
     fn a_loop_without_lag_is_sent_the_design() {
-        // A held setpoint is exact in its middle, so that a lead of half an interval remains.
+        // A held setpoint is exact halfway through its interval, so a lead of half an interval
+        // remains.
         let at_once = StepResponse { interval_s: 0.001, values: vec![1.0; 3] };
         let responses = [at_once.clone(), at_once.clone(), at_once];
         let sent = feedforward(&noor(), &inverse(&noor(), &responses));

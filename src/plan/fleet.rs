@@ -1,10 +1,10 @@
-//! Fleets: several drones write one word together, and keep apart in space and time.
+//! Fleets of several drones that write one word together without coming too close to each other.
 //!
-//! Each drone writes a part of the word, from left to right, with about the same length of lit
-//! strokes. Four routes through each part are tried, which are the shortest, the one across from
-//! left to right, and both backward, because routes across keep simultaneous drones apart. The
-//! drones are assigned one after the other. Each drone receives the route and the wait on the floor
-//! that end first without a conflict with the drones before it.
+//! The word is divided from left to right into one part per drone, with lit strokes of about equal
+//! length. Four routes through each part are tried, which are the shortest one, the one from left
+//! to right, and both in reverse, because left-to-right routes keep simultaneous drones apart.
+//! Routes are assigned to the drones in turn. Each drone receives the route and the wait on the
+//! floor that end first without a conflict with the drones before it.
 
 use std::collections::HashMap;
 
@@ -17,20 +17,20 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::Strokes;
 
-/// Minimum horizontal distance in m of two drones, unless one is [`MIN_VERTICAL_M`] above the
-/// other. Both distances are the radii of the firmware's collision avoidance
+/// Minimum horizontal distance in m between two drones, unless one is [`MIN_VERTICAL_M`] above the
+/// other. Both distances are the radii in the firmware's collision avoidance
 /// (`collision_avoidance.c`: 0.3, 0.3 and 0.9 m).
 pub const MIN_HORIZONTAL_M: f64 = 0.3;
-/// Reach in m of the downwash below a drone.
+/// Distance in m that the downwash reaches below a drone.
 pub const MIN_VERTICAL_M: f64 = 0.9;
-/// Distance in m below which two drones are too close, a rounding error below the minimum.
+/// Distance in m below which two drones are too close, which is the minimum less a rounding error.
 const TOO_NEAR_M: f64 = MIN_HORIZONTAL_M - 1e-9;
 /// Time in s between two checks of the distance, and step in s by which a drone's start is delayed.
 const CHECK_STEP_S: f64 = 0.05;
 
-/// Maximum number of strokes for several drones, through each of which eight routes are planned.
+/// Maximum number of strokes for several drones, because each stroke is part of eight routes.
 const MAX_SHARED: usize = 2500;
-/// Maximum number of comparisons of two positions in the search for starts (some seconds).
+/// Maximum number of comparisons of two positions in the search for starts (a few seconds).
 const MAX_COMPARED: u64 = 1_000_000_000;
 
 /// Moment at which two drones are closest to each other.
@@ -40,7 +40,7 @@ pub struct Approach {
     pub time_s: f64,
     /// Horizontal distance between the drones in m.
     pub horizontal_m: f64,
-    /// Difference in height in m, which [`downwash_approach`] gives a sign.
+    /// Difference in height in m, which is signed only in the result of [`downwash_approach`].
     pub vertical_m: f64,
 }
 
@@ -67,8 +67,8 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
-    // The strokes are divided anywhere, or only between letters. Of both assignments, the one that
-    // ends first is used.
+    // The strokes are divided either anywhere or only between letters. The assignment that ends
+    // first is used.
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
@@ -84,11 +84,11 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     assignment.plans(options, style)
 }
 
-/// Parts of all drones, with their possible and their assigned routes.
+/// Possible and assigned routes of all drones.
 struct Assignment {
     routes: Vec<Vec<Route>>,
     starts: Vec<Start>,
-    /// Step at which the last drone ends its flight.
+    /// Step at which the last drone lands.
     end: usize,
 }
 
@@ -161,14 +161,14 @@ impl Start {
     }
 }
 
-/// Returns the step at which the last drone ends, with a route and a delay for each drone, so that
-/// all of them keep apart. Returns `None` if no order of assignment keeps them apart.
+/// Finds a route and a delay for each drone, with which no two drones come too close. Returns them
+/// with the step at which the last drone lands, or `None` if no order of assignment succeeds.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
     let mut conflicts =
         Conflicts { routes, cache: HashMap::new(), n_comparisons_left: MAX_COMPARED };
-    // The drone that ended last or found no route chooses first in the next round.
+    // The drone that landed last or found no route chooses first in the next round.
     for _round in 0..2 * routes.len() {
         let last = match assign(routes, &order, &mut conflicts) {
             Ok(starts) => {
@@ -190,7 +190,8 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     best
 }
 
-/// Returns routes and delays for an order of assignment. The error is a drone without a route.
+/// Returns routes and delays for an order of assignment, or the drone that found no route as the
+/// error.
 fn assign(
     routes: &[Vec<Route>],
     order: &[usize],
@@ -198,7 +199,7 @@ fn assign(
 ) -> std::result::Result<Vec<Start>, usize> {
     let mut chosen: Vec<(usize, Start)> = Vec::new();
     for &drone in order {
-        // A delay beyond the landing of all others changes nothing.
+        // Once all other drones have landed, a longer delay makes no difference.
         let ends = chosen.iter().map(|(other, start)| start.end(&routes[*other]));
         let max_delay = ends.max().unwrap_or(0);
         let starts = (0..routes[drone].len()).filter_map(|route| {
@@ -212,14 +213,13 @@ fn assign(
     Ok(chosen.into_iter().map(|(_, start)| start).collect())
 }
 
-/// Cache of conflicts between two drones, which all orders of assignment use.
+/// Cache of conflicts between two drones, shared by all orders of assignment.
 struct Conflicts<'a> {
     routes: &'a [Vec<Route>],
     /// Cached results by the first drone and its route, the second drone and its route, and the
     /// delay between the starts.
     cache: HashMap<[usize; 5], bool>,
-    /// Number of comparisons that may still be made. If none are left, all drones count as in
-    /// conflict.
+    /// Number of comparisons that may still be made. At 0, all drones count as in conflict.
     n_comparisons_left: u64,
 }
 
@@ -238,7 +238,7 @@ impl Conflicts<'_> {
     }
 }
 
-/// Position of a drone, and a flag that it is on the floor with its motors off.
+/// Position of a drone, and whether it is on the floor with its motors off.
 #[derive(Clone, Copy)]
 struct Place {
     position_m: Vector3<f64>,
@@ -247,8 +247,8 @@ struct Place {
 
 impl Place {
     /// Returns the horizontal distance and the difference in height of two drones. Returns `None`
-    /// if one is far enough above the other, by [`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one
-    /// is parked.
+    /// if the difference in height suffices ([`MIN_VERTICAL_M`], or [`MIN_HORIZONTAL_M`] if one is
+    /// parked).
     fn apart_m(self, other: Self) -> Option<[f64; 2]> {
         let is_parked = self.is_parked || other.is_parked;
         let reach_m = if is_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
@@ -257,7 +257,7 @@ impl Place {
     }
 }
 
-/// Places of a drone at every step.
+/// Positions of a drone at every step.
 struct Track {
     places: Vec<Place>,
     /// Longest horizontal distance from one step to the next in m.
@@ -279,12 +279,12 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// Returns the place at a step, or at the last step after the end of the plan.
+    /// Returns the position at a step, which is the last one after the end of the plan.
     fn place(&self, step: usize) -> Place {
         self.places[step.min(self.places.len() - 1)]
     }
 
-    /// True if two drones with delayed starts come too close, or if no comparison is left.
+    /// True if two drones with delayed starts come too close, or if no comparisons are left.
     fn meets(&self, delay: usize, other: &Self, other_delay: usize, left: &mut u64) -> bool {
         let end = (self.places.len() + delay).max(other.places.len() + other_delay);
         let mut step = 0;
@@ -297,7 +297,7 @@ impl Track {
             if aside_m < TOO_NEAR_M && a.apart_m(b).is_some() {
                 return true;
             }
-            // Steps are skipped in which the drones are too far apart to meet.
+            // Steps during which the drones are too far apart to meet are skipped.
             let n_safe = (aside_m - MIN_HORIZONTAL_M) / (self.step_m + other.step_m);
             #[expect(clippy::cast_possible_truncation, reason = "saturates")]
             let n_safe = n_safe.max(0.0) as usize;
@@ -338,8 +338,8 @@ fn parts(
     Ok(parts)
 }
 
-/// Returns four orders of a part whose strokes are given from left to right, which are the shortest
-/// order, the one across from left to right, and both backward.
+/// Returns four orders for a part whose strokes are given from left to right, which are the
+/// shortest order, the given one, and both in reverse.
 fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
     let backward = |order: &[PenStroke]| order.iter().rev().map(|stroke| stroke.along(1)).collect();
     let shortest = shortest(part, options.stroke_speed_m_s, style);
@@ -350,14 +350,14 @@ fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<V
     vec![backward(&shortest), shortest, backward(&across), across]
 }
 
-/// Returns the x in m where each drone starts and lands, below its part's middle, clear of others.
+/// Returns the x in m of each drone's home, below its part's middle and clear of the other homes.
 fn homes_x_m(parts: &[Vec<PenStroke>]) -> Vec<f64> {
     let middles_m: Vec<f64> = parts.iter().map(|part| middle_x_m(part)).collect();
     let mut homes_m = middles_m.clone();
     for index in 1..homes_m.len() {
         homes_m[index] = homes_m[index].max(homes_m[index - 1] + MIN_HORIZONTAL_M);
     }
-    // Keeping clear moved the homes to the right on average, which is corrected here.
+    // Keeping the homes apart moved them to the right on average. This shift is removed here.
     let n = homes_m.len() as f64;
     let aside_m = (homes_m.iter().sum::<f64>() - middles_m.iter().sum::<f64>()) / n;
     homes_m.iter().map(|home_m| home_m - aside_m).collect()
@@ -370,14 +370,14 @@ fn middle_x_m(strokes: &[PenStroke]) -> f64 {
     (left + right) / 2.0
 }
 
-/// Returns the closest moment of two plans ([`closest`]) if they come within [`MIN_HORIZONTAL_M`]
-/// of each other (`TOO_NEAR_M` allows for rounding), and `None` otherwise.
+/// Returns the moment of closest approach ([`closest`]) if two plans come within
+/// [`MIN_HORIZONTAL_M`] of each other (`TOO_NEAR_M` allows for rounding), or `None` otherwise.
 pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
     closest(a, b).filter(|closest| closest.horizontal_m < TOO_NEAR_M)
 }
 
-/// Returns the moment of least horizontal distance of two plans at which neither drone is far
-/// enough above the other. Returns `None` if one drone always is.
+/// Returns the moment of least horizontal distance between two drones, among all at which neither
+/// is far enough above the other. Returns `None` if one always is.
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::new(a), Track::new(b));
     let approach = |step: usize| {
@@ -387,7 +387,7 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     (0..a.places.len().max(b.places.len())).filter_map(approach).min_by(Approach::compare)
 }
 
-/// Returns the moment of least difference in height of two plans while both drones fly and are less
+/// Returns the moment of least difference in height between two drones while both fly and are less
 /// than [`MIN_HORIZONTAL_M`] apart horizontally (`TOO_NEAR_M` allows for rounding), or `None` if
 /// there is none. A positive `vertical_m` means that the first plan's drone is above.
 pub fn downwash_approach(a: &Plan, b: &Plan) -> Option<Approach> {

@@ -11,17 +11,17 @@ use noctograph_core::geometry::{distance, segment_distance};
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::strokes::{Move, Strokes};
 
-/// Largest distance in m of a setpoint from its move. Logs round to a millimeter and skip
-/// setpoints, whereas strokes are centimeters apart.
+/// Maximum distance in m of a setpoint from its move. Logs round positions to a millimeter, whereas
+/// strokes are centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
-/// Fraction of the word's strokes along which setpoints must run, since words have common strokes.
+/// Minimum fraction of the word's strokes that setpoints must follow, since words share strokes.
 const LEAST_FLOWN: f64 = 0.6;
 
 const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \
                     log without lights must write them stroke by stroke, as style team does";
 
-/// Adds letters and the column `light.headlights` to a flight that writes strokes.
+/// Adds letters and the column `light.headlights` to a flight that draws the given strokes.
 ///
 /// # Errors
 ///
@@ -35,12 +35,13 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
-    // The stretch of each move that the setpoints covered is given by its beginning and end.
+    // For each move, `flown_m` contains the beginning and end of the stretch that setpoints
+    // covered.
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
     let mut letters = Vec::with_capacity(flight.samples.len());
     for sample in &flight.samples {
-        // The current letter is that of the move on which the setpoint is, with a flag if the move
-        // is lit. Between moves, there is none.
+        // The current letter, with a flag for a lit move, is that of the move that contains the
+        // setpoint. Between moves, there is none.
         let current = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
         letters.push(current.map(|(letter, _)| letter));
         levels.push(f64::from(current.is_some_and(|(_, lit)| lit)));
@@ -59,8 +60,8 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     Ok(())
 }
 
-/// Returns an error if the setpoints do not run along most of the lit strokes in their order.
-/// `flown_m` contains the stretch of each move that they ran along.
+/// Returns an error if the setpoints do not follow most of the lit strokes in their order.
+/// `flown_m` contains the stretch of each move that they covered.
 fn check_flown(
     flight: &Flight,
     word: &str,
@@ -75,7 +76,7 @@ fn check_flown(
     if ordered_m >= LEAST_FLOWN * strokes_m {
         return Ok(());
     }
-    // The setpoints write another word, or the same word in another order.
+    // The setpoints draw another word, or the same word in another order.
     let near_m = near_m(moves, flight);
     let (actual, wanted) = if near_m < LEAST_FLOWN * strokes_m {
         (
@@ -94,7 +95,7 @@ fn check_flown(
     Err(Error::input(format!("word {word}"), actual, wanted, HINT))
 }
 
-/// Returns the length of the lit moves that setpoints run along, in any order, in m.
+/// Returns the length in m of the lit moves that setpoints follow in any order.
 fn near_m(moves: &[(usize, Move)], flight: &Flight) -> f64 {
     let lit = moves.iter().filter(|(_, step)| step.lit).map(|(_, step)| {
         let designs_m = flight.samples.iter().map(|sample| [sample.design_m.x, sample.design_m.z]);
@@ -126,7 +127,7 @@ impl Progress {
         })?;
         let (letter, step) = moves[index];
         let first_of_letter = index == 0 || moves[index - 1].0 != letter;
-        // The farthest point is kept, because after a slow turn the drone is soon on the next move.
+        // The farthest point so far is kept, so that progress along a move never decreases.
         let farthest_m = if index == self.index { self.along_m.max(along_m) } else { along_m };
         *self = Self { index, along_m: farthest_m };
         (along_m > 0.0 || !first_of_letter).then_some((letter, step.lit))

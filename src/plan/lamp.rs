@@ -1,26 +1,26 @@
-//! Delays between a light command and the light of a lamp.
+//! Delays between a light command and the response of a lamp.
 
-/// Slack in s for the time grid of setpoints.
+/// Tolerance in s for rounding on the time grid of setpoints.
 const GRID_S: f64 = 1e-5;
 
-/// Delays from a light command to the light.
+/// Delays between a light command and the change of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LampTiming {
     /// Mean time in s from sending to arrival.
     pub delay_s: f64,
-    /// Period in s of the timer that a change waits for. The period is 0 for a lamp without a
-    /// timer.
+    /// Period in s of the timer whose next tick changes the light, or 0 for a lamp without a timer.
     pub tick_s: f64,
 }
 
 impl LampTiming {
     /// Returns the time and the number of the tick nearest to a time, but not before the tick of
-    /// the last change. A lamp without ticks changes whenever a command can reach it.
+    /// the last change. A lamp without a timer can change at any time at which a command can
+    /// arrive.
     pub(super) fn tick(&self, time_s: f64, last_tick: f64) -> (f64, f64) {
         if self.tick_s == 0.0 {
             return (time_s.max(self.delay_s), time_s);
         }
-        // A command cannot be sent before the flight.
+        // No command can be sent before the flight begins.
         let first = (self.delay_s / self.tick_s + 0.5).ceil();
         let nearest = (time_s / self.tick_s).round();
         let tick = nearest.max(first).max(last_tick);
@@ -28,12 +28,13 @@ impl LampTiming {
     }
 
     /// Returns the time at which to send a command whose light changes at a tick. The command
-    /// arrives half a tick before.
+    /// arrives half a tick before that tick.
     pub(super) fn sent_s(&self, light_s: f64) -> f64 {
         (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
     }
 
-    /// Returns the time at which a command changes the light, the next tick after its arrival.
+    /// Returns the time at which a command changes the light, which is the next tick after it
+    /// arrives.
     pub(super) fn light_s(&self, sent_s: f64) -> f64 {
         let arrives_s = sent_s + self.delay_s;
         if self.tick_s == 0.0 {

@@ -1,11 +1,12 @@
 //! Planning, which converts strokes to timed setpoints and a light schedule.
 //!
-//! Input: [`Strokes`]. Output: a [`Plan`], which is everything that is sent to one drone. The plane
-//! of the word is the world's x-z plane at y = 0.
+//! The input is [`Strokes`], and the output a [`Plan`], which contains everything that is sent to
+//! one drone. The plane of the word is the world's x-z plane at y = 0.
 //!
 //! The strokes are divided among the drones ([`fleet`]), and each part becomes a design path
-//! ([`plan()`]). For a known drone, setpoints are then filtered by the inverse of its position loop
-//! ([`feedforward`]), and light commands are timed on a rehearsed flight ([`time_lights`]).
+//! ([`plan()`]). For a known drone, the inverse of its position loop then filters the setpoints
+//! ([`feedforward`]), and a rehearsed flight determines the times of light commands
+//! ([`time_lights`]).
 //!
 //! There are two styles of flying. Style `team` writes letter by letter with waits, as in the
 //! reference flight of 2022. Style `even` writes strokes in the order with the least dark time,
@@ -60,8 +61,8 @@ pub use stroke_ends::{StrokeEnd, stroke_ends};
 /// # Errors
 ///
 /// Returns [`Input`](noctograph_core::error::Error::Input) for an option out of range or a drawing
-/// without light, and [`Infeasible`](noctograph_core::error::Error::Infeasible) for a flight longer
-/// than an hour or a drawing of more than 10 000 strokes.
+/// without light. Returns [`Infeasible`](noctograph_core::error::Error::Infeasible) for a flight
+/// longer than an hour or a drawing of more than 10 000 strokes.
 pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     options.check()?;
     let plan = match &options.style {
@@ -74,7 +75,7 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     Ok(adjusted(plan, options))
 }
 
-/// Applies the heading, the clock and the mean error of the options to a plan.
+/// Applies the options' heading, clock and mean error to a plan.
 fn adjusted(mut plan: Plan, options: &PlanOptions) -> Plan {
     if plan.yaw_rad != options.yaw_rad {
         plan.edit(|plan| plan.yaw_rad = options.yaw_rad);

@@ -1,19 +1,19 @@
-//! Letters of commanded light, found for each lit stretch.
+//! Assignment of commanded light to letters, for each lit stretch.
 //!
-//! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond the stroke if
-//! the drone lags. The light keeps the color of its stroke.
+//! Light is commanded before its stroke begins, to compensate for the lamp's delays, and lasts
+//! longer than the stroke if the drone lags. The light has the color of its stroke throughout.
 
 use std::ops::Range;
 
 use super::Plan;
 
-/// Returns the index of the letter that the light commanded at each setpoint draws. The entry is
-/// `None` in the dark, and for light that belongs to no letter.
+/// Returns the index of the letter that the commanded light draws at each setpoint, or `None` in
+/// the dark and for light that belongs to no letter.
 pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
     let letter = |row: usize| plan.setpoints[row].letter;
     let drawn_rows = drawn_rows((plan, &plan.commanded()), (plan, &plan.lit()));
     let letters = drawn_rows.into_iter().map(|rows| {
-        // The letter is the last one begun in the stretch, or else the next one.
+        // The letter is the last one that begins in the stretch or, if none does, the next one.
         let rows = rows?;
         let after = rows.end..plan.setpoints.len();
         rows.rev().chain(after).find_map(letter)
@@ -34,15 +34,15 @@ pub(super) fn drawn_rows(
         // If the plans have different strokes, the drawn row is that at the same time.
         strokes = vec![0..design.setpoints.len(); commanded.len()];
     }
-    // Stretches correspond in their order. Within a stretch, each row is drawn as long after its
-    // beginning as in the design.
+    // The stretches of both plans correspond in order. Within a stretch, rows correspond by the
+    // time since its beginning.
     for (sent_rows, stroke) in commanded.into_iter().zip(strokes) {
         let is_whole_plan = stroke.len() == design.setpoints.len();
         let begin_s = sent.setpoints[sent_rows.start].time_s;
         let drawn_s = design.setpoints[stroke.start].time_s;
         let later_s = if is_whole_plan { 0.0 } else { begin_s - drawn_s };
         for row in sent_rows {
-            // The slack compensates for rounding.
+            // The added microsecond compensates for rounding.
             let time_s = sent.setpoints[row].time_s - later_s + 1e-6;
             let passed = design.setpoints[stroke.clone()].partition_point(|s| s.time_s <= time_s);
             rows[row] = Some(stroke.start..stroke.start + passed.max(1));

@@ -1,9 +1,9 @@
-//! Light timing, which sends light commands so early that the light changes at strokes' ends.
+//! Light timing, which sends light commands early enough that the light changes at strokes' ends.
 //!
-//! Input: a [`Plan`], a rehearsed or real flight of it, and the delays of the lamp. Output: the
-//! plan with its commands moved, and the remaining error at each stroke's end. For each edge of the
-//! design's light, the flight gives the time at which the drone passed the edge's position. The
-//! light changes at the nearest tick of the lamps' timer.
+//! The input is a [`Plan`], a rehearsed or real flight of it, and the lamp's delays. The output is
+//! the plan with shifted commands, and the remaining error at each stroke's end. For each change of
+//! the design's light, the flight gives the time at which the drone passed the position of this
+//! change. The light changes at the nearest tick of the lamp timer.
 
 use super::lamp::LampTiming;
 use super::light_letters::drawn_rows;
@@ -16,19 +16,19 @@ use noctograph_core::flight::table::on_grid;
 /// Reference that a controller follows between two setpoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Between {
-    /// Position as sent, which is held until the next setpoint.
+    /// Sent position, which is held until the next setpoint.
     Held,
-    /// Position of the design, which continues to move.
+    /// Position of the design, which moves between setpoints.
     Design,
 }
 
-/// Time in s within which a command is sent together with a setpoint.
+/// Maximum time in s between a command and a setpoint that are sent together.
 const SAME_S: f64 = 1e-4;
 /// Minimum time in s between two light commands.
 const LEAST_APART_S: f64 = 0.001;
 
 /// Moves the light commands of a plan to the times at which `flight` passes the strokes' ends.
-/// Returns the plan, whose [`PlanData::lit`] keeps the design's light, and the remaining errors.
+/// Returns the plan, whose [`PlanData::lit`] contains the design's light, and the remaining errors.
 ///
 /// # Errors
 ///
@@ -51,12 +51,13 @@ pub fn time_lights(
         }
         let [was_on, is_on] = [before > 0.0, lit[row] > 0.0];
         let edge = Edge::new(plan, row, is_on);
-        // The drone stays at a dot, so that its light ends with the same lag as it begins.
+        // The drone stays at a dot, so its light ends with the same lag with which it begins.
         if was_on != is_on && (is_on || edge.moves()) {
             lag_s = flown.lag_at_s(&edge, lag_s);
         }
         let (light_s, tick) = lamp.tick(edge.time_s + lag_s, last_tick);
-        // Of two levels on one tick, only the later one is kept, but an edge is never dropped.
+        // Of two levels at one tick, only the later one is kept. Switching on or off is never
+        // dropped.
         if tick == last_tick && was_on == is_on {
             commands.pop();
         }
@@ -69,8 +70,8 @@ pub fn time_lights(
     Ok((timed, ends))
 }
 
-/// Scales a plan to the clock of an onboard trajectory, which takes `rate` true seconds for each of
-/// its seconds, while light commands keep true time.
+/// Scales a plan to the clock of an onboard trajectory, which advances by `rate` seconds per true
+/// second, while light commands keep true time.
 pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     let lit = plan.lit();
     let changes = (0..lit.len()).filter(|row| *row == 0 || lit[*row] != lit[row - 1]);
@@ -79,8 +80,8 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     with_commands(&Plan::made(plan.into_data().paced(rate)), lit, &commands, Between::Design)
 }
 
-/// Returns a plan with other light commands, given as times and levels in chronological order. A
-/// command between two setpoints adds a row.
+/// Replaces a plan's light commands with others, given as times and levels in chronological order.
+/// A command between two setpoints adds a row.
 fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     let has_sent = !plan.sent_m.is_empty();
@@ -88,7 +89,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
     let mut level = 0.0;
     let mut levels: Vec<f64> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
-        // Commands that are due are sent with the setpoint. The last setpoint is dark.
+        // Commands that are due are sent together with the setpoint. The last setpoint is dark.
         let due_s = setpoint.time_s + SAME_S;
         while let Some(due) = commands.next_if(|command| command.0 <= due_s) {
             level = due.1;
@@ -102,7 +103,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             levels.push(level);
             out.sent_m.extend(has_sent.then_some(sent_m));
             out.jerk_m_s3.extend(plan.jerk_m_s3.get(row));
-            // Commands before the next setpoint have rows of their own.
+            // Commands before the next setpoint receive separate rows.
             let is_before =
                 |command: &(f64, f64)| next.is_some_and(|s| command.0 < s.time_s - SAME_S);
             let Some(due) = commands.next_if(is_before) else { break };
@@ -135,7 +136,7 @@ fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
     plan
 }
 
-/// Returns the setpoint that continues the design of another setpoint from a later time on.
+/// Returns the setpoint that continues another setpoint's design from a later time.
 fn moved_on(setpoint: &Setpoint, time_s: f64) -> Setpoint {
     let since_s = time_s - setpoint.time_s;
     let velocity_m_s = setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s;
@@ -162,7 +163,7 @@ mod tests {
         written("NOE", &PlanOptions::even())
     }
 
-    /// Makes a flight that follows the design exactly, but `lag_s` late and 0.1 m to the left.
+    /// Creates a flight that follows the design exactly, but `lag_s` late and 0.1 m to the left.
     fn late(plan: &Plan, lag_s: f64) -> Flight {
         #[expect(clippy::cast_possible_truncation, reason = "a flight")]
         let n = (plan.duration_s() * 250.0) as u32;

@@ -1,8 +1,8 @@
-//! Motion along a lit stroke, as fast as the limits permit, with rounded corners.
+//! Motion along a lit stroke with rounded corners, as fast as the limits permit.
 //!
-//! A pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). The
-//! motion is that of the pen after two moving averages ([`super::smoothing`]). The averages are
-//! differences of the pen's integrals, so that position, velocity and acceleration are exact.
+//! A pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). Two
+//! moving averages of its position give the motion ([`super::smoothing`]). The averages are
+//! differences of the position's integrals, so position, velocity and acceleration are exact.
 
 use nalgebra::Vector2;
 
@@ -19,8 +19,8 @@ pub(super) struct State {
     pub(super) acceleration_m_s2: Vector2<f64>,
 }
 
-/// Piece of the pen's path from an instant on, with constant acceleration, and the two integrals of
-/// the position up to that instant.
+/// Piece of the pen's path with constant acceleration, and the first and second integral of the
+/// position up to its start.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     start_s: f64,
@@ -31,7 +31,7 @@ struct Piece {
     second_integral_m_s2: Vector2<f64>,
 }
 
-/// Ratio of the acceleration to its limit above which the whole stroke is slowed.
+/// Ratio of a stroke's acceleration to the limit above which the whole stroke is slowed.
 pub(super) const MAX_EXCESS: f64 = 1.045;
 
 /// Motion along a stroke.
@@ -40,21 +40,22 @@ pub(super) struct Motion {
     smoothing: Smoothing,
     origin_m: Vector2<f64>,
     pieces: Vec<Piece>,
-    /// Time of the pen per time of the stroke, whose duration is a whole number of ticks.
+    /// Pen time per stroke time, chosen so that the stroke lasts a whole number of ticks.
     pace: f64,
-    /// Time in s between the beginning of the stroke and that of the motion.
+    /// Time in s from the beginning of the stroke to the beginning of the motion.
     from_s: f64,
     duration_s: f64,
 }
 
 impl Motion {
-    /// Makes the motion along a stroke at a speed, whose duration is a multiple of `tick_s`.
+    /// Creates the motion along a stroke at a speed. Its duration is a multiple of `tick_s`.
     pub(super) fn new(stroke: &PenStroke, speed_m_s: f64, style: &EvenStyle, tick_s: f64) -> Self {
         let smoothing = Smoothing::new(speed_m_s, style);
         let origin_m = stroke.points_m[0];
         let nodes = profile(stroke, &smoothing, speed_m_s);
         let mut pen = Pen::default();
-        // The pen starts before the stroke and ends beyond it, so that the ends are not corners.
+        // The pen starts before the stroke and stops after it, so that the stroke's ends are not
+        // corners.
         let reach_s = smoothing.reach_s();
         let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
         let [first_m_s, last_m_s] =
@@ -76,7 +77,7 @@ impl Motion {
         let duration_s = in_ticks(pen_s, tick_s);
         let (pieces, pace) = (pen.pieces, pen_s / duration_s);
         let mut motion = Self { smoothing, origin_m, pieces, pace, from_s: 0.0, duration_s };
-        // While the pen turns and changes its speed simultaneously, both accelerations add up.
+        // If the pen turns and changes its speed at the same time, the two accelerations add up.
         let excess = motion.max_acceleration_m_s2(0.5 * tick_s) / style.acceleration_m_s2;
         if excess > MAX_EXCESS {
             motion.duration_s = in_ticks(duration_s * excess.sqrt(), tick_s);
@@ -85,7 +86,7 @@ impl Motion {
         motion
     }
 
-    /// Returns the greatest acceleration at times that are a step apart.
+    /// Returns the greatest acceleration, sampled at intervals of `step_s`.
     fn max_acceleration_m_s2(&self, step_s: f64) -> f64 {
         let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
         let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
@@ -97,15 +98,15 @@ impl Motion {
         self.duration_s - self.from_s
     }
 
-    /// Returns the rest of the motion after a time.
+    /// Returns the remaining motion after a time.
     pub(super) fn after(self, time_s: f64) -> Self {
         Self { from_s: self.from_s + time_s, ..self }
     }
 
-    /// Returns the state at a time after the beginning, which is the pen's after both averages.
+    /// Returns the state at a time after the beginning, which is the pen's averaged state.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
-        // The averages are centered on this time of the pen.
+        // The averages are centered on this pen time.
         let middle_s = (self.from_s + time_s) * self.pace + self.smoothing.reach_s();
         // Two moving averages are a second difference of the pen's second integral P, P(t + outer)
         // − P(t + inner) − P(t − inner) + P(t − outer), divided by the product of their lengths.
@@ -127,19 +128,19 @@ impl Motion {
         }
     }
 
-    /// Returns the piece of the pen's path at a time of the pen.
+    /// Returns the piece of the pen's path at a pen time.
     fn piece_at(&self, time_s: f64) -> &Piece {
         let next = self.pieces.partition_point(|piece| piece.start_s <= time_s);
         &self.pieces[next.max(1) - 1]
     }
 }
 
-/// Rounds a duration up to a multiple of a tick, at least one. The slack is for rounding.
+/// Rounds a duration up to a whole number of ticks, but at least one, allowing for rounding errors.
 fn in_ticks(duration_s: f64, tick_s: f64) -> f64 {
     (duration_s / tick_s - 1e-6).ceil().max(1.0) * tick_s
 }
 
-/// Path of the pen under construction.
+/// Path of the pen that is being built.
 #[derive(Debug, Default)]
 struct Pen {
     pieces: Vec<Piece>,

@@ -1,4 +1,4 @@
-//! Options of planning.
+//! Options for planning.
 
 use noctograph_core::error::Result;
 use noctograph_core::settings::{Described, settings};
@@ -139,8 +139,8 @@ settings! {
 }
 
 impl PlanOptions {
-    /// Returns the options of style `even`, with setpoints at 20 Hz with feedforward, and light
-    /// commands timed on the flight.
+    /// Returns the options for style `even`, with 20 Hz setpoints, feedforward, and light commands
+    /// timed to the flight.
     pub fn even() -> Self {
         Self {
             setpoint_interval_s: 0.05,
@@ -153,7 +153,7 @@ impl PlanOptions {
         }
     }
 
-    /// Returns the options of style `even` with other settings.
+    /// Returns the options for style `even` with the given settings.
     pub fn even_with(style: EvenStyle) -> Self {
         Self { style: Style::Even(style), ..Self::even() }
     }

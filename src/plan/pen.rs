@@ -1,23 +1,23 @@
-//! Pen strokes, which are uninterrupted runs of light, and the ways in which they can be drawn.
+//! Pen strokes, which are uninterrupted runs of light, and the ways to draw them.
 
 use nalgebra::Vector2;
 
 use noctograph_core::strokes::Strokes;
 
-/// Maximum number of corners of a closed stroke at which it may start.
+/// Maximum number of corners at which a closed stroke may start.
 const MAX_STARTS: usize = 8;
 /// Distance in m below which two points are merged.
 const SAME_M: f64 = 1e-6;
 /// Length in m below which a run of light is a dot, half the width of a stroke in the photograph.
 pub(super) const DOT_M: f64 = 0.005;
 
-/// Minimum cosine of the turn at the ends of a closed stroke that counts as smooth.
+/// Minimum cosine of the turn at the joined ends of a closed stroke for which it counts as smooth.
 const SMOOTH_COS: f64 = 0.5;
-/// Length in m of a stroke with as much light as a dot receives. A lamp at rest leaves the exposure
-/// `I t / (2π σ²)` in the middle of a spot of width σ. A lamp that passes at speed `v` leaves `I /
+/// Length in m of a stroke that receives as much light as a dot. A lamp at rest causes the exposure
+/// `I t / (2π σ²)` at the center of a spot of width σ. A lamp that passes at speed `v` causes `I /
 /// (√(2π) σ v)`. Both exposures are equal, and equally wide, after `t = √(2π) σ / v`. For σ = 4 mm,
 /// this corresponds to a length `v t` of 10 mm. Four times that length compensates for the motion
-/// of the hovering drone, and for serifs, which dots lack.
+/// of the hovering drone, and for the serifs that dots lack.
 const DOT_LIGHT_M: f64 = 0.04;
 
 /// Returns the duration in s of a dot's light at a stroke speed.
@@ -35,7 +35,7 @@ pub(super) struct PenStroke {
     pub(super) paces: Vec<f64>,
 }
 
-/// Way to draw a stroke, given by how it is entered and left.
+/// Way to draw a stroke, given by the position and velocity at each end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Way {
     pub(super) start_m: Vector2<f64>,
@@ -58,7 +58,8 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
                 is_down &= step.lit || is_short;
                 continue;
             }
-            // A lit move continues a run that ends at its beginning. After a jump, another begins.
+            // A lit move continues a run that ends at the move's beginning. After a jump, a new run
+            // begins.
             let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
             if !is_down || !runs.last().is_some_and(ends_here) {
                 runs.push(PenStroke { letter, points_m: vec![from], paces: Vec::new() });
@@ -77,7 +78,7 @@ pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
 }
 
 impl PenStroke {
-    /// Returns the position of a dot. Returns `None` for a stroke.
+    /// Returns the position of a dot, or `None` for a stroke.
     pub(super) fn dot_m(&self) -> Option<Vector2<f64>> {
         self.points_m.first().copied().filter(|_| self.points_m.len() == 1)
     }
@@ -98,7 +99,7 @@ impl PenStroke {
         self.is_closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
     }
 
-    /// Continues a closed stroke over its beginning for a length, up to once around.
+    /// Extends a closed stroke past its end along its beginning by a length, at most once around.
     pub(super) fn overlapped(&self, mut remaining_m: f64) -> Self {
         let mut longer = self.clone();
         for (ends, pace) in self.points_m.windows(2).zip(&self.paces) {
@@ -122,7 +123,7 @@ impl PenStroke {
     pub(super) fn along(&self, way: usize) -> Self {
         let Self { letter, mut points_m, mut paces } = self.clone();
         if way >= 2 {
-            // A closed stroke repeats its first point at its end, so that the old end is replaced.
+            // A closed stroke repeats its first point at its end, so the old end is replaced.
             let begin = way / 2 * paces.len() / self.n_starts();
             points_m.pop();
             points_m.rotate_left(begin);
@@ -143,7 +144,8 @@ impl PenStroke {
         (0..2 * n_starts).map(|way| self.along(way).way(speed_m_s)).collect()
     }
 
-    /// Returns the points and velocities at which the stroke is entered and left as it is.
+    /// Returns the points and velocities at which the stroke is entered and left in its own
+    /// direction.
     fn way(&self, speed_m_s: f64) -> Way {
         let along_m_s = |pair: Option<&[Vector2<f64>]>| {
             pair.map_or(Vector2::zeros(), |pair| (pair[1] - pair[0]).normalize() * speed_m_s)

@@ -8,13 +8,13 @@ use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::statistics::median;
 
-/// Distance between setpoints, in median steps, from which setpoints were lost.
+/// Distance between setpoints, in median steps, above which setpoints were lost.
 const LOST_STEPS: f64 = 1.5;
-/// Range of the speed between two setpoints, relative to the median speed. Outside this range, the
-/// drone jumped or waited, and no setpoint was lost.
+/// Range of the speed between two setpoints, relative to the median speed, within which setpoints
+/// may have been lost. Outside this range, the drone jumped or waited.
 const LOST_SPEED: std::ops::Range<f64> = 0.7..1.3;
 
-/// Setpoints of a flight, ready to be flown again.
+/// Setpoints of a flight that can be flown again.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Replay {
     /// Plan with the setpoints.
@@ -23,12 +23,12 @@ pub struct Replay {
     pub n_restored: usize,
 }
 
-/// Returns the plan that a flight followed, with a setpoint at rest at each change of its design,
-/// letter or lights, held until the next, and a last one at the end of the flight.
+/// Returns the plan that a flight followed. The plan contains a setpoint at rest at each change of
+/// the design, letter or lights, and a last one at the end of the flight.
 ///
 /// A log loses packets that the drone received. If two setpoints are more than one and a half
 /// median steps apart and the drone moved at the median speed, the missing setpoints are restored
-/// at equal intervals. In the reference flight, this restores one setpoint in fifteen.
+/// at equal intervals. In the reference flight, one setpoint in fifteen is restored.
 ///
 /// # Errors
 ///
@@ -43,7 +43,8 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     let channels: Vec<String> = flight.lights.keys().cloned().collect();
     let (mut plan, mut n_restored) = (PlanData::with_channels(&channels), 0);
     for (index, (setpoint, row)) in logged.iter().enumerate() {
-        // Lost setpoints come first, at equal intervals, with the previous one's letter and lights.
+        // Lost setpoints are restored first, at equal intervals, with the letter and lights of the
+        // previous one.
         if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
             let n_lost = lost_between(before, setpoint, median);
             for k in 1..=n_lost {
@@ -71,8 +72,8 @@ fn push(plan: &mut PlanData, setpoint: Setpoint, flight: &Flight, row: usize) {
     }
 }
 
-/// Returns the setpoints that a flight logged, each with its row, which are the first row, the
-/// last, and each that differs from the one before.
+/// Returns the setpoints that a flight logged, each with its row. These are the first row, the last
+/// row, and each row that differs from the previous one.
 fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     let lights_at = |row: usize| flight.lights.values().map(move |levels| levels[row]);
     let last = flight.samples.len() - 1;
@@ -94,7 +95,7 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
 }
 
-/// Returns the medians of the distance and speed between setpoints that move, or zeros.
+/// Returns the medians of the distance and speed between moving setpoints, or zeros without any.
 fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     let steps = logged.windows(2).map(|pair| step(&pair[0].0, &pair[1].0));
     let moves = steps.filter(|[length_m, lasts_s]| *length_m > 0.0 && *lasts_s > 0.0);
@@ -124,7 +125,7 @@ mod tests {
     use noctograph_core::flight::FlightData;
     use noctograph_core::flight::FlightSample;
 
-    /// Makes a log at 100 Hz of setpoints `(time, x, light)`, each held until the next, up to 1 s.
+    /// Creates a 1 s log at 100 Hz of setpoints `(time, x, light)`, each held until the next.
     fn logged(sent: &[(f64, f64, f64)]) -> Flight {
         let held = |time_s: f64| sent.iter().rfind(|s| s.0 <= time_s + 1e-9).unwrap();
         let times_s = (0..=100).map(|k| f64::from(k) / 100.0);

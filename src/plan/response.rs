@@ -1,19 +1,20 @@
-//! Step response of a loop, and its inverse, which gives the inputs for a desired output.
+//! Step response of a control loop, and its inverse, which computes the inputs for a desired
+//! output.
 
-/// Output of a stable loop from rest after its input stepped from 0 to 1, at equal intervals from
-/// the step on. After the last value, the output stays constant.
+/// Output of a stable loop, initially at rest, after its input steps from 0 to 1. The values are at
+/// equal intervals, and the output stays constant after the last one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepResponse {
     /// Time between two values in s.
     pub interval_s: f64,
-    /// Values of the output, of which the first is at the step itself.
+    /// Values of the output, beginning with the value at the step itself.
     pub values: Vec<f64>,
 }
 
-/// Fraction of the step below which the remaining change of a response is neglected.
+/// Remaining change of a response, as a fraction of the step, below which it is neglected.
 const SETTLED: f64 = 1e-3;
-/// Number of comparisons between output and target per input. The comparison between two inputs
-/// prevents oscillation.
+/// Number of comparisons between output and target per input. The additional comparison between two
+/// inputs prevents oscillation.
 const OUTPUTS_PER_INPUT: usize = 2;
 
 impl StepResponse {
@@ -39,7 +40,8 @@ impl StepResponse {
         unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
-    /// Returns the approximate number of multiplications in [`Self::inverse`] for regular inputs.
+    /// Returns the approximate number of multiplications in [`Self::inverse`] for equally spaced
+    /// inputs.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
@@ -49,10 +51,11 @@ impl StepResponse {
     /// Returns the inverse of the loop for inputs at ascending times, each held until the next.
     ///
     /// `ridge` weights the square of `input − wanted` relative to the square of the output's error
-    /// (Tikhonov regularization). A ridge of 0.01 reproduces corners sharply, and 1 hardly at all.
+    /// (Tikhonov regularization). A ridge of 0.01 reproduces corners sharply, whereas a ridge of 1
+    /// hardly reproduces them.
     ///
-    /// The method is a Cholesky decomposition of the normal equations, banded because the response
-    /// settles.
+    /// The method is a Cholesky decomposition of the normal equations, which are banded because the
+    /// response settles.
     ///
     /// # Panics
     ///
@@ -73,14 +76,14 @@ impl StepResponse {
     }
 }
 
-/// Zero-phase inverse of a loop for inputs at given times. The inputs lead the target in time.
+/// Zero-phase inverse of a loop for inputs at given times. The inputs are ahead of the target.
 #[derive(Debug)]
 pub struct Inverse<'a> {
     response: &'a StepResponse,
     settled_s: f64,
     times_s: Vec<f64>,
     ridge: f64,
-    /// Number of entries in a row of the band, from the diagonal on.
+    /// Number of entries in a row of the band, beginning at the diagonal.
     width: usize,
     /// Rows of the upper triangular Cholesky factor, and the divisor of each row.
     upper: Vec<f64>,
@@ -88,8 +91,8 @@ pub struct Inverse<'a> {
 }
 
 impl Inverse<'_> {
-    /// Returns the inputs for which the output of the loop is closest to `wanted`, by least squares
-    /// over the whole span, after rest at its first value.
+    /// Returns the inputs for which the loop's output is closest to `wanted` in the least-squares
+    /// sense. The loop is initially at rest at the first wanted value.
     pub fn inputs(&self, wanted: impl Fn(f64) -> f64) -> Vec<f64> {
         let Some(start_s) = self.times_s.first() else { return Vec::new() };
         let rest = wanted(*start_s);
@@ -119,14 +122,16 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// Sets `weights` to the row of W for an output's time, and returns its first input's index.
+    /// Sets `weights` to the row of W for an output's time, and returns the index of its first
+    /// input.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;
         let until = times_s.partition_point(|t| *t <= time_s + 1e-9);
         let from = times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
         let response_to = |input_s: &f64| response.value_at(time_s - input_s);
-        // All inputs before the window have settled, so that its first input has their weight, too.
+        // All inputs before the window have settled, so the weight of its first input includes
+        // theirs.
         let mut begun = if from > 0 { 1.0 } else { response_to(&times_s[0]) };
         weights.clear();
         weights.extend((from..until).map(|k| {
@@ -137,14 +142,14 @@ impl Inverse<'_> {
     }
 
     /// Computes the Cholesky factor of the normal equations in `upper` and `pivots`. The function
-    /// is compiled for the widest registers, but no product is fused with a sum, so that the bits
-    /// are the same everywhere.
+    /// is compiled for the widest registers, but no product is fused with a sum, so the bits are
+    /// the same on every machine.
     #[inline(always)]
     fn factor(&mut self) {
         let width = self.width;
         let mut normal = std::mem::take(&mut self.upper);
-        // The matrix is W'W + ridge I, where W has one row for each output. Only its band from the
-        // diagonal on is stored.
+        // The matrix is W'W + ridge I, where W has one row for each output. Only the upper half of
+        // its band is stored.
         normal.iter_mut().step_by(width).for_each(|diagonal| *diagonal += self.ridge);
         let mut weights = Vec::new();
         for time_s in self.outputs_s() {
@@ -174,7 +179,8 @@ impl Inverse<'_> {
     /// Solves the factored system, replacing the right-hand side `right` with the solution.
     fn solve(&self, right: &mut [f64]) {
         let (n, width) = (right.len(), self.width);
-        // The transposed factor is applied forward first, followed by the factor backward.
+        // Forward substitution with the transposed factor is followed by back substitution with the
+        // factor.
         for (i, row) in self.upper.chunks_exact(width).enumerate() {
             right[i] /= self.pivots[i];
             let (value, below) = right[i..].split_at_mut(1);
@@ -197,7 +203,7 @@ mod tests {
         StepResponse { interval_s: 0.004, values: values.collect() }
     }
 
-    /// Returns the output at a time of a loop at rest until the first of its inputs, `(time,
+    /// Returns a loop's output at a time. The loop is at rest until the first of its inputs `(time,
     /// value)`, each of which is held until the next.
     fn output(response: &StepResponse, inputs: &[(f64, f64)], time_s: f64) -> f64 {
         let (mut output, mut held) = (0.0, 0.0);
@@ -243,7 +249,7 @@ mod tests {
 
     #[test]
     fn a_settled_response_is_inverted_over_any_span() {
-        // Settled inputs leave the window, so that a long rest changes nothing.
+        // Settled inputs leave the window, so a long rest has no effect.
         let loop_ = lag(0.1);
         let times_s: Vec<f64> = (0..600).map(|k| f64::from(k) * 0.1).collect();
         let sent =

@@ -7,7 +7,7 @@
 
 use super::EvenStyle;
 
-/// Lengths of the two averages, and the change of velocity that they permit.
+/// Lengths of the two moving averages, and the change of velocity that they permit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Smoothing {
     pub(super) long_s: f64,
@@ -17,7 +17,7 @@ pub(super) struct Smoothing {
 }
 
 impl Smoothing {
-    /// Returns the longest averages that keep the limits of a style at a stroke speed.
+    /// Returns the longest averages that satisfy the limits of a style at a stroke speed.
     pub(super) fn new(stroke_speed_m_s: f64, style: &EvenStyle) -> Self {
         let (a, j) = (style.acceleration_m_s2, style.jerk_m_s3);
         let error_m = style.corner_error_m;
@@ -30,19 +30,20 @@ impl Smoothing {
         }
         // The corner's error for Δv = a T1 determines T1, and the jerk determines T2 = a / j.
         let by_error_s = (8.0 * (error_m / a - short_s * short_s / 24.0)).sqrt();
-        // A pen never changes its velocity by more than twice its speed, so that a longer average
+        // A pen never changes its velocity by more than twice its speed, so an even longer average
         // would only cut corners more.
         let enough_s = (2.0 * stroke_speed_m_s / a).max(short_s);
         let long_s = by_error_s.min(enough_s);
         Self { long_s, short_s, turn_m_s: a * long_s }
     }
 
-    /// Returns the acceleration in a corner in m/s², the limit, or less if the jerk requires it.
+    /// Returns the acceleration in a corner in m/s², which is below the limit if the jerk requires
+    /// it.
     pub(super) fn acceleration_m_s2(&self) -> f64 {
         self.turn_m_s / self.long_s
     }
 
-    /// Returns the time in s before and after an instant over which the pen is averaged.
+    /// Returns the time in s over which the pen is averaged before and after an instant.
     pub(super) fn reach_s(&self) -> f64 {
         0.5 * (self.long_s + self.short_s)
     }

@@ -1,8 +1,8 @@
-//! Speed of the pen along a polyline, which is the stroke speed times each segment's pace, and
-//! lower near corners that turn too sharply for it.
+//! Speed of the pen along a polyline, which is the stroke speed times each segment's pace, but
+//! lower near corners that are too sharp for it.
 //!
-//! Corners are slowed if they turn the velocity by more than the smoothing permits within its time,
-//! and two passes along the path enforce the acceleration limit.
+//! The pen slows at corners that turn the velocity by more than the smoothing permits. Two passes
+//! along the path enforce the acceleration limit.
 
 use nalgebra::Vector2;
 
@@ -16,20 +16,20 @@ pub(super) struct Node {
     pub(super) speed_m_s: f64,
 }
 
-/// Maximum distance in m of nodes on a path whose speed changes, and their maximum number.
+/// Maximum distance in m between nodes on a path whose speed changes, and their maximum number.
 const STEP_M: f64 = 0.005;
 const MAX_NODES: f64 = 100_000.0;
-/// Multiple of the longer average for which a corner's speed is held before and after it, because
-/// only the corner may change the velocity within the average.
+/// Multiple of the longer average's duration for which a corner's speed is held before and after
+/// it, because nothing else may change the velocity within the average.
 const NEAR: f64 = 1.05;
-/// Factor of each step that slows a corner, and maximum number of steps (down to 1 %).
+/// Factor by which each step slows a corner, and maximum number of steps (down to 1 %).
 const SLOWDOWN: f64 = 0.95;
 const MAX_SLOWDOWNS: usize = 90;
-/// Relative slack of the permitted turn, for rounding.
+/// Relative tolerance of the permitted turn, for rounding errors.
 const ROUNDING: f64 = 1e-9;
 
-/// Returns points of a stroke with the speed at each, which are only its corners if its speed is
-/// constant, and closely spaced nodes otherwise.
+/// Returns nodes of a stroke with their speeds. The nodes are its corners if the speed is constant,
+/// and are closely spaced otherwise.
 pub(super) fn profile(
     stroke: &PenStroke,
     smoothing: &Smoothing,
@@ -43,7 +43,7 @@ pub(super) fn profile(
     if caps_m_s.iter().all(|cap| *cap >= stroke_speed_m_s) && paces.iter().all(|p| *p == 1.0) {
         return points_m.iter().map(|point| node(*point, 1.0)).collect();
     }
-    // The nodes are so close that a slow corner slows only its neighborhood.
+    // The nodes are so close together that a slow corner affects only its neighborhood.
     let slowest_m_s = caps_m_s.iter().copied().fold(stroke_speed_m_s, f64::min);
     let near_s = NEAR * smoothing.long_s;
     let total_m = corners.distances_m[corners.distances_m.len() - 1];
@@ -87,13 +87,13 @@ impl Corners {
         Self { distances_m, turn }
     }
 
-    /// Returns the maximum speed at each corner, such that corners close to each other do not turn
+    /// Returns the maximum speed at each corner at which neighboring corners together do not turn
     /// the velocity too far.
     fn caps_m_s(&self, fastest_m_s: f64, smoothing: &Smoothing) -> Vec<f64> {
         let n = self.distances_m.len();
         let mut caps_m_s = vec![fastest_m_s; n];
         for _ in 0..MAX_SLOWDOWNS {
-            // Corners within the smoothing's time of each other turn the velocity together.
+            // The turns of corners within one averaging time of each other add up.
             let mut turns_too_far = vec![false; n];
             for first in 1..n {
                 let speed_m_s = caps_m_s[first];
@@ -116,7 +116,7 @@ impl Corners {
         caps_m_s
     }
 
-    /// Limits each node within the smoothing's time of a corner to the corner's speed.
+    /// Limits each node within the averaging time of a corner to the corner's speed.
     fn slow_down(&self, nodes: &mut [Node], distances_m: &[f64], caps_m_s: &[f64], near_s: f64) {
         for (corner, cap_m_s) in caps_m_s.iter().enumerate().filter(|(i, _)| self.turn[*i] > 0.0) {
             let (corner_m, reach_m) = (self.distances_m[corner], cap_m_s * near_s);
@@ -135,7 +135,7 @@ fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], distances_m: &
     let onward = (1..n).map(|i| (i - 1, i));
     let backward = (1..n).rev().map(|i| (i, i - 1));
     for (from, to) in onward.chain(backward) {
-        // The final speed over the length s is given by v² = v₀² + 2 a s.
+        // The speed after a length s is given by v² = v₀² + 2 a s.
         let (from_m_s, length_m) =
             (nodes[from].speed_m_s, (distances_m[to] - distances_m[from]).abs());
         let most_m_s = (from_m_s * from_m_s + 2.0 * acceleration_m_s2 * length_m).sqrt();

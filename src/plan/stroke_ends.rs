@@ -1,4 +1,4 @@
-//! Errors of the light at the beginnings and ends of strokes in a flight.
+//! Errors of the light at the beginnings and ends of a flight's strokes.
 //!
 //! The flight's lag and mean error are removed first, which leaves the error of the light relative
 //! to the drone.
@@ -17,7 +17,7 @@ use noctograph_core::flight::{Flight, FlightSample};
 pub struct StrokeEnd {
     /// Time in s at which the light changes, in the middle of its ramp.
     pub time_s: f64,
-    /// Position in m at which the light changes in the design.
+    /// Position in m at which the design's light changes.
     pub at_m: Vector3<f64>,
     /// True if the light goes on.
     pub on: bool,
@@ -26,11 +26,12 @@ pub struct StrokeEnd {
     pub streak_m: f64,
 }
 
-/// Range in s around the flight's lag in which the lag at an edge is sought.
+/// Maximum difference in s between the lag at an edge and the flight's lag.
 const SEARCH_S: f64 = 0.3;
-/// Number of steps of that search to either side.
+/// Number of search steps to either side.
 const N_STEPS: i32 = 75;
-/// Cost in m per second of a lag that differs from the flight's (the drone may wait at an edge).
+/// Cost in m per second by which a lag differs from the flight's, since a drone may wait at an
+/// edge.
 const LAG_COST_M_S: f64 = 0.03;
 /// Maximum number of samples that determine the lag of a flight.
 const MAX_SAMPLES: usize = 2000;
@@ -44,13 +45,13 @@ pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Ve
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }
 
-/// Returns the rows at which the light switches, each with true if it goes on.
+/// Returns the rows at which the light switches, each with true if it switches on.
 fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
     let rows = stretches(levels).into_iter().flat_map(|lit| [(lit.start, true), (lit.end, false)]);
     rows.filter(|(row, _)| *row < levels.len())
 }
 
-/// State of the design at an end of a stroke.
+/// State of the design at one end of a stroke.
 pub(super) struct Edge {
     pub(super) time_s: f64,
     pub(super) at_m: Vector3<f64>,
@@ -58,8 +59,8 @@ pub(super) struct Edge {
 }
 
 impl Edge {
-    /// Makes the edge at a row, where a stroke begins with its first setpoint. A stroke ends with
-    /// the setpoint before the first dark one, which may already be elsewhere.
+    /// Creates the edge at a row. A stroke begins at its first lit setpoint, and ends at its last
+    /// lit one, because the first dark setpoint may already be elsewhere.
     pub(super) fn new(plan: &Plan, row: usize, on: bool) -> Self {
         let time_s = plan.setpoints[row].time_s;
         let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];
@@ -72,23 +73,24 @@ impl Edge {
     }
 }
 
-/// Flight whose lag and mean error are known.
+/// Flight, with its lag and mean error.
 pub(super) struct Aligned<'a> {
     samples: &'a [FlightSample],
     pub(super) lag_s: f64,
-    /// Mean of `flown − design` in m after the lag, which shifts the whole picture.
+    /// Mean of `flown − design` in m after removal of the lag, which shifts the whole picture.
     offset_m: Vector3<f64>,
 }
 
 impl<'a> Aligned<'a> {
-    /// Measures the lag and the mean error of a flight. Fails without samples or a design.
+    /// Measures a flight's lag and mean error. Returns an error without samples or a design.
     pub(super) fn new(flight: &'a Flight) -> Result<Self> {
         designed(flight, Part::Letters)?;
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
         let writing: Vec<&FlightSample> =
             flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
         let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
-        // The lag with the least variance is sought in steps of 25 ms, then of 1 ms around it.
+        // The lag with the least variance is found in steps of 25 ms, and then in steps of 1 ms
+        // around it.
         for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
             let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
             let fits = lags_s.map(|lag_s| {
@@ -103,15 +105,15 @@ impl<'a> Aligned<'a> {
         Ok(aligned)
     }
 
-    /// Returns the mean of `flown − design` after a lag, and its variance in the word's plane, over
-    /// samples in chronological order.
+    /// Returns the mean of `flown − design` after removal of a lag, and its variance in the word's
+    /// plane, over samples in chronological order.
     fn offset_and_variance<'s>(
         &self,
         samples: impl Iterator<Item = &'s FlightSample>,
         lag_s: f64,
     ) -> (Vector3<f64>, f64) {
         let (mut n, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
-        // Because times ascend, each search continues from the samples around the previous time.
+        // Because times ascend, each search starts from the samples around the previous time.
         let mut next = 0;
         for sample in samples {
             let time_s = sample.time_s + lag_s;
@@ -131,7 +133,7 @@ impl<'a> Aligned<'a> {
     }
 
     /// Returns the position at a time, minus the mean error, interpolated between the sample before
-    /// `next` and that at `next`.
+    /// `next` and the sample `next`.
     fn interpolated_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
         let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
         let [a, b] = [&self.samples[before], &self.samples[after]];
@@ -142,16 +144,16 @@ impl<'a> Aligned<'a> {
     }
 
     /// Returns the lag in s with which the drone passes an edge of the design, given the lag at the
-    /// previous edge. This lag minimizes the squared distance from the edge plus the squared cost
-    /// of a lag that differs from the flight's.
+    /// previous edge. This lag minimizes the sum of the squared distance from the edge and the
+    /// squared cost of its difference from the flight's lag.
     pub(super) fn lag_at_s(&self, edge: &Edge, previous_lag_s: f64) -> f64 {
         let cost = |lag_s: f64| {
             let error_m2 = (self.position_m(edge.time_s + lag_s) - edge.at_m).xz().norm_squared();
             let lag_cost_m = LAG_COST_M_S * (lag_s - self.lag_s);
             error_m2 + lag_cost_m * lag_cost_m
         };
-        // The search uses a grid, because the cost may have several minima, for example at the
-        // crossing of two strokes.
+        // The search uses a grid, because the cost may have several minima, for example at a
+        // crossing.
         let middle_s = 0.5 * (previous_lag_s + self.lag_s);
         let steps = (-N_STEPS..=N_STEPS)
             .map(|step| middle_s + f64::from(step) / f64::from(N_STEPS) * SEARCH_S);

@@ -1,8 +1,8 @@
-//! Style `team`, which flies up, letter by letter at constant speed, and down.
+//! Style `team`, which takes off, writes letter by letter at constant speed, and lands.
 //!
-//! On every segment, a setpoint is sent at its start and then at a fixed interval. Each step
-//! between letters is sent as a single setpoint. The source is the flight script of the reference
-//! team, whose setpoints are in the log of their flight (2022).
+//! On every segment, setpoints are sent at the start and then at fixed intervals. Each step between
+//! letters is sent as a single setpoint. The style follows the reference team's flight script,
+//! whose setpoints are in the log of their 2022 flight.
 
 use nalgebra::Vector3;
 
@@ -13,7 +13,8 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::distance;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Plans the flight that writes strokes letter by letter. Fails if it would take too long.
+/// Plans the flight that writes strokes letter by letter. Returns an error if it would take too
+/// long.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
     // A flight that is too long is refused before any of it is planned.
     let duration_s = longest_duration_s(strokes, options, style);
@@ -41,7 +42,7 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
     Plan::new(script.plan)
 }
 
-/// Returns an upper bound of the duration in s, for strokes, waits, and paths to and from them.
+/// Returns an upper bound for the duration in s, including strokes, waits, take-off and landing.
 fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
     let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
     let strokes_m: f64 = moves.map(|m| distance(m.from_m, m.to_m)).sum();
@@ -53,7 +54,7 @@ fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyl
     (strokes_m + paths_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
 }
 
-/// Flight script under construction, up to a time in s.
+/// Flight script that is being written, up to a time in s.
 struct Script<'a> {
     options: &'a PlanOptions,
     style: &'a TeamStyle,
@@ -63,7 +64,7 @@ struct Script<'a> {
 }
 
 impl Script<'_> {
-    /// Takes off from the floor below the middle of the word, and flies to below its first letter.
+    /// Takes off from the floor below the middle of the word, and flies below its first letter.
     fn take_off(&mut self, strokes: &Strokes) {
         let x_start_m = strokes.glyphs.first().map_or(0.0, |glyph| glyph.cell.left_m);
         self.wait(Vector3::zeros(), self.options.floor_wait_s);
@@ -90,7 +91,7 @@ impl Script<'_> {
         self.wait(beside, self.style.letter_wait_s);
     }
 
-    /// Flies straight down, returns to below the middle of the word, and stops the motors.
+    /// Descends vertically, returns below the middle of the word, and stops the motors.
     fn land(&mut self) {
         let above = self.position_m();
         let down = Vector3::new(above.x, 0.0, self.options.landing_height_m);
@@ -100,7 +101,8 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// Flies a straight segment at the stroke speed. A short lit segment takes as long as a dot.
+    /// Flies a straight segment at the stroke speed. A short lit segment takes as long as drawing a
+    /// dot.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
         let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {
@@ -115,7 +117,7 @@ impl Script<'_> {
         self.segment(position_m, Vector3::zeros(), duration_s, false);
     }
 
-    /// Sends setpoints at the interval for `duration_s` from now.
+    /// Sends setpoints at fixed intervals for `duration_s`.
     fn segment(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
         let start_s = self.time_s;
         let offsets_s = (0..).map(|n| f64::from(n) * self.options.setpoint_interval_s);
@@ -127,7 +129,7 @@ impl Script<'_> {
         self.time_s = start_s + duration_s;
     }
 
-    /// Sends a setpoint now.
+    /// Sends a setpoint at the current time.
     fn send(&mut self, position: Vector3<f64>, velocity: Vector3<f64>, lit: bool) {
         let setpoint = Setpoint {
             time_s: on_grid(self.time_s),

@@ -1,8 +1,8 @@
-//! Transits, which are the fastest paths in the dark within limits of speed, acceleration and jerk.
+//! Transits, which are the fastest dark paths within limits of speed, acceleration and jerk.
 //!
-//! The paths are time-optimal for each axis and synchronized, by Ruckig (Berscheid and Kröger, RSS
-//! 2021). One axis is along the path, the other across it. One angle each divides the limits of
-//! speed and of acceleration between the axes, and the fastest path for a few angles is taken.
+//! Ruckig (Berscheid and Kröger, RSS 2021) computes paths that are time-optimal on each axis and
+//! synchronized. One axis is along the path, the other across it. One angle divides the speed limit
+//! between the axes, another the acceleration limit. The fastest path over a few angles is used.
 
 use nalgebra::{Rotation2, Vector2};
 use rsruckig::prelude::{
@@ -18,17 +18,18 @@ const SPLITS_RAD: [f64; 3] = [0.25, 0.5, 0.785];
 /// Fractions of the acceleration limit, tried in turn while both axes together exceed it.
 const ACCELERATION_FRACTIONS: [f64; 5] = [1.0, 0.9, 0.8, 0.6, 0.4];
 
-/// Factor by which a path may exceed the speed limit between the times that are checked, and factor
-/// of the limits of an axis for rounding.
+/// Factor by which a path may exceed the speed limit between the checked times, and factor on an
+/// axis's limits that allows for rounding.
 const SPEED_SLACK: f64 = 1.01;
 const ROUNDING: f64 = 1.0 + 1e-9;
-/// Control cycle of Ruckig in s, which offline calculation does not use.
+/// Ruckig's control cycle in s, which is unused in offline calculation.
 const CONTROL_CYCLE_S: f64 = 0.01;
-/// Slack of a whole number of ticks, and maximum number of durations that are tried to reach one.
+/// Tolerance, in ticks, of a whole number of ticks, and maximum number of durations tried to reach
+/// one.
 const TICK_SLACK: f64 = 1e-6;
 const MAX_TRIALS: usize = 8;
 
-/// Path in the dark.
+/// Path that is flown in the dark.
 #[derive(Debug)]
 pub(super) struct Transit {
     from_m: Vector2<f64>,
@@ -37,17 +38,18 @@ pub(super) struct Transit {
 }
 
 impl Transit {
-    /// Returns the fastest path between two states that keeps the acceleration limit, or, if none
-    /// does, the one that exceeds it least. The duration of the path is a multiple of `tick_s`.
-    /// Returns `None` if there is no path, which has not occurred for states within the limits.
+    /// Returns the fastest path between two states that satisfies the acceleration limit or, if
+    /// none does, the path that exceeds it least. The duration of the path is a multiple of
+    /// `tick_s`. Returns `None` if no path exists, which has not occurred for states within the
+    /// limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
-        // Each axis is allowed the acceleration of either end, so that both together may exceed
-        // the limit.
+        // Each axis may use the acceleration at either end, so both axes together may exceed the
+        // limit.
         let mut gentlest: Option<(f64, Self)> = None;
         for fraction in ACCELERATION_FRACTIONS {
             let acceleration_m_s2 = fraction * style.acceleration_m_s2;
             let gentler = EvenStyle { acceleration_m_s2, ..style.clone() };
-            // If there is no path, a lower limit has none either.
+            // If there is no path, there is none with a lower limit either.
             let Some(path) = Self::fastest(from, to, &gentler, tick_s) else { break };
             let most_m_s2 = path.max_norm(|state| state.acceleration_m_s2);
             if most_m_s2 <= MAX_EXCESS * style.acceleration_m_s2 {
@@ -60,8 +62,8 @@ impl Transit {
         gentlest.map(|(_, path)| path)
     }
 
-    /// Returns the fastest transit for any pair of angles that divide the limits between the axes,
-    /// preferably one that keeps the speed limit. Returns `None` if Ruckig finds none.
+    /// Returns the fastest transit over all pairs of angles that divide the limits between the
+    /// axes, preferably one that satisfies the speed limit. Returns `None` if Ruckig finds none.
     fn fastest(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let path_m = to.position_m - from.position_m;
         let angle_rad = if path_m.norm() > 1e-9 { libm::atan2(path_m.y, path_m.x) } else { 0.0 };
@@ -74,7 +76,7 @@ impl Transit {
         });
         let mut paths: Vec<Self> = paths.collect();
         paths.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
-        // Both axes together may exceed the speed limit, and such a path is only the last resort.
+        // Both axes together may exceed the speed limit. Such a path is used only as a last resort.
         let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = SPEED_SLACK * fastest_m_s.max(to.velocity_m_s.norm());
         let within_limit =
@@ -108,8 +110,8 @@ impl Transit {
     }
 }
 
-/// Returns the input of Ruckig, which contains states and limits along the path (axis 0) and across
-/// it (axis 1). One angle each divides the limits of speed and of acceleration between the axes.
+/// Returns Ruckig's input, which contains states and limits along the path (axis 0) and across it
+/// (axis 1). One angle divides the speed limit between the axes, another the acceleration limit.
 fn input(
     from: &State,
     to: &State,
@@ -131,7 +133,7 @@ fn input(
         input.target_position[axis] = target[axis];
         input.target_velocity[axis] = target_v[axis];
         input.target_acceleration[axis] = target_a[axis];
-        // The limits are at least as great as the values at both ends.
+        // Each limit is at least as large as the values at both ends.
         let ends_v = v[axis].abs().max(target_v[axis].abs());
         let ends_a = a[axis].abs().max(target_a[axis].abs());
         input.max_velocity[axis] = (style.dark_speed_m_s * fraction_v).max(ends_v) * ROUNDING;
@@ -157,7 +159,7 @@ fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>
         if (n_ticks - n_ticks.round()).abs() < TICK_SLACK {
             return Some(trajectory);
         }
-        // A longer duration may be infeasible, and the next feasible one off the tick again.
+        // A longer duration may be infeasible, and the next feasible one may again miss the tick.
         input.minimum_duration = Some((n_ticks - TICK_SLACK).ceil() * tick_s);
     }
     None

@@ -18,13 +18,13 @@ use noctograph_core::flight::warning::{self, BATTERY};
 use noctograph_core::geometry::turned;
 use noctograph_core::plan::Plan;
 
-/// Tolerance in s within which a setpoint is due, because plans are written to the microsecond.
+/// Tolerance in s for the time of a setpoint, because plans are rounded to a microsecond.
 pub(super) const TIME_TOLERANCE_S: f64 = 0.5e-6;
-/// Magnitude of any state (m, rad, m/s, rad/s) beyond which the drone is lost. In a flight, the
-/// states stay within a few meters and a few rad/s.
+/// Magnitude of any state (m, rad, m/s, rad/s) beyond which the drone counts as lost. In a normal
+/// flight, the states stay within a few meters and a few rad/s.
 pub(super) const LOST: f64 = 1e4;
 
-/// Onboard system of one drone, which is everything that changes at a tick except its motion.
+/// Onboard system of one drone, which contains everything that a tick changes except the motion.
 #[derive(Debug)]
 pub struct Avionics {
     controller: Box<dyn Controller>,
@@ -33,31 +33,31 @@ pub struct Avionics {
     motor_max: f64,
     tick_s: f64,
     kinds: Kinds,
-    /// Heading in rad that is held, from world x toward y.
+    /// Heading in rad that the drone holds, from world x toward y.
     yaw_rad: f64,
     estimate: State,
-    /// True if `estimate` is that of the present tick.
+    /// True if `estimate` is up to date at the present tick.
     fresh: bool,
     /// Motor commands, held between two runs of the controller.
     command: Command,
     ticks: u32,
     ticks_per_command: u32,
-    /// Index of the setpoint that is due, and of the last one received.
+    /// Indices of the setpoint that is due and of the last one received.
     setpoint: usize,
     heard: usize,
     link: Option<Link>,
     /// True if setpoints are received over the link.
     streamed: bool,
-    /// Time in s at which the motors stopped permanently because the host was silent.
+    /// Time in s at which the motors stopped permanently because no setpoint arrived.
     stopped_s: Option<f64>,
-    /// Index of the first setpoint of the firmware's landing, if others precede it.
+    /// Index of the first setpoint of the firmware's landing, if other setpoints precede it.
     lands_from: Option<usize>,
     mode: Mode,
     short_steps: u32,
-    /// Number of ticks with a motor at its limit, and of those in which a letter was written.
+    /// Number of ticks with a motor at its limit, and number of these while a letter was drawn.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
-    /// True if the covariance of the filter is logged, which is always the case for a fleet's.
+    /// True if the filter's covariance is logged, which is always the case for a fleet filter.
     logs_covariance: bool,
 }
 
@@ -73,30 +73,30 @@ struct Kinds {
 enum Mode {
     /// Setpoints that the host sends.
     Sent,
-    /// Setpoints that the firmware makes after the host fell silent.
+    /// Setpoints that the firmware generates when the host stops sending.
     Level,
     /// Setpoints of the firmware's landing, if they follow setpoints of another kind.
     Landing,
 }
 
-/// Interval in s at which an exported script repeats a full state (`RESEND_S`, `cflib.py`), and at
+/// Intervals in s at which an exported script repeats a full state (`RESEND_S`, `cflib.py`), and at
 /// which the onboard commander evaluates its trajectory (`RATE_HL_COMMANDER`).
 const RESEND_S: f64 = 0.1;
 const COMMANDER_S: f64 = 0.01;
 
-/// Time in s after the last letter at which an exported script tells the firmware to land, when the
-/// lamps are dark after a run-out.
+/// Time in s after the last letter at which an exported script tells the firmware to land. By then,
+/// the lamps are dark.
 const LANDS_AFTER_S: f64 = 0.5;
 
 impl Avionics {
-    /// Makes the onboard system of a drone at rest at its starting position in the fleet.
+    /// Creates the onboard system of a drone at rest at its starting position in the fleet.
     pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, plan: &Plan) -> Result<Self> {
         let yaw_rad = plan.yaw_rad;
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
         // The sensors are those of the actual drone. The estimator and the controller are designed
-        // for the believed drone. The estimate starts with the constant error of the sensors, as
+        // for the believed drone. The estimate starts with the sensors' constant error, as it would
         // after a wait on the floor.
         let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
@@ -169,8 +169,8 @@ impl Avionics {
         self.estimator.update(&Readings { throttle, ..readings }, self.tick_s);
         self.fresh = false;
 
-        // A setpoint at or below the floor switches the motors off. A host that was silent for too
-        // long switches them off permanently.
+        // A setpoint at or below the floor switches the motors off. If no setpoint arrives for too
+        // long, the motors stop permanently.
         let target_m = &plan.setpoints[self.followed_setpoint()].position_m;
         let is_grounded = target_m.z <= plant.floor_m(target_m.x, target_m.y);
         if !is_grounded && self.silent_s(time_s) > MOTORS_STOP_S {
@@ -212,8 +212,8 @@ impl Avionics {
         // Controllers are designed for a drone whose nose points along world x.
         let mut reference = reference.turned(-self.yaw_rad);
         let mut estimate = turned_ahead(&self.estimate, self.yaw_rad);
-        // If the kind of setpoint changes, the controller is reset before the first setpoint of the
-        // new kind.
+        // If the kind of setpoint changes, the controller is informed before the first setpoint of
+        // the new kind.
         let mode = if self.silent_s(time_s) > LEVEL_OUT_S {
             Mode::Level
         } else if self.lands_from.is_some_and(|first| row >= first) {
@@ -240,16 +240,17 @@ impl Avionics {
     }
 
     /// Returns the index of the setpoint that the drone follows, which is the last one received if
-    /// they are streamed, else the one that is due.
+    /// setpoints are streamed, or otherwise the one that is due.
     fn followed_setpoint(&self) -> usize {
         if self.streamed { self.heard } else { self.setpoint }
     }
 
-    /// Returns the time at which the setpoint's motion is evaluated for the reference.
+    /// Returns the time at which the reference is evaluated on the setpoint's motion.
     fn reference_time_s(&self, plan: &Plan, time_s: f64) -> f64 {
         let holds = self.kinds.controller == ControllerKind::Geometric;
         let from_s = plan.setpoints[self.followed_setpoint()].time_s;
-        // The motion of a late setpoint begins at its reception, and ends when the next one is due.
+        // The motion of a late setpoint begins when it is received, and ends when the next one is
+        // due.
         let now_s = match self.link.as_ref().filter(|_| self.streamed) {
             None => time_s,
             Some(link) => {
@@ -263,7 +264,7 @@ impl Avionics {
             return now_s;
         }
         // The firmware's geometric controller holds the last state that it received, either from
-        // the script, which repeats a long setpoint as it moves, or from the onboard commander.
+        // the script, which updates and repeats a long setpoint, or from the onboard commander.
         let step_s = if self.streamed { RESEND_S } else { COMMANDER_S };
         from_s + ((now_s - from_s + TIME_TOLERANCE_S) / step_s).floor() * step_s
     }
@@ -274,7 +275,7 @@ impl Avionics {
         streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
-    /// Ends a tick. Returns an error if the drone has flown away or turned over.
+    /// Ends a tick. Returns an error if the drone has flown away or flipped over.
     pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
         let is_writing = plan.setpoints[self.setpoint].letter.is_some();
@@ -334,8 +335,8 @@ impl Avionics {
         &self.sensors
     }
 
-    /// Logs this tick. Values are rounded to 1e-6, so that reading a file with six decimals
-    /// reproduces exactly the flight that was written.
+    /// Logs this tick. Values are rounded to 1e-6, so that a file with six decimals contains
+    /// exactly the same flight.
     pub(super) fn log(&mut self, recorder: &mut Recorder, plan: &Plan, time_s: f64, plant: &Plant) {
         self.refresh_estimate();
         let (setpoint, body) = (&plan.setpoints[self.setpoint], plant.body());
@@ -366,8 +367,8 @@ impl Avionics {
         recorder.record(sample, lights, [Some(saturated_s), volts, joules, sigma_m, nees]);
     }
 
-    /// Updates the estimated state if it is not that of the present tick. The estimated state is
-    /// updated only when it is used, because its angles take as long as a step of the physics.
+    /// Updates the estimated state unless it is up to date. This is done only when the state is
+    /// used, because computing its angles takes as long as a step of the physics.
     fn refresh_estimate(&mut self) {
         if !self.fresh {
             self.estimate = self.estimator.state();
@@ -375,7 +376,7 @@ impl Avionics {
         }
     }
 
-    /// Returns the warnings about saturated motors, a silent host, the plant and the sensors.
+    /// Returns the warnings about saturated motors, missing setpoints, the plant and the sensors.
     pub(super) fn warnings(&self, plant: &Plant) -> Vec<Diagnostic> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
         let saturated = (saturated_s > 0.0).then(|| warning::motor_at_limit(saturated_s));
@@ -389,8 +390,8 @@ impl Avionics {
     }
 }
 
-/// Returns the index of the first setpoint after an exported script has handed over to the
-/// firmware's landing, or `None` if no letter is written or no setpoint follows the last letter.
+/// Returns the index of the first setpoint after an exported script tells the firmware to land, or
+/// `None` if no letter is written or no setpoint follows the last letter.
 fn landing_setpoint(plan: &Plan) -> Option<usize> {
     let last_written = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some())?;
     let written_s = plan.setpoints.get(last_written + 1)?.time_s;
@@ -398,8 +399,8 @@ fn landing_setpoint(plan: &Plan) -> Option<usize> {
     Some(plan.setpoints.partition_point(|setpoint| setpoint.time_s < lands_s))
 }
 
-/// Returns the state rotated about the vertical by `-yaw_rad`, so that the held heading is along
-/// world x, for which controllers are designed.
+/// Returns the state rotated about the vertical by `-yaw_rad`. The held heading is then along world
+/// x, for which controllers are designed.
 pub(super) fn turned_ahead(state: &State, yaw_rad: f64) -> State {
     if yaw_rad == 0.0 {
         return *state;
@@ -431,7 +432,7 @@ const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.style.stroke_spe
 
 /// Returns how a drone was lost, according to its true or its estimated state, or `None`.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
-    // The check is free of branches, which a processor would have to predict. NaN counts as out of
+    // The check has no branches, so the processor cannot mispredict any. NaN counts as out of
     // bounds.
     fn are_bounded(values: &[f64]) -> bool {
         values.iter().fold(true, |are_bounded, x| are_bounded & (x.abs() < LOST))

@@ -38,13 +38,13 @@ pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Res
 
 /// Flies several plans in lockstep. Drones are affected by the downwash of those above
 /// (`air.downwash`). If their sensors and estimators are set accordingly, they measure the
-/// distances between them and exchange their measurements. A drone that has landed continues
-/// ranging until the last one has landed.
+/// distances between them and exchange their measurements. A drone that has landed continues to
+/// measure until all have landed.
 ///
 /// # Errors
 ///
-/// Returns the errors of [`fly`], with the number of the drone. Returns [`Error::Input`] for a
-/// drone without a list of received anchors.
+/// Returns the errors of [`fly`], with the drone's number. Returns [`Error::Input`] for a drone
+/// without a list of received anchors.
 ///
 /// # Panics
 ///
@@ -106,7 +106,8 @@ pub fn fly_watched(
     Ok(rigs.into_iter().map(Rig::finish).collect())
 }
 
-/// Makes the drones of a fleet, at rest at their starts, after the checks of options and plans.
+/// Checks options and plans, and creates the drones of a fleet, at rest at their starting
+/// positions.
 pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     let first = &fleet[0].1;
     let mut members = Vec::new();
@@ -139,7 +140,7 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// Makes a drone at rest at the start of its plan.
+    /// Creates a drone at rest at the start of its plan.
     fn new(plan: &Plan, drone: &Drone<'_>, fleet: &Fleet) -> Result<Self> {
         let rates = &drone.actual.rates;
         let n_ticks = n_ticks(plan, rates.control_hz)?;
@@ -158,7 +159,7 @@ impl Rig {
         })
     }
 
-    /// Ends a tick by checking that the drone is not lost, calling `watch`, logging and moving it.
+    /// Ends a tick. Checks that the drone is not lost, calls `watch`, and logs and moves the drone.
     pub(super) fn conclude(
         &mut self,
         plan: &Plan,
@@ -184,14 +185,15 @@ impl Rig {
     }
 }
 
-/// Returns the true position at the start, which is that of the first setpoint, or on the floor if
-/// the setpoint is below it.
+/// Returns the true starting position, which is that of the first setpoint, but not below the
+/// floor.
 fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     let first_m = plan.setpoints[0].position_m;
     Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
 }
 
-/// Checks that the plan has setpoints, values that a drone can reach, and a path above the floor.
+/// Checks that the plan has setpoints, that a drone can reach them, and that its path is above the
+/// floor.
 fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let hint = "plan the word again, or correct the file that the plan was read from";
     if plan.setpoints.is_empty() {
@@ -211,7 +213,7 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
 
 /// Checks that the plan stays above the steps of the floor while the drone is in the air.
 fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
-    // Each setpoint has its height, and that of the floor below it.
+    // For each setpoint, `heights_m` contains its height and the height of the floor below it.
     let positions_m = plan.setpoints.iter().map(|s| s.position_m);
     let heights_m: Vec<[f64; 2]> = positions_m.map(|p| [p.z, floor.height_m(p.x, p.y)]).collect();
     // The drone is in the air from the first setpoint that is above the floor or belongs to a
@@ -222,8 +224,8 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     });
     let first = in_air.clone().next().unwrap_or(0);
     let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
-    // Before and after that, setpoints of a ramp may be inside a step if the ramp rises above it.
-    // In this case, the drone rests on the step with its motors off.
+    // Before and after that, a ramp's setpoints may be inside a step if the ramp rises above it.
+    // The drone then rests on the step with its motors off.
     let mut numbered = heights_m.iter().enumerate();
     let refused = numbered.find(|(row, [height_m, floor_m])| {
         let mut ramp_m = heights_m.iter().filter(|[_, other_m]| other_m == floor_m);
@@ -240,7 +242,7 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     ))
 }
 
-/// Returns the number of control ticks to the last setpoint. Fails for a plan longer than an hour.
+/// Returns the number of control ticks up to the last setpoint, or an error for more than an hour.
 fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {

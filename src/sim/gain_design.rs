@@ -1,15 +1,15 @@
 //! Design of a drone's regulator and observer gains, with their stability margins.
 //!
-//! Input: [`SimOptions`] and a motor lag. Output: [`Design`]. The model at hover is linearized,
-//! both gains follow from their Riccati equations, and poles and margins of the closed loop are
-//! computed for immediate and for lagging motors. A cascade of PID loops and the geometric
-//! controller have no such gain. The code of both is linearized at hover instead, which gives the
-//! poles and margins of their loops.
+//! The input is [`SimOptions`] and a motor lag. The output is a [`Design`]. The model is linearized
+//! at hover, both gains follow from their Riccati equations, and the closed loop's poles and
+//! margins are computed for instantaneous and for lagging motors. The PID cascade and the geometric
+//! controller have no such gain. For these, the controller's code is linearized at hover to obtain
+//! poles and margins.
 //!
 //! The sources are the reference flight's design (AE483, 2022), and Bryson, Ho, "Applied Optimal
 //! Control" (1975), for the weights. The gain is designed without the drone's drag. The printed
 //! model and its poles and margins include the drag. The observer's effect on the margins and the
-//! time between two ticks are not modeled.
+//! delay between ticks are not modeled.
 
 use nalgebra::{Complex, DMatrix, Matrix4, SMatrix};
 use serde::{Serialize, Serializer};
@@ -26,13 +26,13 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Result, within};
 
-/// Lag of a Crazyflie's motors in s, for a vehicle without one (Eschmann, Albani, Loianno,
+/// Lag of a Crazyflie's motors in s, for a vehicle that specifies none (Eschmann, Albani, Loianno,
 /// "Data-driven system identification of quadrotors subject to motor delays", IROS 2024). Other
-/// flights gave 0.05 to 0.14 s.
+/// flights showed lags of 0.05 to 0.14 s.
 pub const MOTOR_LAG_S: f64 = 0.072;
-/// Maximum lag in s that is searched.
+/// Maximum lag in s in the search for the longest stable lag.
 const MAX_LAG_S: f64 = 1.0;
-/// Number of bisections of the maximum lag, which gives a resolution of a microsecond.
+/// Number of bisections of the maximum lag, for a resolution of a microsecond.
 const HALVINGS: u32 = 20;
 
 /// Names of the states in the order of the columns of `K`. The first nine, except the yaw, are the
@@ -41,8 +41,8 @@ pub const STATES: [&str; 15] = [
     "o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z",
     "int o_x", "int o_y", "int o_z",
 ];
-/// Names of further columns of `K` if the gain is designed for lagging rotors, which are the
-/// modeled rotors' outputs.
+/// Names of the additional columns of `K` for lagging rotors, which are the modeled rotors'
+/// outputs.
 const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
 /// Names of the inputs in the order of the rows of `K`.
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
@@ -63,36 +63,36 @@ pub struct Design {
     pub k: Option<DMatrix<f64>>,
     /// Names of the columns of `K`, which are the first of [`STATES`] and those of the rotors.
     pub states: Vec<&'static str>,
-    /// Number of states of the controller in addition to the twelve of the drone, which are
-    /// integrals, last measurements, filters and modeled rotors.
+    /// Number of controller states, which are integrals, last measurements, filters and modeled
+    /// rotors.
     #[serde(rename = "controller_states")]
     pub n_controller_states: usize,
     /// Gain of the observer, 8×3, in `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
     #[serde(rename = "L", serialize_with = "rows")]
     pub l: DMatrix<f64>,
-    /// Number of the twelve states that the inputs reach.
+    /// Number of the twelve states that the inputs can control.
     pub controllability_rank: usize,
     /// Number of the nine states of position, attitude and velocity that are observable from the
     /// measured position.
     pub observability_rank: usize,
     /// Names of the unobservable states.
     pub unobservable: Vec<&'static str>,
-    /// Poles of the loop with immediate motors in 1/s, slowest first. The poles are `None` if the
+    /// Poles in 1/s of the loop with instantaneous motors, slowest first, or `None` if the
     /// iteration did not converge.
     pub regulator_poles: Option<Vec<Complex<f64>>>,
     /// Poles of the observer in 1/s.
     pub observer_poles: Option<Vec<Complex<f64>>>,
-    /// Margins at each input with immediate motors. The margins are `None` for an unstable loop.
+    /// Margins at each input with instantaneous motors, or `None` for an unstable loop.
     pub margins: Option<[Margins; 4]>,
     /// Lag of the motors in s for the lagging poles and margins.
     pub motor_lag_s: f64,
-    /// Poles of the loop with that lag in 1/s.
+    /// Poles in 1/s of the loop with the motor lag.
     pub lagging_poles: Option<Vec<Complex<f64>>>,
-    /// Margins at each input with that lag. The margins are `None` if the loop is not stable.
+    /// Margins at each input with the motor lag, or `None` for an unstable loop.
     pub lagging_margins: Option<[Margins; 4]>,
-    /// Longest motor lag in s with a stable loop. The lag is `None` if it may exceed a second.
+    /// Longest motor lag in s at which the loop is stable, or `None` if even a second is stable.
     pub longest_lag_s: Option<f64>,
-    /// Largest deviation from hover of each input within the motors' range, in N m and N.
+    /// Largest deviation of each input from hover, in N m and N, within the motors' range.
     pub largest_inputs: [f64; 4],
     /// Weights by Bryson's rule for `controller.lqr.r`, which are 1 / deviation².
     pub bryson_r: [f64; 4],
@@ -149,20 +149,18 @@ impl Loop {
 ///
 /// Returns the errors of [`SimOptions::check`],
 /// [`Error::Input`](noctograph_core::error::Error::Input) for a lag outside 1 µs to 1 s, and
-/// [`Error::Infeasible`](noctograph_core::error::Error::Infeasible) for weights for which there is
-/// no gain.
+/// [`Error::Infeasible`](noctograph_core::error::Error::Infeasible) if the weights give no gain.
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
     within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
-    // The model is that at hover. Gains are designed without drag, but evaluated with it.
+    // The model is linearized at hover. Gains are designed without drag, but evaluated with it.
     let vehicle = &options.vehicle;
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
     let dragged_a = a + drag(vehicle);
     let (feedback, states) = feedback_loop(options, [&a, &dragged_a], &b)?;
 
-    // Poles and margins are those of the loop without and with lag. Bisection finds the longest
-    // lag.
+    // Poles and margins are computed without and with lag. Bisection finds the longest lag.
     let lagging = feedback.lagging(motor_lag_s);
     let [regulator_poles, lagging_poles] = [&feedback, &lagging].map(|l| poles(&l.closed()));
     let lagging_margins = lagging.margins();
@@ -206,7 +204,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     })
 }
 
-/// Returns the loop of the options' controller on the plant with drag, and the names of the
+/// Returns the loop of the selected controller with the plant including drag, and the names of the
 /// regulator's states, or none for other controllers. A regulator is designed for `A` without drag.
 fn feedback_loop(
     options: &SimOptions,
@@ -225,14 +223,15 @@ fn feedback_loop(
     })
 }
 
-/// Returns the number of states that the inputs reach, by duality with observability.
+/// Returns the number of controllable states, by duality with observability.
 fn controllability_rank(a: &SMatrix<f64, 12, 12>, b: &SMatrix<f64, 12, 4>) -> usize {
-    // The scale of an input does not affect the states that it reaches.
+    // The scale of an input does not affect which states it can control.
     let unit_b = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
     observability_rank(&dynamic(&a.transpose()), &dynamic(&unit_b.transpose()))
 }
 
-/// Returns the loop of a regulator, for lagging or immediate motors, and the names of its states.
+/// Returns the loop of a regulator, for lagging or instantaneous motors, and the names of its
+/// states.
 fn regulator_loop(
     [a, b]: [DMatrix<f64>; 2],
     gain: Gain,
@@ -243,9 +242,9 @@ fn regulator_loop(
     let Some(modeled_lag_s) = modeled_lag_s else {
         return (Loop { a, b, k: gain.k }, states.collect());
     };
-    // The modeled rotors run on the regulator's commands, so that they are part of the regulator
-    // instead of the loop that is opened at the motors. Their equation is τ dû/dt = u − û with u =
-    // −K x − K_u û.
+    // The modeled rotors follow the regulator's commands. They are therefore part of the regulator,
+    // not of the loop that is opened at the motors. Their equation is τ dû/dt = u − û with u = −K x
+    // − K_u û.
     let from_state = -&gain.k / modeled_lag_s;
     let decay = -(gain.k_rotor + Matrix4::identity()) / modeled_lag_s;
     let a = with_states(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));
@@ -264,8 +263,8 @@ fn controller_loop(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearContro
     Loop { a, b: b.clone().resize_vertically(12 + m, 0.0), k }
 }
 
-/// Returns the largest deviation of each input, taken by itself, from hover at which no motor
-/// exceeds its limits.
+/// Returns the largest deviation of each input alone from hover at which no motor exceeds its
+/// limits.
 fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
     let mixer = Mixer::new(vehicle);
     let hover = mixer.motors(&vehicle.hover()).0;
@@ -314,8 +313,8 @@ fn warnings(
     warnings
 }
 
-/// Returns the part of `A` that the air causes at hover, which is the drag of body and rotors, and
-/// the moment of the air across the rotors, for a small velocity in the body frame.
+/// Returns the contribution of the air to `A` at hover. For a small velocity in the body frame,
+/// this is the drag of body and rotors and the moment of the air across the rotors.
 fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     const VELOCITY: usize = 6;
     const RATE: usize = 9;
@@ -333,7 +332,7 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     drag
 }
 
-/// Returns the longest stable lag in s by bisection, or `None` if even [`MAX_LAG_S`] is stable.
+/// Returns the longest stable lag in s, by bisection, or `None` if [`MAX_LAG_S`] is stable.
 fn longest_lag_s(is_stable: impl Fn(f64) -> bool) -> Option<f64> {
     if is_stable(MAX_LAG_S) {
         return None;

@@ -1,16 +1,16 @@
 //! Simulation of a flight.
 //!
-//! Input: a [`Plan`](noctograph_core::plan::Plan). Output: a
-//! [`Flight`](noctograph_core::flight::Flight), which a real flight's log provides as well.
+//! The input is a [`Plan`](noctograph_core::plan::Plan). The output is a
+//! [`Flight`](noctograph_core::flight::Flight), which can also be read from a real flight's log.
 //!
 //! At every tick (500 Hz), the sensors are read, the estimator is updated, and a controller
-//! converts the estimate to four motor commands, which it may hold for some ticks. The commands
+//! converts the estimate to four motor commands, which are held for one or more ticks. The commands
 //! drive the drone ([`Plant`](crate::vehicle::Plant)), which consists of rotors, rigid body,
 //! battery, air and floor. The drone starts at rest at the first setpoint, and a setpoint at or
 //! below the floor switches the motors off. [`ControllerKind`] lists the controllers.
 //! [`gain_design`] computes gains without a flight.
 //!
-//! Equations, weights and values are those of the reference flight (AE483, 2022, preset
+//! Equations, weights and default values are those of the reference flight (AE483, 2022, preset
 //! `ae483-2022`, the default of [`SimOptions`]). Lighthouse errors are from Bitcraze's
 //! `positioning_dataset` (arXiv 2104.11523). IMU noise is from the data sheet of the BMI088. The
 //! other sensors and the Kalman filter follow the Crazyflie's firmware.

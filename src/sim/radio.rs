@@ -1,15 +1,16 @@
 //! Radio link of one drone, which determines the last setpoint received and its time.
 //!
-//! The host offers its newest setpoint at every turn of the drone, so that a late setpoint is
-//! skipped in favor of a newer one. Turns fail independently at random, and all of them in outages.
+//! The host sends its newest setpoint at every turn of the drone, so a setpoint that was not
+//! received is skipped in favor of a newer one. Transmissions fail independently at random, and
+//! always during outages.
 //!
 //! Signal strength and its dependence on the position, broadcasts, and a host that blocks while its
-//! queue is full (cflib's contains one packet) are not modeled.
+//! queue is full (cflib's queue contains one packet) are not modeled.
 
 use super::options::RadioOptions;
 use noctograph_core::random::Noise;
 
-/// Durations in s of a packet with its answer, and of the switch to another drone's address
+/// Durations in s of a packet with its answer, and of a switch to another drone's address
 /// (`crazyradio2-firmware` issue 9: 2.5 ms for the USB request that sets the address, 0.7 ms for
 /// packet and answer).
 const PACKET_S: f64 = 0.7e-3;
@@ -21,7 +22,7 @@ pub(super) struct Link {
     options: RadioOptions,
     chance: Noise,
     outages: Noise,
-    /// Beginning and end in s of the present outage, or of the next one if there is none.
+    /// Beginning and end in s of the present outage or, between outages, of the next one.
     outage: [f64; 2],
     turn_s: f64,
     round_s: f64,
@@ -32,7 +33,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Makes the link of the drone `index`, or returns `None` if commands arrive immediately.
+    /// Creates the link of the drone `index`, or returns `None` if commands arrive immediately.
     pub(super) fn new(options: &RadioOptions, seed: u64, index: u64) -> Option<Self> {
         if options.drones == 0 {
             return None;
@@ -65,8 +66,7 @@ impl Link {
             while self.turn_s >= self.outage[1] {
                 self.next_outage();
             }
-            // The random number is drawn first, at every turn, so that outages do not change its
-            // stream.
+            // A random number is drawn at every turn, so that outages do not shift the stream.
             let is_lost =
                 self.chance.uniform() < self.options.loss_frac || self.turn_s >= self.outage[0];
             if !is_lost {
@@ -96,7 +96,7 @@ impl Link {
         let [after_s, lasts_s] = [self.options.outage_every_s, self.options.outage_s]
             .map(|mean_s| -mean_s * libm::log(1.0 - self.outages.uniform()));
         let from_s = self.outage[1] + after_s;
-        // An outage lasts at least one round, so that the search for the next one ends.
+        // An outage lasts at least one round, so that the search for the next outage ends.
         self.outage = [from_s, from_s + lasts_s.max(self.round_s)];
     }
 }
@@ -111,7 +111,7 @@ mod tests {
         Link::new(&options, 3, index).unwrap()
     }
 
-    /// Returns the silence after each 10 ms.
+    /// Returns the time without a setpoint, sampled every 10 ms.
     fn silences_s(link: &mut Link, ticks: u32) -> Vec<f64> {
         let silences_s = (0..ticks).map(|tick| {
             let time_s = f64::from(tick) * 0.01;
@@ -121,7 +121,7 @@ mod tests {
         silences_s.collect()
     }
 
-    /// Returns the fraction of silences that are longer than `least_s`.
+    /// Returns the fraction of times that are longer than `least_s`.
     fn longer_frac(silences_s: &[f64], least_s: f64) -> f64 {
         silences_s.iter().filter(|s| **s > least_s).count() as f64 / silences_s.len() as f64
     }
@@ -140,7 +140,8 @@ mod tests {
 
     #[test]
     fn losses_and_outages_have_their_fractions_and_outages_are_common_to_all() {
-        // If a fraction p of packets is lost, p² of the turns are the second lost one in a row.
+        // If a fraction p of packets is lost, a fraction p² of the turns is the second loss in a
+        // row.
         let lossy = longer_frac(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
         assert!((lossy - 0.25).abs() < 0.02, "{lossy}");
         let [one, other] =

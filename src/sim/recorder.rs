@@ -13,7 +13,7 @@ use noctograph_core::plan::Plan;
 /// Names of the further columns of a flight. Columns without a value are left out.
 const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, ESTIMATE_NEES];
 
-/// Collection of samples and columns.
+/// Collection of a flight's samples and columns.
 #[derive(Debug)]
 pub(super) struct Recorder {
     flight: FlightData,
@@ -22,7 +22,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// Makes an empty recorder with room for `n` samples, and for the plan's light channels.
+    /// Creates an empty recorder with capacity for `n` samples, and with the plan's light channels.
     pub(super) fn new(plan: &Plan, n: usize) -> Self {
         let lights: BTreeMap<_, _> =
             plan.lights.keys().map(|channel| (channel.clone(), Vec::with_capacity(n))).collect();
@@ -57,7 +57,7 @@ impl Recorder {
     }
 }
 
-/// Minimum rise in m of a plan that takes off.
+/// Minimum height gain in m of a plan that takes off.
 const TAKE_OFF_M: f64 = 0.2;
 
 /// Returns a warning if the drone stays on the floor while its plan rises, and `None` otherwise.

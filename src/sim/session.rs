@@ -1,4 +1,4 @@
-//! Flight whose controller is outside the program.
+//! Flight with a controller outside the program.
 
 use super::avionics::Avionics;
 use super::controller::Reference;
@@ -20,7 +20,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// Makes a drone that waits for its first command, after `set_up` has changed its avionics.
+    /// Creates a drone that waits for its first command, after `set_up` has changed its avionics.
     pub fn new(plan: Plan, drone: &Drone<'_>, set_up: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         set_up(&mut rig.avionics);
@@ -29,7 +29,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Flies to the end with the drone's controller.
+    /// Flies to the end of the plan with the drone's controller.
     pub fn fly_by_itself(&mut self) -> Result<()> {
         while !self.has_landed {
             self.control()?;
@@ -37,7 +37,8 @@ impl Session {
         Ok(())
     }
 
-    /// Commands the motors with the drone's controller, and flies to the next command or landing.
+    /// Commands the motors with the drone's controller, and flies until the next command or
+    /// landing.
     pub fn control(&mut self) -> Result<()> {
         if self.has_landed {
             return Ok(());
@@ -189,7 +190,8 @@ mod tests {
         for (row, sample) in plain.samples.iter().enumerate().skip(plain.samples.len() / 2) {
             let error_m = (sample.estimate_m - sample.position_m).norm();
             assert!((1e-4..0.5).contains(&sigma_m[row]), "{}", sigma_m[row]);
-            // The bound follows because the covariance's largest axis does not exceed its trace.
+            // The bound holds because the covariance's largest eigenvalue does not exceed its
+            // trace.
             assert!(3.0 * nees[row] >= 0.99 * (error_m / sigma_m[row]).powi(2) - 1e-4);
         }
     }

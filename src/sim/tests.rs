@@ -1,4 +1,4 @@
-//! Plans for several tests.
+//! Plans and random numbers for several tests.
 
 use nalgebra::Vector3;
 
@@ -17,7 +17,7 @@ impl Numbers {
         ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
-    /// Returns a nearly normally distributed number, which is the sum of four uniform ones.
+    /// Returns an approximately normally distributed number, from a sum of four uniform numbers.
     pub(crate) fn normal(&mut self) -> f64 {
         let sum: f64 = (0..4).map(|_| self.uniform()).sum();
         (sum - 2.0) * 1.732_050_807_568_877_2
@@ -29,7 +29,7 @@ pub(crate) fn written(word: &str, options: &PlanOptions) -> Plan {
     plan(&write(word, &LetterOptions::default()).unwrap(), options).unwrap()
 }
 
-/// Returns a plan in which the drone hovers at one place, and writes with its headlights.
+/// Returns a plan in which the drone hovers at one position with its headlights on.
 pub(crate) fn hover(position_m: [f64; 3], end_s: f64) -> Plan {
     let (position_m, letter) = (Vector3::from(position_m), Some(0));
     let setpoints =

@@ -2,7 +2,7 @@
 
 use crate::settings::settings;
 
-/// Distance in m of the corner of a full-frame sensor, 36 mm by 24 mm, from the optical axis.
+/// Distance in m from the optical axis to the corner of a full-frame sensor (36 mm by 24 mm).
 const FULL_FRAME_CORNER_M: f64 = 0.021_63;
 
 settings! {
@@ -67,7 +67,7 @@ settings! {
     }
 }
 
-/// Fixed lens with a fixed aperture, and the limits of sensitivity and exposure time.
+/// Built-in lens with a fixed aperture, and the camera's limits of sensitivity and exposure time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FixedLens {
     /// Focal length in m.
@@ -80,16 +80,16 @@ pub struct FixedLens {
     pub longest_s: f64,
 }
 
-/// Specifications of a body.
+/// Specifications of a camera body.
 #[derive(Debug)]
 pub struct BodyFigures {
     /// Width of the sensor in m.
     pub sensor_width_m: f64,
-    /// Width of its pictures in pixels by default.
+    /// Default width of pictures in pixels.
     pub width_px: f64,
     /// Built-in lens, or `None` if the lens can be changed.
     pub fixed_lens: Option<FixedLens>,
-    /// Names of the model in EXIF.
+    /// Model names that appear in EXIF metadata.
     exif: &'static [&'static str],
 }
 
@@ -102,21 +102,21 @@ pub struct LensFigures {
     pub min_f_number: f64,
     /// Distortion coefficients k1, k2, p1, p2, as in [`super::Camera::distortion`].
     pub distortion: [f64; 4],
-    /// Loss of light in stops at the corner of full frame with the aperture wide open, as in
+    /// Light loss in stops at the corner of a full-frame sensor at the widest aperture, as in
     /// [`LensModel::vignetting`].
     wide_open_stops: f64,
 }
 
-/// Minimum and maximum ISO sensitivity of a phone, whose sources [`BodyModel::figures`] gives.
+/// Minimum and maximum ISO sensitivity of a phone. [`BodyModel::figures`] names the sources.
 const PHONE_ISO: [f64; 2] = [50.0, 3200.0];
 
-/// Bodies that EXIF metadata may name.
+/// Camera bodies that are recognized by their EXIF model names.
 const NAMED_IN_EXIF: [BodyModel; 3] =
     [BodyModel::A6400, BodyModel::CanonEos2000D, BodyModel::OneInch];
 
 impl BodyModel {
-    /// Returns the body's sensor, lens and EXIF names. The focal length of a fixed lens gives the
-    /// maker's angle of view over the sensor's 4:3 diagonal.
+    /// Returns the body's sensor, lens and EXIF names. The focal length of a fixed lens matches the
+    /// maker's diagonal angle of view on the 4:3 sensor.
     pub fn figures(&self) -> BodyFigures {
         fn body(sensor_width_m: f64, width_px: f64, exif: &'static [&'static str]) -> BodyFigures {
             BodyFigures { sensor_width_m, width_px, fixed_lens: None, exif }
@@ -140,18 +140,19 @@ impl BodyModel {
                 body(0.0223, 6000.0, exif)
             }
             Self::OneInch => body(0.0132, 5472.0, &["DSC-RX100M7"]),
-            // 24 mm equivalent, f/1.78, and a night mode of up to 30 s on a tripod (ijunkie.com,
-            // "How to use Night mode on iPhone 11"). The iPhone's camera sets ISO itself. The range
-            // of ISO is therefore an assumption.
+            // The lens is a 24 mm equivalent at f/1.78, and the night mode exposes for up to 30 s
+            // on a tripod (ijunkie.com, "How to use Night mode on iPhone 11"). The ISO range is an
+            // assumption, because the iPhone chooses the ISO sensitivity automatically.
             Self::IPhone15Pro => phone(0.0098, 0.0068, 1.78, 30.0),
-            // The angle of view of 82° and f/1.68 are from dpreview.com, "Google Pixel 8 and Pixel
-            // 8 Pro: Camera deep-dive", and 16 s from
-            // androidauthority.com/google-pixel-pro-camera-controls-3374272. The range of ISO is
+            // The 82° angle of view and the aperture of f/1.68 are from dpreview.com, "Google Pixel
+            // 8 and Pixel 8 Pro: Camera deep-dive". The maximum exposure time of 16 s is from
+            // androidauthority.com/google-pixel-pro-camera-controls-3374272. The ISO range is
             // assumed to equal that of Samsung's phones.
             Self::Pixel8Pro => phone(0.0098, 0.007_06, 1.68, 16.0),
-            // The angle of view of 85° and f/1.8 are from
-            // androidauthority.com/samsung-galaxy-s24-cameras-3403863. ISO 50 to 3200 and 30 s
-            // apply in Pro mode (r2.community.samsung.com, "Samsung's Pro Mode explained").
+            // The 85° angle of view and the aperture of f/1.8 are from
+            // androidauthority.com/samsung-galaxy-s24-cameras-3403863. Pro mode offers ISO 50 to
+            // 3200 and exposure times of up to 30 s (r2.community.samsung.com, "Samsung's Pro Mode
+            // explained").
             Self::Phone | Self::GalaxyS24 => phone(0.0082, 0.0056, 1.8, 30.0),
         }
     }
@@ -181,20 +182,20 @@ impl LensModel {
         LensFigures { focal_length_m, min_f_number, distortion, wide_open_stops }
     }
 
-    /// Returns the fraction of the light that the edges of the lens block for a point of the
-    /// sensor, in addition to the natural cos⁴ falloff. The fraction increases with the square of
-    /// the distance from the axis.
+    /// Returns the fraction of the light that the edges of the lens block at a distance from the
+    /// optical axis on the sensor, in addition to the natural cos⁴ falloff. The fraction increases
+    /// with the square of this distance.
     ///
-    /// The stops lost at the corner of full frame wide open are from tests, minus the natural
-    /// falloff. The tests measured 2.7 stops in total for Canon's EF 50/1.8 II
-    /// (`dpreview.com/lensreviews/canon_50_1p8_ii_c16/4`) and 2.2 for their EF 35/2
-    /// (`photozone.de/canon_eos_ff/428-canon_35_2_5d`). They measured 1 stop at the corner of APS-C
-    /// for Canon's EF 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom such as
-    /// `kit-16mm` loses no more than the natural falloff (1.9 stops for Tokina's 16-50 at f/2.8,
-    /// `lenstip.com/248.8`). When the lens is stopped down, the loss in excess of that at f/5.6
-    /// decreases with the power 2.4 of the aperture number. This law agrees to within 0.45 stops
-    /// with Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's Otus 28 from their widest aperture on
-    /// (`lenstip.com/216.8`, `lenstip.com/504.8`, `optyczne.pl/398.8`).
+    /// The light losses at the corner of a full-frame sensor at the widest aperture come from lens
+    /// tests, minus the natural falloff. The tests measured 2.7 stops in total for Canon's EF
+    /// 50/1.8 II (`dpreview.com/lensreviews/canon_50_1p8_ii_c16/4`) and 2.2 for their EF 35/2
+    /// (`photozone.de/canon_eos_ff/428-canon_35_2_5d`). They measured 1 stop at the corner of an
+    /// APS-C sensor for Canon's EF 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom
+    /// such as `kit-16mm` loses no more than the natural falloff (1.9 stops for Tokina's 16-50 at
+    /// f/2.8, `lenstip.com/248.8`). When the lens is stopped down, the loss is inversely
+    /// proportional to the 2.4th power of the aperture number. This law agrees to within 0.45 stops
+    /// with the measured loss in excess of that at f/5.6 for Canon's EF 50/1.4, Nikon's 28/1.4 and
+    /// Zeiss's Otus 28 (`lenstip.com/216.8`, `lenstip.com/504.8`, `optyczne.pl/398.8`).
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
         let lens = self.figures();
         let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);

@@ -1,8 +1,8 @@
-//! The camera as a description of pose, lens, shutter and sensitivity, without pixels.
+//! Camera model, which describes pose, lens, shutter and sensitivity, but contains no pixel values.
 //!
 //! In the camera frame, x points right, y down and z forward. In the image, the origin is at the
-//! top left, and pixel centers are at +0.5. Rolling shutter, field curvature and chromatic
-//! aberration are not modeled.
+//! top left, and pixel centers are at half-integer coordinates. Rolling shutter, field curvature
+//! and chromatic aberration are not modeled.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -19,10 +19,10 @@ mod options;
 mod outside;
 mod white_balance;
 
-/// Focus distance in m that stands for infinity, which is the largest that a scene can set.
+/// Focus distance in m that represents infinity, the largest distance that a scene can set.
 pub const INFINITY_M: f64 = 1e6;
 
-/// Camera at rest whose shutter opens once.
+/// Stationary camera whose shutter opens once.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Position of the entrance pupil in the world frame.
@@ -31,7 +31,7 @@ pub struct Camera {
     pub camera_from_world: Matrix3<f64>,
     /// Focal length of the lens in m.
     pub focal_length_m: f64,
-    /// Width of the sensor in m, whose pixels are square.
+    /// Width of the sensor in m. The pixels are square.
     pub sensor_width_m: f64,
     /// Aperture number N.
     pub f_number: f64,
@@ -42,15 +42,15 @@ pub struct Camera {
     /// Focus distance in m along the optical axis, or `None` if everything is sharp.
     pub focus_m: Option<f64>,
     /// Distortion coefficients k1, k2 (radial) and p1, p2 (tangential) of the Brown–Conrady model
-    /// as in `OpenCV`. With x, y the tangents of the angles from the axis and r² = x² + y², the
-    /// lens maps them to `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and `y (1 + k1 r² + k2
-    /// r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
+    /// as in `OpenCV`. If x and y are the tangents of the angles from the axis, and r² = x² + y²,
+    /// the lens maps them to `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and `y (1 + k1 r²
+    /// + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
     pub distortion: [f64; 4],
-    /// Fraction of the light that vignetting removes at the corner of the picture. This fraction
-    /// increases with the square of the distance from the middle. The natural cos⁴ falloff is not
-    /// part of this fraction.
+    /// Fraction of the light that vignetting removes at the corner of the picture, not including
+    /// the natural cos⁴ falloff. The fraction increases with the square of the distance from the
+    /// center.
     pub vignetting: f64,
-    /// White balance, as gains of red, green and blue between the sensor and the tone curve.
+    /// White balance, as gains for red, green and blue that are applied before the tone curve.
     pub white_balance: [f64; 3],
     /// ISO sensitivity. [`Self::saturation_lx_s`] converts it to an exposure.
     pub iso: f64,
@@ -78,7 +78,7 @@ pub struct ImagePoint {
 }
 
 impl Camera {
-    /// Returns the same camera with a picture of another width, and a height in proportion.
+    /// Returns the same camera with another picture width, and the height scaled in proportion.
     pub fn at_width(&self, width_px: u32) -> Self {
         let height = u64::from(self.height_px) * u64::from(width_px);
         let height = height.div_ceil(u64::from(self.width_px.max(1))).max(1);
@@ -96,7 +96,7 @@ impl Camera {
     }
 
     /// Returns the image of a point in the world frame, or `None` if the point is behind the
-    /// camera, or so far off the axis that the distortion folds back.
+    /// camera, or so far off the axis that the distorted image folds back on itself.
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
         if p.z <= 0.0 {
@@ -111,8 +111,8 @@ impl Camera {
         })
     }
 
-    /// Returns the unit vector in the world frame toward a point of the picture, by fixed-point
-    /// iteration that inverts [`Self::image_from_world`], or `None` if it does not converge.
+    /// Returns the unit vector in the world frame toward a point of the picture. Inverts
+    /// [`Self::image_from_world`] by fixed-point iteration, and returns `None` if that diverges.
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
@@ -128,7 +128,8 @@ impl Camera {
         None
     }
 
-    /// Applies the distortion to the tangents of a ray, or returns `None` if it folds back there.
+    /// Applies the distortion to the tangents of a ray, or returns `None` if the image folds back
+    /// there.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {
@@ -147,8 +148,9 @@ impl Camera {
         ])
     }
 
-    /// Returns the box `[left, bottom, right, top]` in the plane of the word (y = 0) around the
-    /// four corners of the picture, or `None` if a corner does not show the plane within 1 km.
+    /// Returns the box `[left, bottom, right, top]` in the word's plane (y = 0) that contains the
+    /// points seen at the four corners of the picture, or `None` if a corner sees no point within 1
+    /// km.
     pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
         let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
@@ -161,7 +163,7 @@ impl Camera {
         Some(bounds(on_plane.collect::<Option<Vec<_>>>()?))
     }
 
-    /// Returns the fraction of the light, 0 to 1, that vignetting leaves at a point of the picture.
+    /// Returns the fraction of the light, 0 to 1, that remains after vignetting at a point.
     pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let (x, y) = (x_px - width / 2.0, y_px - height / 2.0);
@@ -177,16 +179,16 @@ impl Camera {
         })
     }
 
-    /// Returns the exposure in lx s by 1 cd/m² at the middle of the picture, `π τ t / (4 N²)`.
+    /// Returns the exposure in lx s per cd/m² at the center of the picture, `π τ t / (4 N²)`.
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
         std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s
             / (self.f_number * self.f_number)
     }
 
-    /// Returns the luminous exposure in lx s at which the sensor saturates. From the base
-    /// sensitivity on, the converter clips at `78 / ISO` (ISO 12232, saturation based). Below the
-    /// base sensitivity, the well is full at `78 / base ISO`.
+    /// Returns the luminous exposure in lx s at which the sensor saturates. At or above the base
+    /// sensitivity, the converter clips at `78 / ISO` (saturation-based speed, ISO 12232). Below
+    /// the base sensitivity, the well is full at `78 / base ISO`.
     pub fn saturation_lx_s(&self) -> f64 {
         78.0 / self.iso.max(self.base_iso)
     }
@@ -204,7 +206,7 @@ mod tests {
     fn the_picture_of_a_camera_square_in_front_shows_its_bounds_of_the_plane() {
         let camera = camera();
         let bounds_m = camera.plane_bounds_m().unwrap();
-        // The word is 1.5 m wide and fills half of the picture.
+        // The word is 1.5 m wide and fills half of the picture's width.
         for (actual, wanted) in bounds_m.into_iter().zip([-1.35, -0.09375, 1.65, 1.59375]) {
             assert!((actual - wanted).abs() < 1e-9, "{bounds_m:?}");
         }

@@ -11,13 +11,13 @@ use crate::settings::{Described, settings};
 /// Maximum width and height of a picture in pixels.
 const MAX_SIDE_PX: u32 = 16_384;
 
-/// Maximum number of pixels of a picture, whose film takes 768 MiB at 12 bytes per pixel.
+/// Maximum number of pixels in a picture. At 12 bytes per pixel, its film takes 768 MiB.
 pub const MAX_PIXELS: u64 = 1 << 26;
 
 /// Width of a full-frame sensor in m.
 const FULL_FRAME_WIDTH_M: f64 = 0.036;
 
-/// Minimum distance in m at which the camera focuses on a word.
+/// Minimum distance in m to a word at which the camera is focused on it by default.
 const LEAST_FOCUS_M: f64 = 0.1;
 
 settings! {
@@ -133,7 +133,7 @@ impl CameraOptions {
     ///
     /// Returns [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
-        // Each setting is checked by itself, followed by the settings that depend on each other.
+        // Single settings are checked first, followed by combinations of settings.
         check_size(self.width_px, self.height_px)?;
         Described::check(self, "camera", None)?;
         let least = self.lens.figures().min_f_number;
@@ -183,7 +183,7 @@ impl CameraOptions {
     }
 
     /// Returns the camera's position and the rotation from the world to the camera frame, for a
-    /// word with its middle at `middle`.
+    /// word centered at `middle`.
     fn pose(
         &self,
         bounds_m: [f64; 4],
@@ -200,7 +200,8 @@ impl CameraOptions {
         }
     }
 
-    /// Returns the camera for a word in `[left, bottom, right, top]` and a flight until `end_s`.
+    /// Returns the camera for a word within `[left, bottom, right, top]` and a flight that ends at
+    /// `end_s`.
     ///
     /// # Errors
     ///
@@ -211,7 +212,7 @@ impl CameraOptions {
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = self.pose(bounds_m, middle)?;
-        // A phone has a fixed lens with one aperture, and pictures without distortion.
+        // A phone has a fixed lens with a single aperture, and its pictures have no distortion.
         let fixed = body.fixed_lens;
         let depth_m = (camera_from_world * (middle - position_m)).z;
         let is_focused = !matches!(self.lens, LensModel::Custom(_)) && depth_m > LEAST_FOCUS_M;
@@ -238,9 +239,9 @@ impl CameraOptions {
 }
 
 impl FixedPose {
-    /// Returns the rotation from the world to the camera frame, from the orientation if it is set,
-    /// else toward the target, else toward `middle`. Returns an error if the target is at the
-    /// camera, or if the quaternion's length is not 1.
+    /// Returns the rotation from the world to the camera frame. The camera has the orientation that
+    /// is set, or otherwise points at the target, or otherwise at `middle`. Returns an error if the
+    /// target coincides with the camera, or if the quaternion's length is not 1.
     fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
             let forward =
@@ -274,7 +275,7 @@ impl FixedPose {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] with the limits.
+/// Returns [`Error::Input`] with the limits if the picture is too large.
 pub fn check_size(width_px: u32, height_px: u32) -> Result<()> {
     let sides = [width_px, height_px];
     let pixels = u64::from(width_px) * u64::from(height_px);
@@ -367,7 +368,7 @@ mod tests {
 
     #[test]
     fn lenses_darken_the_corner_as_measured() {
-        // Returns the light in stops that the lens loses in total at the corner of full frame.
+        // Returns the total light loss in stops at the corner of a full-frame sensor.
         fn lost(lens: LensModel, f_number: f64) -> f64 {
             let options = CameraOptions { lens, f_number, height_px: 1280, ..Default::default() };
             let camera = options.camera(NOOR_M, 1.0).unwrap();
@@ -419,7 +420,7 @@ mod tests {
         let camera = options.camera(NOOR_M, 1.0).unwrap();
         assert_eq!((camera.sensor_width_m, camera.focal_length_m), (0.0235, 0.016));
         assert_eq!(camera.distortion, [-0.026, 0.0, 0.0, 0.0]);
-        // The word is 1.5 m wide and fills half of the picture.
+        // The word is 1.5 m wide and fills half of the picture's width.
         assert!((camera.focus_m.unwrap() - 3.0 * 0.016 / 0.0235).abs() < 1e-12, "at the word");
         assert_eq!(CameraOptions::default().camera(NOOR_M, 1.0).unwrap().focus_m, None);
     }

@@ -5,11 +5,11 @@ use nalgebra::Vector3;
 use super::{Camera, ImagePoint};
 
 impl Camera {
-    /// Returns the distances of points beyond the edges of the picture, at the points' depth in the
-    /// world, such as `12 cm on the left, 3 cm at the bottom`, or `None` if all points are inside.
+    /// Describes how far points lie outside the picture, measured at the depth of each point, such
+    /// as `12 cm on the left, 3 cm at the bottom`. Returns `None` if all points are inside.
     pub fn outside(&self, points_m: impl IntoIterator<Item = Vector3<f64>>) -> Option<String> {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
-        // Each side has a maximum distance beyond its edge, in the order left, right, top, bottom.
+        // The maximum distances beyond the edges are in the order left, right, top, bottom.
         let (mut sides_m, mut is_behind) = ([0.0_f64; 4], false);
         for point_m in points_m {
             let Some(ImagePoint { x_px, y_px, depth_m }) = self.image_from_world(point_m) else {

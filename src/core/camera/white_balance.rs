@@ -6,11 +6,12 @@ use crate::error::Result;
 use crate::settings::Described;
 use crate::srgb::{rgb_from_xyz, xyz};
 
-/// White balance, which is a value such as `[2.0, 1.0, 1.5]` or `3200.0` in a scene file.
+/// White balance. Scene files contain gains such as `[2.0, 1.0, 1.5]` or a temperature such as
+/// `3200.0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum WhiteBalance {
-    /// Gains of red, green and blue. Gains of 1 are the white balance for daylight (D65).
+    /// Gains for red, green and blue. Gains of 1 correspond to daylight (D65).
     Gains([f64; 3]),
     /// Color temperature in kelvin of the light that is rendered white.
     Kelvin(f64),
@@ -35,27 +36,27 @@ impl Described for WhiteBalance {
 }
 
 impl WhiteBalance {
-    /// Returns the gains of red, green and blue. For a color temperature, the gains are at least 1,
-    /// so that saturated pixels stay white.
+    /// Returns the gains for red, green and blue. For a color temperature, the gains are at least
+    /// 1, so that saturated pixels stay white.
     pub fn gains(self) -> [f64; 3] {
         match self {
             Self::Gains(gains) => gains,
             Self::Kelvin(kelvin) => {
                 let light = planckian_rgb(kelvin);
                 let most = light.into_iter().fold(0.0, f64::max);
-                // Gains are at most 100, even for a channel without light.
+                // The limit of 100 keeps the gain finite for a channel without light.
                 light.map(|channel| most / channel.max(0.01 * most))
             }
         }
     }
 }
 
-/// Returns the linear sRGB of a black body by the cubics of Kang et al. 2002 (to 0.0003 in x, y).
+/// Returns the linear sRGB color of a black body by Kang et al. (2002), within 0.0003 in x and y.
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
     fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
         ((a * t + b) * t + c) * t + d
     }
-    // The chromaticity x is a piecewise cubic function of 1000 K / T, and y is one of x.
+    // The chromaticity x is a piecewise cubic in 1000 K / T, and y is a piecewise cubic in x.
     let t = 1000.0 / kelvin;
     let x = if kelvin <= 4000.0 {
         cubic([-0.266_123_9, -0.234_358_9, 0.877_695_6, 0.179_910], t)

@@ -1,5 +1,5 @@
-//! Facts about the Crazyflie's firmware, decks and files that several crates need. The source of
-//! each fact, named in brackets, is a file of `crazyflie-firmware` as of [`FIRMWARE_REVISION`].
+//! Facts about the Crazyflie's firmware, decks and files that several crates need. The file in
+//! parentheses after each fact is its source in `crazyflie-firmware` at [`FIRMWARE_REVISION`].
 
 mod release;
 
@@ -7,23 +7,24 @@ use nalgebra::Matrix4;
 
 pub use release::{Feature, Release};
 
-/// Revision of `bitcraze/crazyflie-firmware` that is modeled, one day after release 2026.08. The
-/// sources named here are files of this revision, and its C code made the numbers under `recorded/`
-/// (tests/firmware).
+/// Modeled revision of `bitcraze/crazyflie-firmware`, one day newer than release 2026.08. Its C
+/// code generated the numbers under `recorded/` (tests/firmware).
 pub const FIRMWARE_REVISION: &str = "2a18fc29";
 
-/// Rate of the onboard clock in true seconds per second up to release 2026.08, whose timer counts
-/// to 85 instead of 84 (`usec_time.c`).
+/// Rate of the onboard clock up to release 2026.08, in clock seconds per true second. Its timer
+/// counts to 85 instead of 84 (`usec_time.c`).
 pub const SLOW_CLOCK: f64 = 84.0 / 85.0;
 
 /// Gravitational acceleration in m/s², rounded as in the firmware and by the AE483 team.
 pub const GRAVITY_M_S2: f64 = 9.81;
 
-/// Signs of each motor (columns m1…m4) in the torque about body x, y, z and in the thrust.
+/// Signs with which the motors (columns m1…m4) contribute to the torques about body x, y and z and
+/// to the thrust (rows).
 ///
 /// In the Crazyflie's X layout, seen from above with x forward and y left, m1 is front right, m2
 /// back right, m3 back left and m4 front left (`power_distribution_quadrotor.c`). Rotors m1 and m3
-/// turn counter-clockwise, m2 and m4 clockwise. Each rotor turns the body the opposite way.
+/// turn counter-clockwise, m2 and m4 clockwise. The reaction torque of each rotor turns the body
+/// the opposite way.
 pub const MOTOR_SIGNS: Matrix4<f64> = Matrix4::new(
     -1.0, -1.0, 1.0, 1.0, //
     -1.0, 1.0, 1.0, -1.0, //
@@ -51,9 +52,9 @@ pub const RING_TIMING_ENTRIES: usize = 9;
 /// `crtp_commander_high_level.h`).
 pub const TRAJECTORY_MEMORY_BYTES: usize = 4096;
 
-/// Silence of the host in s after which the firmware levels the drone
+/// Time in s without a setpoint from the host after which the firmware levels the drone
 /// (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `supervisorOverrideSetpoint` in `supervisor.c`, 2026.08).
 pub const LEVEL_OUT_S: f64 = 0.5;
-/// Silence of the host in s after which the firmware stops the motors permanently
+/// Time in s without a setpoint from the host after which the firmware stops the motors permanently
 /// (`COMMANDER_WDT_TIMEOUT_SHUTDOWN`, as for [`LEVEL_OUT_S`]).
 pub const MOTORS_STOP_S: f64 = 2.0;

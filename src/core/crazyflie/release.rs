@@ -1,4 +1,5 @@
-//! Releases of the Crazyflie's firmware and their differences, for exports, simulator and logs.
+//! Releases of the Crazyflie firmware, and their differences that affect exports, simulator and
+//! logs.
 //!
 //! The differences come from the firmware's history from 2023.11 to [`super::FIRMWARE_REVISION`].
 //! `docs/fly.md` lists the differences that are not in [`Feature::ALL`].
@@ -32,7 +33,7 @@ settings! {
     }
 }
 
-/// Feature that earlier releases lack.
+/// Firmware feature that earlier releases lack.
 #[derive(Debug)]
 pub struct Feature {
     /// Name of the feature.
@@ -48,7 +49,7 @@ pub struct Feature {
 }
 
 impl Feature {
-    /// Reset of the PID loops by a new kind of setpoint.
+    /// Reset of the PID loops when the kind of setpoint changes.
     pub const RESET: Self = Self {
         what: "all PID loops are reset when the kind of setpoint changes",
         since: Release::R2026_08,
@@ -133,14 +134,15 @@ impl Feature {
 }
 
 impl Release {
-    /// Oldest release that can fly exported scripts. Its firmware has every variable they read.
+    /// Oldest release that can fly exported scripts. Its firmware has every log variable that they
+    /// read.
     pub const OLDEST: Self = Self::R2023_11;
     /// Release that contains [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
 
-    /// Returns the release that flies like a version such as `2025.12.1`, which is the last one
-    /// that is not newer, or the oldest. Returns `None` for a custom build, whose version has
-    /// another form.
+    /// Returns the release that flies like a version such as `2025.12.1`, which is the newest
+    /// release up to that version, or otherwise the oldest release. Returns `None` for a custom
+    /// build, whose version has a different format.
     pub fn parse(version: &str) -> Option<Self> {
         let firmware = year_and_month(version)?;
         let mut releases = Self::ALL.iter();
@@ -153,7 +155,8 @@ impl Release {
         })
     }
 
-    /// Returns the release with this name, with or without a patch number, or `None` without one.
+    /// Returns the release with this name, which may contain a patch number, or `None` if it is
+    /// unknown.
     pub fn named(name: &str) -> Option<Self> {
         Self::parse(name).filter(|release| year_and_month(release.name()) == year_and_month(name))
     }
@@ -168,13 +171,13 @@ impl Release {
         Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
-    /// Returns the rate of the clock of card logs and onboard trajectories, in true s per s.
+    /// Returns the rate of the clock for card logs and onboard trajectories, in clock s per true s.
     pub fn clock(self) -> f64 {
         if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
     }
 }
 
-/// Returns year and month of a version such as `2025.12` or `2025.12.1`, or `None`.
+/// Parses the year and month of a version such as `2025.12` or `2025.12.1`, or returns `None`.
 fn year_and_month(name: &str) -> Option<(u32, u32)> {
     let parts: Vec<&str> = name.splitn(3, '.').collect();
     let (year, month) = (parts[0], parts.get(1)?);

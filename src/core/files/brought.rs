@@ -1,5 +1,4 @@
-//! Files that a web page passed to the program, by name. The files stay in memory, because browsers
-//! lack a file system.
+//! Files from a web page, stored in memory by name because browsers have no file system.
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
@@ -9,12 +8,12 @@ use std::sync::{Mutex, PoisonError};
 
 static BROUGHT: Mutex<BTreeMap<PathBuf, Vec<u8>>> = Mutex::new(BTreeMap::new());
 
-/// Stores a file that the page passed, and replaces any file with the same name.
+/// Stores a file from the web page, and replaces any file with the same name.
 pub fn bring(name: &str, bytes: Vec<u8>) {
     BROUGHT.lock().unwrap_or_else(PoisonError::into_inner).insert(name.into(), bytes);
 }
 
-/// File from the page, read like a `std::fs::File`.
+/// File from the web page, read like a `std::fs::File`.
 pub(super) struct File(Cursor<Vec<u8>>);
 
 impl File {

@@ -1,5 +1,5 @@
-//! Budget for the work and the memory that a foreign input may take, which are counted instead of
-//! timed, so that every machine reads or refuses the same file.
+//! Budget for the work and the memory that an untrusted input may use. Work is counted instead of
+//! timed, so that every machine accepts or refuses the same files.
 
 use std::cell::Cell;
 
@@ -9,14 +9,13 @@ use crate::error::{Error, Result};
 /// 2020 processor, as measured for each reader.
 const MAX_STEPS: u64 = 1_000_000_000;
 
-/// Maximum memory of an input in bytes, including copies during reading.
+/// Maximum memory for an input in bytes, including temporary copies during reading.
 const MAX_BYTES: u64 = 240 << 20;
 
 /// Work and memory that remain for an input, such as a file or a folder of files.
 ///
-/// Decoders charge the budget before they work. Code that cannot return an error calls
-/// [`Budget::spend_steps`], which returns false once the budget is exceeded, and leaves the error
-/// to [`Budget::check`].
+/// Decoders charge the budget before they do the work. Code that cannot return an error calls
+/// [`Budget::spend_steps`], stops if that returns false, and leaves the error to [`Budget::check`].
 #[derive(Debug)]
 pub struct Budget {
     place: String,
@@ -34,8 +33,8 @@ enum Beyond {
 }
 
 impl Budget {
-    /// Makes the budget of an input. `place` is the input's name in messages, and `hint` the advice
-    /// given when the budget is exceeded.
+    /// Creates the budget for an input. `place` is the input's name in messages, and `hint` the
+    /// advice given when the budget is exceeded.
     pub fn new(place: impl Into<String>, hint: &'static str) -> Self {
         let place = place.into();
         let (steps_left, bytes_left) = (Cell::new(MAX_STEPS), Cell::new(MAX_BYTES));
@@ -64,7 +63,7 @@ impl Budget {
         self.bytes_left.get()
     }
 
-    /// Returns bytes to the budget that the input no longer occupies.
+    /// Credits bytes that the input no longer occupies to the budget.
     pub fn free(&self, bytes: u64) {
         self.bytes_left.set((self.bytes_left.get() + bytes).min(MAX_BYTES));
     }
@@ -91,8 +90,8 @@ impl Budget {
             .in_file(&self.place, None))
     }
 
-    /// Subtracts an amount from the remainder, unless the budget was exceeded before. Returns true
-    /// if the budget is still not exceeded.
+    /// Charges an amount, unless the budget is already exceeded. Returns true if the budget is
+    /// still not exceeded.
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {
         if self.beyond.get().is_none() {
             match left.get().checked_sub(amount as u64) {
@@ -105,7 +104,7 @@ impl Budget {
 }
 
 /// Adds a value to a column of unknown length. The column's capacity grows by an eighth, because
-/// doubling it could occupy twice the bytes that were charged.
+/// doubling it could use twice the memory that was charged.
 pub fn push<T>(column: &mut Vec<T>, value: T) {
     if column.len() == column.capacity() {
         column.reserve_exact(column.len() / 8 + 64);

@@ -1,21 +1,21 @@
-//! The only reader of tables: finds a text's head, and turns its rows into columns of numbers.
+//! Reader for all tables, which finds a text's header and converts its rows to columns of numbers.
 //!
 //! The reader accepts commas, semicolons, tabs or blanks between cells, decimal commas if no cell
-//! has a point, quotation marks, comments (`#`, `%`, `//`) and other lines before the head, a head
-//! that is itself a comment, and a line of units below the head.
+//! has a point, quotation marks, comments (`#`, `%`, `//`) and other lines before the header, a
+//! header that is itself a comment, and a line of units below the header.
 
 use super::{Budget, Text, push};
 use crate::error::{Error, Result};
 use crate::input_error;
 
-/// Number of lines at the beginning of a text among which the first row is sought.
+/// Number of lines at the beginning of a text that are searched for the first row.
 const HEAD_LINES: usize = 200;
 /// Maximum number of columns of a table.
 const MAX_COLUMNS: usize = 1024;
-/// Steps of work charged to the budget for each byte, and in addition for each cell.
+/// Steps of work charged to the budget per byte, and additionally per cell.
 const STEPS_PER_BYTE: usize = 1;
 const STEPS_PER_CELL: usize = 60;
-/// Maximum number of distinct texts of a column, and of characters of each, kept for messages.
+/// Maximum number of distinct texts per column, and of characters per text, kept for messages.
 const MAX_TEXTS: usize = 4;
 const MAX_TEXT_CHARS: usize = 60;
 /// Maximum length in bytes of a unit, or of a name within a group, in the line below the titles.
@@ -30,10 +30,10 @@ pub enum Separator {
     Blanks,
 }
 
-/// Head of a table.
+/// Header of a table.
 #[derive(Clone, Debug)]
 pub struct Head {
-    /// Titles of the columns, each with its unit in brackets, or empty if the file has no head.
+    /// Titles of the columns, each with its unit in brackets, or empty if the file has no header.
     pub titles: Vec<String>,
     /// Number of columns.
     pub n_columns: usize,
@@ -41,7 +41,7 @@ pub struct Head {
     pub separator: Separator,
     /// Index of the line with the first row.
     pub row: usize,
-    /// Notes on the lines above the first row that are not read.
+    /// Notes on unread lines above the first row.
     pub notes: Vec<String>,
 }
 
@@ -54,7 +54,7 @@ pub struct RowRules<'a> {
     pub budget: &'a Budget,
     /// Hint for a table that cannot be read.
     pub hint: &'a str,
-    /// True if a last line without a line end is left out, because a cut number is also a number.
+    /// True if a last line without a line end is omitted, because its last number may be truncated.
     pub needs_line_ends: bool,
 }
 
@@ -69,7 +69,7 @@ pub struct Sheet {
     lines: Vec<u32>,
 }
 
-/// Column of a sheet. Cells without a number hold NaN.
+/// Column of a sheet, with NaN for cells that contain no number.
 #[derive(Debug, Default)]
 pub struct SheetColumn {
     /// Title of the column, or empty if it has none.
@@ -89,7 +89,8 @@ pub struct SheetColumn {
 impl Separator {
     const ALL: [Self; 4] = [Self::Byte(b'\t'), Self::Byte(b';'), Self::Byte(b','), Self::Blanks];
 
-    /// Returns the most frequent of tab, semicolon and comma in a line, or a comma if it has none.
+    /// Returns the most frequent of tab, semicolon and comma in a line, or a comma if the line
+    /// contains none of them.
     pub fn most_in(line: &[u8]) -> Self {
         let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
         Self::Byte([b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
@@ -112,7 +113,7 @@ impl Separator {
         cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
     }
 
-    /// Returns the number of cells of a line, without empty cells at its end.
+    /// Returns the number of cells in a line, not counting empty cells at its end.
     fn count(self, line: &[u8]) -> usize {
         let filled = self.cells(line).enumerate().filter(|(_, cell)| !cell.is_empty());
         filled.last().map_or(0, |(place, _)| place + 1)
@@ -126,7 +127,8 @@ impl Separator {
 
     /// True if a line is a row, whose first cell and most other cells are numbers or dates.
     fn is_row(self, line: &[u8]) -> bool {
-        // With blanks as separator, no cell is empty. With others, empty cells are ignored.
+        // If blanks separate the cells, none is empty. With other separators, empty cells are
+        // ignored.
         let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
         let least = if self == Self::Blanks { 3 } else { 2 };
         let filled = cells.iter().filter(|cell| !cell.is_empty());
@@ -136,7 +138,7 @@ impl Separator {
             // A date such as `2026-03-03 10:00` contains a blank that does not separate cells.
             && (self != Self::Blanks || n_numbers == cells.len())
             && are_numbers.first() == Some(&true)
-            // A line such as `; 2026-03-03` is a remark.
+            // A line such as `; 2026-03-03` is a remark, not a row.
             && (are_numbers.len() > 1 || !cells[0].is_empty())
             && 2 * n_numbers >= are_numbers.len()
     }
@@ -148,7 +150,7 @@ fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 impl Head {
-    /// Finds the head of a table: the line of titles above the first row of numbers.
+    /// Finds the header of a table, the line of titles above the first row of numbers.
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
@@ -162,16 +164,16 @@ impl Head {
         }
     }
 
-    /// Returns the head above the first row of numbers, which is the line with index `row`.
+    /// Returns the header above the first row of numbers, which is the line with index `row`.
     fn above_row(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
         let LinesAbove { filled, mut bare, fitting, both } =
             LinesAbove::sort(lines, row, separator);
-        // If no line has as many cells as the row, the last line is the head, so that the row is
-        // refused with its line number.
+        // If no line has as many cells as the row, the last line is taken as the header. The row is
+        // then refused with its line number.
         let title_line = both.first().or(fitting.last()).or(bare.last()).copied();
         let mut titles = title_line.map_or(Vec::new(), |index| separator.titles(lines[index]));
-        // In a table that pandas wrote with two levels of columns, the names of groups repeat,
-        // which titles of columns never do.
+        // In a pandas table with two levels of columns, group names repeat, whereas column titles
+        // never do.
         let in_groups =
             titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
         // A second line of short names contains units, or names within groups.
@@ -183,7 +185,7 @@ impl Head {
         if let Some(index) = unit_line {
             add_units(&mut titles, &separator.titles(lines[index]), in_groups);
         }
-        // Below a line of groups, a line with one cell contains only the name of the index.
+        // Below a line of groups, a line with one cell contains only the index name.
         for index in filled.iter().filter(|_| in_groups) {
             if separator.count(lines[*index]) == 1 {
                 titles[0] = separator.titles(lines[*index]).swap_remove(0);
@@ -200,7 +202,7 @@ impl Head {
         Self { titles, n_columns, separator, row, notes: notes.collect() }
     }
 
-    /// Returns the head of a table without rows, its first line unless that is mostly numbers.
+    /// Returns the header of a table without rows, its first line unless that is mostly numbers.
     fn without_rows(lines: &[&[u8]]) -> Self {
         let filled = lines.iter().enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
         let bare = filled.clone().find(|(_, line)| !is_comment(line));
@@ -210,13 +212,13 @@ impl Head {
         let titles = separator.titles(line);
         let n_numbers = titles.iter().filter(|title| title.parse::<f64>().is_ok()).count();
         if 2 * n_numbers > titles.len() {
-            // The line is a row that begins with a text, so that the table has no titles.
+            // The line is a row that begins with a text. The table therefore has no titles.
             return Self { n_columns: titles.len(), ..Self::named(Vec::new(), separator, first) };
         }
         Self::named(titles, separator, first + 1)
     }
 
-    /// Makes a head of known titles.
+    /// Creates a header from known titles.
     pub fn named(titles: Vec<String>, separator: Separator, row: usize) -> Self {
         Self { n_columns: titles.len(), titles, separator, row, notes: Vec::new() }
     }
@@ -235,12 +237,12 @@ struct LinesAbove {
     bare: Vec<usize>,
     /// Lines with as many titles as the row contains cells.
     fitting: Vec<usize>,
-    /// Lines that are no comments and have as many titles as the row contains cells.
+    /// Lines that are not comments and have as many titles as the row contains cells.
     both: Vec<usize>,
 }
 
 impl LinesAbove {
-    /// Sorts the lines above a row.
+    /// Classifies the lines above a row.
     fn sort(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
         let (n_filled, n_cells) =
             (separator.count(lines[row]), separator.cells(lines[row]).count());
@@ -249,8 +251,8 @@ impl LinesAbove {
             if line.trim_ascii().is_empty() {
                 continue;
             }
-            // Blanks in a title raise the number of titles, and empty cells at the end of a row
-            // lower the number of filled cells.
+            // A blank within a title can raise the number of titles, and empty cells at the end of
+            // a row lower the number of filled cells.
             let n_titles = separator.count(uncommented(line));
             let may_end_empty = separator != Separator::Blanks && n_titles > n_filled;
             let fits = n_titles == n_filled || may_end_empty && n_titles == n_cells;
@@ -264,7 +266,7 @@ impl LinesAbove {
     }
 }
 
-/// Adds the cells of a second line to the titles: units, or names within groups.
+/// Appends the cells of a second line, which are units or names within groups, to the titles.
 fn add_units(titles: &mut [String], cells: &[String], in_groups: bool) {
     for (title, cell) in titles.iter_mut().zip(cells) {
         match cell.trim_matches(['[', ']', '(', ')']) {
@@ -293,7 +295,7 @@ impl Sheet {
             return Err(input_error!(file, "{n} columns", "at most {MAX_COLUMNS}", "{hint}"));
         }
         budget.steps(STEPS_PER_BYTE * text.bytes.len())?;
-        // All numbers of a table have the same decimal and thousands separators.
+        // All numbers in a table use the same decimal and thousands separators.
         let mut sheet = Self::without_rows(&head);
         sheet.notes = text.notes.iter().chain(&head.notes).cloned().collect();
         let form =
@@ -347,11 +349,11 @@ impl Sheet {
             let Some(cell) = cells.next() else { return false };
             column.push(number(place, cell), cell, line_number);
         }
-        // A separator at the end of each line makes one additional empty cell.
+        // A separator at the end of each line adds one empty cell.
         cells.all(<[u8]>::is_empty)
     }
 
-    /// Makes the columns of a head, without rows.
+    /// Creates a sheet with the columns of a header, and without rows.
     fn without_rows(head: &Head) -> Self {
         let titles = head.titles.iter().cloned().chain(std::iter::repeat(String::new()));
         let column = |(number, title)| SheetColumn { title, number, ..SheetColumn::default() };
@@ -428,7 +430,7 @@ fn is_number(cell: &[u8]) -> bool {
     commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
 }
 
-/// Form of a table's numbers, that is, their decimal and thousands separators.
+/// Number format of a table, given by the decimal and thousands separators.
 struct NumberForm {
     /// Thousands separator, if the numbers have one.
     thousands: Option<u8>,
@@ -436,7 +438,8 @@ struct NumberForm {
 }
 
 impl NumberForm {
-    /// Finds the decimal and thousands separators. A comma that may be either is an error.
+    /// Detects the decimal and thousands separators. Returns an error for a comma that may be
+    /// either.
     fn detect(text: &[u8], head: &Head) -> Result<Self> {
         // If commas separate cells, numbers contain commas only within quotation marks.
         let separates_by_commas = head.separator == Separator::Byte(b',');
@@ -453,13 +456,15 @@ impl NumberForm {
         let may_have_commas = separates_by_commas
             || has_commas
             || lines(text).skip(head.row).any(|line| line.contains(&b','));
-        // A point separates thousands only without other commas, and not between blanks.
+        // A point can separate thousands only if the table contains no commas and no blanks as
+        // separators.
         let thousands = match (may_have_commas, head.separator) {
             (true, _) => thousands_separator(rows(), head, b',')?,
             (false, Separator::Blanks) => None,
             (false, Separator::Byte(_)) => thousands_separator(rows(), head, b'.')?,
         };
-        // In a table with decimal points, a comma may separate thousands, so that its cell is text.
+        // In a table with decimal points, a comma may separate thousands. Its cell therefore counts
+        // as text.
         let has_decimal_commas = thousands.is_none() && has_commas && !any_number_has(b'.');
         Ok(Self { thousands, has_decimal_commas })
     }
@@ -474,7 +479,8 @@ impl NumberForm {
         }
     }
 
-    /// Returns the number in a cell, or `None` if the cell is not of the table's form.
+    /// Returns the number in a cell, or `None` if the cell does not match the table's number
+    /// format.
     fn number(&self, cell: &[u8]) -> Option<f64> {
         let bare = unquoted(cell);
         let text = match self.thousands {
@@ -489,16 +495,17 @@ impl NumberForm {
     }
 }
 
-/// Returns `sign` if it separates thousands, and `None` if a number begins with zero or has other
-/// than three digits after a sign. The sign certainly separates thousands if its column also has
-/// whole numbers below a thousand, if a number has two signs, or if one has both a comma and a
-/// point. Otherwise, a point is taken as the decimal point, and a comma is an error.
+/// Returns `sign` if this character separates thousands, or `None` if a number begins with zero or
+/// does not have exactly three digits after it. The character certainly separates thousands if its
+/// column also contains whole numbers below a thousand, or if a number contains it twice or
+/// contains both a comma and a point. Otherwise, a point is taken as the decimal point, and a comma
+/// is an error.
 fn thousands_separator<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     head: &Head,
     sign: u8,
 ) -> Result<Option<u8>> {
-    // Per column: true if it has whole numbers of two or three digits, and true if it has `sign`.
+    // Each column has two flags, for whole numbers of two or three digits and for `sign`.
     let mut columns = vec![[false; 2]; head.n_columns];
     let (mut first, mut is_clear) = (None, false);
     for line in rows {
@@ -534,7 +541,7 @@ fn thousands_separator<'a>(
 /// True if a cell has three digits after each sign and does not begin with zero.
 fn is_grouped(cell: &[u8], sign: u8) -> bool {
     let cell = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
-    // Only a table with commas may also have a decimal point, and the groups of digits end there.
+    // If commas separate thousands, the groups of digits end at the decimal point.
     let whole = match cell.iter().position(|byte| *byte == b'.').filter(|_| sign == b',') {
         Some(point) if cell[point + 1..].iter().all(u8::is_ascii_digit) => &cell[..point],
         Some(_) => return false,
@@ -586,14 +593,14 @@ const TENS: [f64; 16] =
 
 /// Parses a number of up to 15 digits without an exponent at the beginning of a text, and returns
 /// it with its length in bytes. Returns `None` for any other text. The numerator and the
-/// denominator are exact, so that only their quotient is rounded (Clinger 1990).
+/// denominator are exact, so only their quotient is rounded (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
     // The digits are read as an integer, together with the position of the point.
     let (mut numerator, mut point) = (0_u64, None);
     let mut length = usize::from(is_negative);
     let begin = length;
-    // A number has at most 15 digits and a point, because more digits may not be exact.
+    // At most 15 digits and a point are read, because more digits may not be exact.
     while let Some(byte) = text.get(length).filter(|_| length < begin + 16) {
         match byte {
             b'0'..=b'9' => numerator = 10 * numerator + u64::from(byte - b'0'),
@@ -602,7 +609,7 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
         }
         length += 1;
     }
-    // The numerator and the power of ten are exact, so that one division gives the nearest number.
+    // The numerator and the power of ten are exact, so a single division gives the nearest number.
     let n_digits = length - begin - usize::from(point.is_some());
     let magnitude = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
     let value = if is_negative { -magnitude } else { magnitude };
@@ -688,7 +695,7 @@ mod tests {
             prop_assert_eq!(actual.is_some(), (1..=15).contains(&n_digits));
         }
 
-        /// A blank before the first separator makes the general reader read the row.
+        /// A blank before the first separator forces the row through the general reader.
         #[test]
         fn plain_rows_are_read_as_any_are(
             rows in proptest::collection::vec("-?[0-9]{1,3}(,-?[0-9]{0,9}[.]?[0-9]{0,9}(e3)?){2}", 1..9)

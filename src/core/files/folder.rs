@@ -1,4 +1,4 @@
-//! An output folder whose files appear together.
+//! Output folder whose files all appear at the same time.
 
 use std::fs::{File, OpenOptions, Permissions};
 use std::io::{BufWriter, Write};
@@ -13,7 +13,8 @@ use crate::error::{Error, Result};
 
 /// Folder whose files are staged inside it until all of them are written.
 ///
-/// The folder is locked during the renames, so that it never contains files of two programs.
+/// The folder is locked during the renames, so that it never contains a mix of files from two
+/// programs.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,
@@ -51,11 +52,11 @@ impl OutputFolder {
         Ok(Self { path, staging, lock, made, names, first: 0, former })
     }
 
-    /// Checks before the long work that files with these names can be written.
+    /// Checks, before time-consuming work, that files with these names can be written.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`] if one of them is a folder, or without write permission.
+    /// Returns [`Error::Io`] if one of the paths is a folder or is not writable.
     pub fn check_writable(&self, names: &[impl AsRef<Path>]) -> Result<()> {
         names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
             let writable = match path.metadata() {
@@ -84,7 +85,7 @@ impl OutputFolder {
         self.write(name, content).map(drop)
     }
 
-    /// Stages a file that will be called `name` and that `write` writes, and returns its digest.
+    /// Stages a file that will be called `name`, with content from `write`, and returns its digest.
     pub fn write_with(
         &mut self,
         name: &str,
@@ -118,8 +119,8 @@ impl OutputFolder {
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        // Everything that can fail comes before the first rename, so that a file behind a link or
-        // on another disk is copied now.
+        // Everything that can fail happens before the first rename. A file behind a link or on
+        // another disk is therefore copied now.
         let ready = self.names.iter().map(|name| self.prepare(name).map(Some));
         let mut ready = ready.collect::<Result<Vec<_>>>()?;
         let mut former = Former::default();
@@ -129,7 +130,7 @@ impl OutputFolder {
             }
         }
         former.forget();
-        // All files now have their final names, so that those of an earlier set can go.
+        // All files now have their final names, so files of an earlier set can be removed.
         for path in &self.former {
             std::fs::remove_file(path).map_err(|source| Error::write(path, source))?;
         }
@@ -160,7 +161,7 @@ struct Ready {
 }
 
 enum Target {
-    /// New path, or a file whose permissions the new file receives.
+    /// New path, or an existing file, whose permissions the new file receives.
     Renamed(Option<Permissions>),
     /// Target of a link, which may be on another disk.
     Linked(WholeFile),
@@ -202,7 +203,7 @@ impl Drop for OutputFolder {
     fn drop(&mut self) {
         self.lock = None;
         if self.made {
-            // A folder that meanwhile contains other files cannot be removed, and therefore stays.
+            // A folder that now contains other files cannot be removed, and therefore remains.
             let _ = std::fs::remove_dir_all(self.staging.path());
             let _ = std::fs::remove_dir(&self.path);
         }

@@ -10,7 +10,7 @@ use super::Text;
 use super::brought::File;
 use crate::error::{Error, Result};
 
-/// Maximum amount that is read from one kind of file.
+/// Maximum size of one kind of file that is read.
 #[derive(Clone, Copy, Debug)]
 pub struct Limit {
     /// Maximum size in bytes.
@@ -40,8 +40,8 @@ impl Limit {
     pub fn read(self, path: &Path) -> Result<Vec<u8>> {
         let unreadable = |source| Error::read(path, source);
         let file = File::open(path).map_err(unreadable)?;
-        // The capacity is reserved, because a vector that doubles occupies three times the file's
-        // size during its last reallocation.
+        // The capacity is reserved in advance, because a vector that grows by doubling can occupy
+        // three times the file's size during its last reallocation.
         let expected = file.metadata().map_or(0, |metadata| metadata.len().min(self.bytes));
         let mut bytes = Vec::with_capacity(usize::try_from(expected).unwrap_or(0) + 1);
         file.take(self.bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
@@ -80,7 +80,7 @@ impl Limit {
     }
 
     /// Checks before reading that the total size of several files, including the files of folders,
-    /// is within the limit. A link counts with the size of its target, each time it is named.
+    /// is within the limit. A link counts as the size of its target each time it is named.
     ///
     /// # Errors
     ///
@@ -96,12 +96,12 @@ impl Limit {
         Err(Error::input(self.what, actual, wanted, self.hint))
     }
 
-    /// Returns the message for a file beyond the limit, as the value found.
+    /// Returns the text for the value found in the error for a file above the limit.
     fn beyond(self) -> String {
         format!("more than {}", size(self.bytes))
     }
 
-    /// Returns the message for a file beyond the limit, as the value wanted.
+    /// Returns the text for the value wanted in the error for a file above the limit.
     fn wanted(self) -> String {
         format!("{} of at most {}", self.what, size(self.bytes))
     }
@@ -155,7 +155,7 @@ fn size(bytes: u64) -> String {
     }
 }
 
-/// Stream that fails beyond its limit.
+/// Stream that returns an error once its limit is exceeded.
 struct Bounded {
     file: Take<File>,
     limit: Limit,

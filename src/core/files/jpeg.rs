@@ -1,7 +1,9 @@
-//! Frame of a JPEG file, read before decoding to learn the decoder's costs (ITU-T T.81).
+//! Frame header of a JPEG file, parsed before decoding to determine the decoder's cost (ITU-T
+//! T.81).
 //!
-//! The size of a progressive picture does not limit the work, because the decoder holds all
-//! coefficients, two bytes each, until the last scan, and a scan may take only a dozen bytes.
+//! The file size of a progressive picture does not limit the work. The decoder keeps all
+//! coefficients, two bytes each, until the last scan, and a scan may occupy only a dozen bytes of
+//! the file.
 
 /// Costs of decoding a JPEG picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,7 +14,7 @@ pub struct JpegFrame {
     pub samples: u64,
     /// Number of scans over the samples.
     pub scans: u64,
-    /// True if the decoder holds all coefficients until the last scan.
+    /// True if the decoder keeps all coefficients in memory until the last scan.
     pub progressive: bool,
     /// True if the file contains an end marker. Without an end marker, the missing part is gray.
     pub has_end: bool,
@@ -41,8 +43,8 @@ impl JpegFrame {
         let [_, h1, h0, w1, w0, n, ref components @ ..] = *header else { return None };
         let size_px = [[w1, w0], [h1, h0]].map(|side| u64::from(u16::from_be_bytes(side)));
         let components = components.get(..3 * usize::from(n))?;
-        // Each sampling factor is a pair of 4-bit numbers. A unit of the picture is 8 times the
-        // greatest factor wide and high.
+        // Each component has a pair of 4-bit sampling factors, horizontal and vertical. The width
+        // and height of a coded unit are 8 times the largest factors.
         let factors = components.chunks(3).map(|c| [c[1] >> 4, c[1] & 15].map(u64::from));
         let most = factors.clone().fold([1, 1], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
         let units = |side: usize| size_px[side].div_ceil(8 * most[side]);
@@ -53,14 +55,15 @@ impl JpegFrame {
         Some(Self { size_px, samples, scans, progressive, has_end })
     }
 
-    /// Returns the number of bytes that a decoder holds, which are those of the picture with three
-    /// channels per pixel and, if it is progressive, those of the coefficients.
+    /// Returns the number of bytes that a decoder needs for the picture, with three channels per
+    /// pixel, and for the coefficients if the picture is progressive.
     pub fn decoded_bytes(&self) -> u64 {
         let coefficients = if self.progressive { 2 * self.samples } else { 0 };
         3 * self.size_px[0] * self.size_px[1] + coefficients
     }
 
-    /// Returns the time in ns that one core of 2020 takes for the scans after the first.
+    /// Returns the time in ns that one core of a 2020 processor takes for the scans after the
+    /// first.
     pub fn later_scans_ns(&self) -> u64 {
         // A block of 64 samples takes 20 ns.
         self.samples.saturating_mul(self.scans.saturating_sub(1)) / 3
@@ -71,7 +74,7 @@ impl JpegFrame {
 mod tests {
     use super::*;
 
-    /// Makes a file of 17 × 9 pixels whose components have these sampling factors.
+    /// Creates a file of 17 × 9 pixels whose components have these sampling factors.
     fn file(marker: u8, factors: &[u8], scans: usize) -> Vec<u8> {
         let mut bytes = b"\xff\xd8\xff\xe0\0\x04\xff\xd9\xff".to_vec();
         let n = u8::try_from(factors.len()).unwrap();

@@ -1,4 +1,4 @@
-//! Reading of files up to a limit, and writing of files as a whole or not at all.
+//! Reads files up to a size limit, and writes files either completely or not at all.
 //!
 //! Every reader states a [`Limit`] and opens its file once, so that a pipe, a device or an endless
 //! stream costs no more than a file of that size. Decoded data is charged to a [`Budget`]. Every

@@ -6,7 +6,7 @@ use unicode_normalization::UnicodeNormalization;
 
 use super::entries_in;
 
-/// Extensions of files that the program reads or writes, and of those that users mistake for them.
+/// Extensions of files that the program reads or writes, and of files that users mistake for them.
 const ENDINGS: [&str; 47] = [
     "avif", "bag", "bin", "bmp", "csv", "dng", "eps", "exr", "gif", "heic", "heif", "html", "jpeg",
     "jpg", "json", "jsonl", "log", "lst", "mcap", "npy", "npz", "ods", "otc", "otf", "pdf", "png",
@@ -30,8 +30,8 @@ pub fn file_name(path: impl AsRef<Path>) -> String {
 }
 
 /// Returns the path of the file to which a name in another file refers, relative to that file's
-/// folder. The name's folders are separated by `/`, or by the `\` of Windows unless there is a file
-/// whose name contains the `\`.
+/// folder. Folders in the name are separated by `/`, or by the Windows separator `\` unless a file
+/// exists whose name contains the `\`.
 pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
     as_spelled(&if !name.contains('\\') || path.exists() {
@@ -69,8 +69,8 @@ fn spelled(path: &Path) -> Option<PathBuf> {
 /// Returns the path of a file relative to a folder that contains it, separated by `/`, or `None`
 /// for a file elsewhere.
 pub fn relative_name(folder: &Path, path: &Path) -> Option<String> {
-    // Only the file's folder is made canonical, so that a file that is a link keeps its name. An
-    // empty path stands for the current folder, `.`.
+    // Only the file's folder is resolved, so that a symbolic link to a file keeps its name. An
+    // empty path means the current folder, `.`.
     let folder = folder.join(".").canonicalize().ok()?;
     let parent = std::path::absolute(path).ok()?.parent()?.canonicalize().ok()?;
     let path = parent.join(path.file_name()?);
@@ -127,7 +127,7 @@ mod tests {
         ] {
             let there = path_from(folder.path(), name);
             assert!(there.is_file(), "{name}");
-            // A system that treats both names as the same has no other spelling.
+            // On a system that treats both names as the same, there is no other spelling to find.
             assert!(there == path(spelled) || path(name).exists(), "{name}: {}", there.display());
         }
         assert_eq!(as_spelled(&path("missing.csv")), path("missing.csv"));

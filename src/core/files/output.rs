@@ -1,4 +1,4 @@
-//! An output file, which is opened before the long work and appears whole or not at all.
+//! Output file that is opened before time-consuming work, and appears completely or not at all.
 
 use std::fs::{File, Permissions};
 use std::io::{BufWriter, Write};
@@ -11,11 +11,11 @@ use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 use crate::input_error;
 
-/// Name that stands for standard output in place of a file.
+/// Name that represents standard output in place of a file.
 pub const STANDARD_OUTPUT: &str = "-";
 
-/// Names of standard output. Opening the standard output again would overwrite a file to which it
-/// is redirected.
+/// Paths that mean standard output. They are not opened, because opening standard output again
+/// would overwrite a file to which it is redirected.
 const STANDARD_OUTPUTS: [&str; 4] =
     [STANDARD_OUTPUT, "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
@@ -25,7 +25,7 @@ const MAX_LINKS: usize = 40;
 /// Size in bytes of the buffer through which a file is written.
 pub(super) const BUFFER_BYTES: usize = 1 << 18;
 
-/// File under construction.
+/// Output file that is being written.
 ///
 /// A regular file is written under a temporary name in the same folder until [`Output::keep`] gives
 /// it its final name. If the path is a link, the link's target is replaced. Devices and pipes are
@@ -48,8 +48,8 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the folder if it does not exist. Returns [`Error::Io`] if the
-    /// path is a folder, or without write permission.
+    /// Returns [`Error::Input`] if the folder does not exist. Returns [`Error::Io`] if the path is
+    /// itself a folder or is not writable.
     pub fn create(path: &Path) -> Result<Self> {
         let sink = Sink::open(path).map_err(|source| {
             missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source))
@@ -71,7 +71,7 @@ impl Output {
         self.keep_with(|out| out.write_all(content.as_ref()))
     }
 
-    /// Does the same as [`Self::keep`] with content that `write` writes piece by piece.
+    /// Does the same as [`Self::keep`] with content that `write` produces piece by piece.
     pub fn keep_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<PathBuf> {
         self.finish(write, false)?.keep()
     }
@@ -81,7 +81,7 @@ impl Output {
         self.write_with(|out| out.write_all(content.as_ref()))?.keep()
     }
 
-    /// Writes and syncs what `write` writes piece by piece. The file has no final name yet.
+    /// Writes and syncs the content that `write` produces, without giving the file its final name.
     ///
     /// # Errors
     ///
@@ -90,7 +90,7 @@ impl Output {
         self.finish(write, true)
     }
 
-    /// Writes the content. If `is_durable`, syncs the file to the disk and takes its digest.
+    /// Writes the content. If `is_durable`, syncs the file to the disk and computes its digest.
     fn finish(
         self,
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
@@ -104,7 +104,7 @@ impl Output {
             Sink::StandardOutput => {
                 path = STANDARD_OUTPUT.into();
                 match write_buffered(&mut std::io::stdout().lock(), write, is_durable) {
-                    // A reader that has closed the pipe, such as `head`, is not an error.
+                    // A pipe that its reader, such as `head`, has closed is not an error.
                     Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                         Ok(String::new())
                     }
@@ -134,7 +134,7 @@ pub type Buffer<'a> = BufWriter<Digested<&'a mut dyn Write>>;
 
 type Written = std::io::Result<()>;
 
-/// File with all its content, but without its final name.
+/// Completely written file that does not have its final name yet.
 #[derive(Debug)]
 pub struct WholeFile {
     path: PathBuf,
@@ -216,7 +216,7 @@ impl Sink {
     }
 }
 
-/// Returns the error for a file without a folder, or `None` if `source` has another cause.
+/// Returns the error for a file whose folder is missing, or `None` if `source` has another cause.
 fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
     // For a link, the folder of its target must exist.
     let place = followed(path).ok()?;
@@ -246,7 +246,7 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
 }
 
 /// Writes a file with `write`. Returns the file's digest, or an empty text if no digest is wanted.
-/// The digest is optional because that of a photograph takes a twelfth of the total time.
+/// The digest is optional because computing it for a photograph takes a twelfth of the total time.
 fn write_buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,

@@ -1,5 +1,5 @@
-//! Staged files, which have a temporary name until they are complete, and which are removed if
-//! their program was killed.
+//! Staged files, which have a temporary name until they are complete, and which a later program
+//! removes if their program is killed.
 //!
 //! A temporary file is locked while its program runs, so that the next program recognizes files
 //! left behind. On a file system without locks, files left behind are not removed.
@@ -41,7 +41,7 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
         set_ordinary_mode(&mut builder);
         let file = builder.tempfile_in(folder)?;
         let _ = file.as_file().lock();
-        // Before this file was locked, another program may have removed it as a file left behind.
+        // Before this file was locked, another program may have removed it as a leftover.
         if file.path().exists() {
             return Ok(file);
         }
@@ -49,11 +49,11 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
 }
 
 /// Creates a temporary folder, which is locked as long as the returned file is open, and removes
-/// those of killed programs.
+/// temporary folders of killed programs.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Io`](crate::error::Error::Io) without write permission.
+/// Returns [`Error::Io`](crate::error::Error::Io) if the folder is not writable.
 pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     remove_leftovers(folder);
     loop {
@@ -65,18 +65,19 @@ pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     }
 }
 
-/// Locks a folder until the returned file is closed, or returns `None` if there are no such locks.
+/// Locks a folder until the returned file is closed, or returns `None` if that is not possible.
 #[cfg(not(windows))]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
 }
 
-/// Locks a folder by a file in it, because Windows cannot open a folder as a file. One program has
-/// the file open at a time, and Windows removes it when that program closes it or is killed.
+/// Locks a folder with a file in it, because Windows cannot open a folder as a file. Only one
+/// program at a time can open the lock file. Windows removes it when that program closes it or is
+/// killed.
 #[cfg(windows)]
 pub(super) fn locked(folder: &Path) -> Option<File> {
-    // Renames by another program take milliseconds. The number of attempts is limited because a
-    // folder may be impossible to write.
+    // Renames by another program take milliseconds. The number of attempts is limited because the
+    // folder may never become writable.
     for _ in 0..LOCK_TRIES {
         match only_here(&folder.join(LOCK), true) {
             Err(error) if error.kind() == ErrorKind::NotFound => return None,
@@ -90,8 +91,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 #[cfg(windows)]
 pub(super) use locked as locked_soon;
 
-/// Locks a folder like [`locked`], but gives up after five seconds, because it would wait forever
-/// if the program's caller holds the lock.
+/// Locks a folder like [`locked`], but gives up after five seconds, because the program's caller
+/// may hold the lock forever.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok()?;
@@ -158,7 +159,7 @@ impl Place {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Io`] for a folder, and without write permission.
+    /// Returns [`Error::Io`] if the path is a folder or is not writable.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
         // Windows returns no metadata for its null device.
         if cfg!(windows) && path.as_os_str().eq_ignore_ascii_case("NUL") {
@@ -171,7 +172,7 @@ impl Place {
         if metadata.is_dir() {
             return Err(ErrorKind::IsADirectory.into());
         }
-        // Opening the file now refuses one without write permission before the long work.
+        // Opening the file now detects missing write permission before time-consuming work.
         let file = OpenOptions::new().write(true).open(path)?;
         Ok(if metadata.is_file() {
             Self::Regular(Some(metadata.permissions()))
@@ -187,8 +188,8 @@ pub(super) fn folder(path: &Path) -> &Path {
     parent.unwrap_or(Path::new("."))
 }
 
-/// Former files at the paths of new files that belong together, which are put back unless all new
-/// files receive their names. On a file system without hard links, former files are not kept.
+/// Former files at the paths of a set of new files. The former files are restored unless all new
+/// files receive their names. On a file system without hard links, former files are not preserved.
 #[derive(Debug, Default)]
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
 
@@ -220,10 +221,10 @@ impl Former {
 }
 
 impl Drop for Former {
-    /// Puts the former files back in reverse order.
+    /// Restores the former files in reverse order.
     fn drop(&mut self) {
         for (place, link) in self.0.drain(..).rev() {
-            // A failure is ignored, because there is no other way to put the file back.
+            // A failure is ignored, because there is no other way to restore the file.
             let _ = match link {
                 Some(link) => link.persist(&place).map_err(|error| error.error),
                 None => std::fs::remove_file(&place),

@@ -1,6 +1,6 @@
 //! Decoding of bytes to text, in UTF-8 without a byte order mark and with lines that end in LF.
 //!
-//! UTF-16, with or without a byte order mark, and, with a note, Windows-1252 are also accepted.
+//! UTF-16, with or without a byte order mark, is also accepted, as is Windows-1252 with a note.
 
 use std::borrow::Cow;
 
@@ -13,7 +13,7 @@ pub struct Text<'a> {
     pub notes: Vec<String>,
 }
 
-/// Characters of Windows-1252 from 0x80 to 0x9F. Each byte from 0xA0 on equals its code point.
+/// Characters of Windows-1252 from 0x80 to 0x9F. Each byte above 0x9F equals its code point.
 const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
 
 impl<'a> Text<'a> {
@@ -40,7 +40,7 @@ impl<'a> Text<'a> {
     }
 }
 
-/// Converts UTF-16 to UTF-8. `unit` makes a code unit of two bytes, and unpaired surrogates become
+/// Converts UTF-16 to UTF-8. `unit` combines two bytes into a code unit. Unpaired surrogates become
 /// U+FFFD.
 fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
@@ -48,7 +48,7 @@ fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     text.collect::<String>().into_bytes()
 }
 
-/// True if bytes are neither UTF-8 nor contain control characters.
+/// True if bytes are not UTF-8 and contain no control characters.
 fn is_windows_1252(bytes: &[u8]) -> bool {
     std::str::from_utf8(bytes).is_err_and(|error| error.error_len().is_some())
         && !bytes.iter().any(|byte| *byte < 0x20 && !byte.is_ascii_whitespace())

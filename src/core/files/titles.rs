@@ -16,7 +16,7 @@ const UNITS: [(&str, f64); 9] = [
     ("km", 1e3),
 ];
 
-/// Names of units that are only used for times, since `x_min` is not a time, and their sizes in s.
+/// Names of units that apply only to times (`x_min` is not a time), and their sizes in s.
 const UNITS_OF_TIME: [(&str, f64); 3] =
     [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
 
@@ -41,8 +41,8 @@ pub fn bracketed(title: &str) -> (&str, Option<&str>) {
     (trimmed, None)
 }
 
-/// Returns a title in lower case, with underscores in place of blanks and signs, so that `Yaw
-/// [°/s]` becomes `yaw_deg_s`.
+/// Returns a title in lower case, with underscores in place of blanks and symbols. For example,
+/// `Yaw [°/s]` becomes `yaw_deg_s`.
 pub fn simplified(title: &str) -> String {
     let lower = title.to_lowercase().replace("m/s²", "m_s2").replace("^-1", "");
     let lower = lower.replace('°', "deg").replace(['µ', 'μ'], "u").replace('²', "2");

@@ -4,30 +4,29 @@ use std::ops::Range;
 
 use super::{Flight, FlightSample, Quantity};
 
-/// Motor command, of 65535, above which a drone flies. The motors of a flying Crazyflie are always
-/// above this command, because it hovers at about 43,000 (reference flight) and idles below 10,000.
-/// A lower limit would include the spin-up on the floor, and a higher one would cut off fast
-/// descents.
+/// Motor command, out of 65535, above which a drone counts as flying. A Crazyflie hovers at about
+/// 43,000 (reference flight) and idles below 10,000. A lower limit would include the spin-up on the
+/// floor, and a higher one would cut off fast descents.
 const FLYING_MOTOR_COMMAND: f64 = 20_000.0;
 
-/// Height above the floor in m of a flying drone or its setpoint, if motor commands are not logged.
+/// Minimum height above the floor in m of a flying drone, or its setpoint, in logs without motors.
 const FLYING_HEIGHT_M: f64 = 0.05;
 
-/// Duration in s of a break that ends a flight, longer than those of a saturated mixer, which stops
-/// a motor for some periods.
+/// Duration in s of a break that ends a flight. This is longer than the few control periods for
+/// which a saturated mixer stops a motor.
 const LONGEST_BREAK_S: f64 = 0.5;
 
 /// Returns the samples between take-off and landing, or `None` if the drone never leaves the floor.
 ///
-/// A drone flies at a sample if every motor command is above 20,000 of 65535. Without motors in the
-/// log, the height of the setpoint decides. Without setpoints, the height above the lowest sample
-/// decides. Both heights must exceed 0.05 m. A stretch of flight ends after half a second of other
+/// A sample counts as flight if every motor command exceeds 20,000 of 65535. In a log without motor
+/// commands, the height of the setpoint decides, and without setpoints, the height above the lowest
+/// sample. Both heights must exceed 0.05 m. A stretch of flight ends after half a second of other
 /// samples, but not at a gap in the log. The longest stretch is the flight, so that carrying the
-/// drone afterwards does not count.
+/// drone by hand afterward does not count.
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
-    // The loop keeps the longest stretch so far, and the current one.
+    // The loop tracks the longest stretch so far and the current one.
     let (mut longest, mut longest_s) = (0..0, 0.0);
     let (mut stretch, mut landed_s) = (0..0, None);
     for (index, sample) in flight.samples.iter().enumerate() {
@@ -79,7 +78,7 @@ pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     high_m - low_m < FLYING_HEIGHT_M && (high_m - floor_m).abs() < 2.0 * FLYING_HEIGHT_M
 }
 
-/// Returns the reason why a flight counts as one on the floor, with the deciding value. Returns
+/// Returns the reason why a drone counts as staying on the floor, with the deciding value. Returns
 /// `None` if the drone flies, or if neither motors, setpoints nor heights are logged.
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {

@@ -1,4 +1,4 @@
-//! Flights as CSV files: one row per sample, one column per number, SI units in the names.
+//! Flights as CSV files, with one row per sample and SI units in the column names.
 //!
 //! Position, estimate and design are in the world frame. Velocity and rate are in the body frame.
 //! If a real log lacks a quantity, all columns of that quantity are left out. Each light channel
@@ -24,13 +24,13 @@ use crate::product::MAX_QUANTITY;
 
 /// Name of the column of times, which is the first column of a file.
 const TIME: &str = "time_s";
-/// Name of the column with 1 for the first letter and 0 outside letters, which precedes the lights.
+/// Name of the column with the number of the current letter, from 1, or 0 outside letters.
 const LETTER: &str = "letter";
 /// Name of the column that is 1 in the first row after a gap.
 const GAP: &str = "gap_before";
 /// Name of the light level's column in simulators with one light.
 const LIGHT: &str = "light";
-/// Number of values of a sample, namely the time, those of [`Quantity::TABLE`] and the letter.
+/// Number of values in a sample, which are the time, those of [`Quantity::TABLE`] and the letter.
 const N_NUMBERS: usize = 24;
 
 impl Quantity {
@@ -41,7 +41,7 @@ impl Quantity {
     }
 }
 
-/// True if a column has a defined meaning, so that no additional column may have its name.
+/// True if a column name has a predefined meaning, and is not available for further columns.
 pub fn is_standard_column(name: &str) -> bool {
     [TIME, LETTER, GAP].contains(&name)
         || Quantity::TABLE.iter().any(|(.., columns)| columns.contains(&name))
@@ -110,7 +110,7 @@ impl Flight {
 
     /// Reads a flight from a CSV file that [`Self::write_csv`] has written.
     ///
-    /// If all columns of a quantity are missing, the flight has a warning.
+    /// If all columns of a quantity are missing, the flight receives a warning.
     ///
     /// # Errors
     ///
@@ -264,7 +264,7 @@ impl FlightSample {
 /// Returns [`Error::Input`](crate::error::Error::Input) with the row of a level outside that range,
 /// or if two columns are for the headlights.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
-    // The column `light` is the channel of the headlights, which a file with both names has twice.
+    // The column `light` contains the headlights' channel, which must not appear under both names.
     let mut lights = BTreeMap::new();
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
     for (channel, levels) in table.columns_after("light.").chain(bare) {
@@ -286,12 +286,13 @@ pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
     Ok(lights)
 }
 
-/// Returns the letter number of the file, which is 0 outside letters, for a letter's index.
+/// Returns a letter's number in the file, from 1, for its index, or 0 outside letters.
 pub fn number_from_letter(letter: Option<usize>) -> f64 {
     letter.map_or(0.0, |index| index as f64 + 1.0)
 }
 
-/// Returns the index of a letter for the file's letter number, or `None` for 0, outside letters.
+/// Returns a letter's index for its number in the file, or `None` for 0, which means outside
+/// letters.
 pub fn letter_from_number(number: f64) -> Option<usize> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     (number >= 1.0).then(|| number as usize - 1)
@@ -366,7 +367,7 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
 
-        /// An unreadable value that would change the flight is an error that names it.
+        /// An unreadable value that would change the flight causes an error that names it.
         #[test]
         fn what_a_flight_file_should_not_have_is_named(which in 0..26_usize, kind in 0..4_usize) {
             let mut file = Vec::new();

@@ -1,6 +1,6 @@
-//! Flights: motion, estimate, setpoints, motor commands and lights of one drone over time.
+//! Flights, with motion, estimate, setpoints, motor commands and lights of one drone over time.
 //!
-//! Both the simulator and the readers of real logs make flights, and later stages treat both alike.
+//! Both the simulator and the log readers produce flights, and later stages treat both alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,18 +23,19 @@ pub use crate::place::DroneIndex;
 pub use airborne::airborne;
 pub use airborne::{on_floor, rests_on_floor, saturated_s};
 
-/// Name of the column with the time so far in s during which a motor or the battery was at its
-/// limit, for a simulated flight.
+/// Name of a simulated flight's column with the total time so far, in s, during which a motor or
+/// the battery was at its limit.
 pub const SATURATED_S: &str = "saturated_s";
-/// Name of the column with the battery's voltage under load in V, for a simulated flight.
+/// Name of a simulated flight's column with the battery voltage under load, in V.
 pub const BATTERY_V: &str = "battery_v";
-/// Name of the column with the energy drawn from the battery so far in J, for a simulated flight.
+/// Name of a simulated flight's column with the energy drawn from the battery so far, in J.
 pub const ENERGY_J: &str = "energy_j";
 /// Name of the column with the estimator's standard deviation of the position over all three axes
 /// in m, for a flight simulated with the estimator `cooperative`.
 pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
-/// Name of the column with the normalized squared error of the estimated position (NEES) of the
-/// same flights. The value is 1 on average if the estimator's covariance is correct.
+/// Name of the column with the normalized squared error of the estimated position (NEES), for a
+/// flight simulated with the estimator `cooperative`. The value is 1 on average if the estimator's
+/// covariance is correct.
 pub const ESTIMATE_NEES: &str = "estimate_nees";
 
 /// Flight of one drone, sampled over time.
@@ -53,7 +54,7 @@ pub struct FlightData {
     /// [`SATURATED_S`] and, if the drone has a battery, [`BATTERY_V`] and [`ENERGY_J`].
     pub extra: BTreeMap<String, Vec<f64>>,
     /// Gaps in a real log, as the times of the last sample before and the first sample after each,
-    /// ascending. Nothing is known about a gap, so that no line is drawn and no lamp shines in it.
+    /// in ascending order. Because nothing is known about a gap, it contains no line and no light.
     pub gaps: Vec<[f64; 2]>,
     /// Quantities that the log lacks, and that are zero in the samples.
     pub unlogged: BTreeSet<Quantity>,

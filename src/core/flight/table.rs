@@ -1,4 +1,4 @@
-//! Tables of numbers as CSV, the file form of plans and flights.
+//! Tables of numbers as CSV, the file format of plans and flights.
 //!
 //! One header line is followed by rows of finite numbers. Unknown columns are kept. Written numbers
 //! are rounded to multiples of 1e-6 (micrometers, microseconds, microradians) by [`on_grid`], so
@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::files::{Budget, Head, Limit, RowRules, Sheet, Text};
 use crate::product::MAX_QUANTITY;
 
-/// Maximum duration of a flight in s, twelve times that of a Crazyflie's battery.
+/// Maximum duration of a flight in s, twelve times the battery life of a Crazyflie.
 pub const MAX_DURATION_S: f64 = 3600.0;
 
 /// Code of the error for a file that covers more than [`MAX_DURATION_S`].
@@ -21,14 +21,14 @@ pub const FLIGHT_LONG: &str = "flight-long";
 /// Largest magnitude allowed in a table, chosen so that squares and sums stay finite.
 pub const MAX_NUMBER: f64 = 1e30;
 
-/// Largest magnitude of a time in s, because rounding loses microseconds beyond it. Unix timestamps
-/// of this century are below this limit.
+/// Largest magnitude of a time in s, beyond which rounding loses microseconds. Unix timestamps of
+/// this century are below this limit.
 const MAX_TIME_S: f64 = 4e9;
 
 /// Maximum size of a file, enough for an hour of 36 columns at 100 Hz in numbers of nine digits.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HINT };
 
-/// Multiples of 1e-6 from which numbers are not rounded, since an `f64` has no finer digits there.
+/// Number of units of 1e-6 above which numbers are not rounded, because an `f64` is coarser there.
 const MAX_SCALED: f64 = 4.5e15;
 
 /// Rounds a number to a multiple of 1e-6, as files contain it. Negative zero becomes zero.
@@ -48,7 +48,7 @@ pub fn on_grid(value: f64) -> f64 {
     if size < MAX_SCALED { rounded } else { value }
 }
 
-/// Table read from a file, with named columns of equal length, finite where required.
+/// Table read from a file, with named columns of equal length. Required columns are finite.
 #[derive(Debug)]
 pub struct Table {
     file: String,
@@ -78,7 +78,8 @@ impl Table {
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a head. A column for whose title `is_needed` is true must have numbers.
+    /// Reads the rows below a header. Columns for whose titles `is_needed` is true must contain
+    /// numbers.
     ///
     /// # Errors
     ///
@@ -145,7 +146,8 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] without such a column, or with the line of a number beyond ±1e6.
+    /// Returns [`Error::Input`] if there is no such column, or with the line of a number beyond
+    /// ±1e6.
     pub fn quantity(&self, name: &str) -> Result<&[f64]> {
         let column = self.column(name)?;
         match column.iter().position(|value| value.abs() > MAX_QUANTITY) {
@@ -221,7 +223,7 @@ impl Table {
     }
 }
 
-/// Hint for a flight of more than an hour.
+/// Hint for a flight longer than an hour.
 pub const MILLISECONDS_HINT: &str =
     "are these milliseconds? Convert them to seconds, or cut the file to one flight";
 
@@ -229,7 +231,7 @@ const SMALLER_HINT: &str = "reduce the rate of the log, or split it into parts";
 
 pub(super) const REWRITE_HINT: &str = "correct the file, or have the program write it again";
 
-/// Writes a table, its header and then each row of numbers, rounded to multiples of 1e-6.
+/// Writes the header and the rows of a table, with numbers rounded to multiples of 1e-6.
 ///
 /// # Errors
 ///
@@ -240,8 +242,8 @@ pub fn write_table(
     rows: impl Iterator<Item = impl IntoIterator<Item = f64>>,
 ) -> std::io::Result<()> {
     writeln!(out, "{}", header.join(","))?;
-    // One buffer is used for all lines. Each number ends with a comma, the last of which becomes a
-    // line end.
+    // One buffer is used for all lines. Each number is followed by a comma, and the last comma of a
+    // line is replaced by a line end.
     let mut line = Vec::new();
     for row in rows {
         line.clear();
@@ -256,8 +258,8 @@ pub fn write_table(
     Ok(())
 }
 
-/// Appends a multiple of 1e-6 in as few digits as it needs, with the same bytes as `Display`, but
-/// faster because a flight has 300,000 numbers.
+/// Appends a multiple of 1e-6 in as few digits as possible. The bytes are the same as those of
+/// `Display`, which is too slow for the 300,000 numbers of a flight.
 fn push_number(line: &mut Vec<u8>, value: f64) {
     /// Index of the decimal point, which leaves room for 17 digits before it and six after it.
     const POINT: usize = 17;

@@ -1,4 +1,4 @@
-//! Detection of the unit of timestamps from their steps, if the log does not name it.
+//! Detection of the unit of timestamps from their steps, for a log that does not state the unit.
 
 use crate::statistics::median;
 
@@ -9,11 +9,12 @@ pub const SLOWEST_PERIOD_S: f64 = 2.55;
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
-/// Duration in s that is too short for a flight whose log is worth reading. A log whose timestamps
-/// at 1 Hz were in ms would be shorter than this.
+/// Minimum duration in s of a flight. A 1 Hz log whose timestamps are mistaken for milliseconds
+/// would be shorter than this.
 const SHORTEST_FLIGHT_S: f64 = 0.5;
 
-/// Ranges of present-day day numbers as spreadsheets, MATLAB and Julian days count them.
+/// Ranges of present-day dates as day numbers of spreadsheets, MATLAB and the Julian date, in
+/// order.
 const DAY_NUMBERS: [std::ops::Range<f64>; 3] = [3e4..8e4, 7e5..8e5, 2.4e6..2.5e6];
 
 /// Detected unit of timestamps.
@@ -27,14 +28,14 @@ pub struct FoundUnit {
     pub in_doubt: bool,
 }
 
-/// Guesses the unit of timestamps from the step between them. The period of a Crazyflie's log is
-/// from 0.1 ms to 2.55 s. A larger step is taken to be in ms, or from a thousand on in µs, and from
-/// a million on in ns. A smaller step is taken to be in the first of minutes, hours and days in
-/// which it is a usual step, or in days if the timestamps are present-day dates. Whole-number steps
-/// of 1 are taken to be in ms, unless several rows have the same timestamp, or the log would be
-/// shorter than a flight. Any other step is taken to be in seconds.
+/// Guesses the unit of timestamps from the step between them. A Crazyflie log has a period from 0.1
+/// ms to 2.55 s. A larger step is assumed to be in ms, in µs if it is at least 1000, or in ns if it
+/// is at least a million. A smaller step is assumed to be in the first of minutes, hours and days
+/// that makes it a usual step, or in days if the timestamps are present-day dates. Whole-number
+/// steps of 1 are assumed to be in ms, unless several rows have the same timestamp, or the log
+/// would be shorter than a flight. Any other step is assumed to be in seconds.
 pub fn unit_of(timestamps: &[f64]) -> FoundUnit {
-    // The median step decides, together with the limits of logs and flights.
+    // The unit follows from the median step and the limits of logs and flights.
     let steps = timestamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
     let are_whole = timestamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);

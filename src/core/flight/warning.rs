@@ -12,24 +12,24 @@ pub const UNSEEN: &str = "unseen";
 /// Codes of the warnings that the battery cannot provide the thrust, and that it is empty.
 pub const BATTERY: [&str; 2] = ["battery-weak", "battery-empty"];
 
-/// Makes the warning that a motor was at its limit while the drone wrote.
+/// Creates the warning that a motor was at its limit while the drone wrote.
 pub fn motor_at_limit(lasts_s: f64) -> Diagnostic {
     let message = format!("a motor was at its limit for {lasts_s:.2} s while writing");
     Diagnostic::warning("motor-at-limit", message).with("lasts_s", lasts_s)
 }
 
-/// Makes the warning that the battery could not provide the required thrust.
+/// Creates the warning that the battery could not provide the required thrust.
 pub fn battery_weak(lasts_s: f64) -> Diagnostic {
     let message = format!("the battery could not provide the required thrust for {lasts_s:.2} s");
     Diagnostic::warning(BATTERY[0], message).with("lasts_s", lasts_s)
 }
 
-/// Makes the warning that the battery was empty and the motors stopped.
+/// Creates the warning that the battery was empty and the motors stopped.
 pub fn battery_empty() -> Diagnostic {
     Diagnostic::warning(BATTERY[1], "the battery was empty and the motors stopped")
 }
 
-/// Makes the warning that fewer than two base stations saw the drone.
+/// Creates the warning that fewer than two base stations saw the drone.
 pub fn unseen(lasts_s: f64) -> Diagnostic {
     let message = format!("fewer than two base stations saw the drone for {lasts_s:.2} s");
     Diagnostic::warning(UNSEEN, message)
@@ -37,13 +37,13 @@ pub fn unseen(lasts_s: f64) -> Diagnostic {
         .helped("move the base stations, or the word (see `coverage`)")
 }
 
-/// Makes the warning that the motors stopped because the host was silent.
+/// Creates the warning that the motors stopped because no setpoint arrived.
 pub fn host_silent(stopped_s: f64) -> Diagnostic {
     let message = format!("no setpoint arrived for 2 s, so the motors stopped at {stopped_s:.1} s");
     Diagnostic::warning("host-silent", message).with("time_s", stopped_s)
 }
 
-/// Makes the warning that the drone stayed on the floor although its plan rises.
+/// Creates the warning that the drone stayed on the floor although its plan rises.
 pub fn grounded(largest_command: f64) -> Diagnostic {
     let message = format!(
         "the drone never left the floor: its motor commands reach {largest_command:.1} of 65535 (are they \
@@ -52,7 +52,7 @@ pub fn grounded(largest_command: f64) -> Diagnostic {
     Diagnostic::warning("grounded", message).with("motors", largest_command)
 }
 
-/// Makes the warning that a log lacks quantities, which are 0 in the samples, or returns `None`.
+/// Creates the warning that a log lacks quantities, or returns `None` if no quantity is missing.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
     let message = format!("not in the log: {}", names.join(", "));

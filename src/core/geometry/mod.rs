@@ -1,5 +1,5 @@
-//! Conversion of poses and frames, with polylines and solids. No other module converts between
-//! frames.
+//! Conversions between poses and frames, and geometry of polylines and solids. No other module
+//! converts between frames.
 //!
 //! In the world frame, z points up, x to the viewer's right along the word, and y into the scene.
 //! The word is in the x-z plane. In the body frame, x points forward, y left and z up. Attitudes
@@ -89,8 +89,8 @@ pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
 }
 
-/// Returns a vector rotated about the vertical axis, from x toward y. A rotation by zero preserves
-/// every bit of the vector.
+/// Returns a vector rotated about the vertical axis, from x toward y. A rotation by zero returns
+/// exactly the same bits.
 #[inline]
 pub fn turned(vector: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
     if angle_rad == 0.0 {

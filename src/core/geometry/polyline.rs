@@ -1,7 +1,7 @@
 //! Polylines in a plane, in any unit of length.
 
-/// Returns the box around points, as left, bottom, right, top. Without points, the box is infinite,
-/// with left beyond right and bottom beyond top.
+/// Returns the bounding box of points, as left, bottom, right, top. Without points, the box is
+/// infinite, with left beyond right and bottom beyond top.
 pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
     let empty = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     points.into_iter().fold(empty, |[left, bottom, right, top], [x, y]| {
@@ -24,8 +24,7 @@ pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -
     libm::hypot(x - ax - t * dx, y - ay - t * dy)
 }
 
-/// Returns the arc lengths from the first point of a line to each point. An empty line has no
-/// segments.
+/// Returns the arc length from the first point of a line to each of its points.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut arc_length = 0.0;
     let later = line.windows(2).map(|ends| {
@@ -40,8 +39,8 @@ pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
     points_m.windows(2).map(|ends| distance(ends[0], ends[1])).sum()
 }
 
-/// Returns the indices of the points that simplification to within `error` keeps (Ramer, Douglas
-/// and Peucker).
+/// Returns the indices of the points that remain when a line is simplified to within `error`
+/// (algorithm of Ramer, Douglas and Peucker).
 pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
@@ -63,8 +62,8 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     (0..line.len()).filter(|index| keep[*index]).collect()
 }
 
-/// Gradients of the chords from a first sample that pass close to every skipped sample, for each of
-/// N coordinates, as in swinging-door thinning (Bristol 1990).
+/// Slopes, in each of N coordinates, of the chords from a first sample that stay within tolerance
+/// of every skipped sample, as in swinging-door compression (Bristol 1990).
 #[derive(Clone, Copy, Debug)]
 pub struct Chords<const N: usize> {
     least: [f64; N],
@@ -72,7 +71,7 @@ pub struct Chords<const N: usize> {
 }
 
 impl<const N: usize> Chords<N> {
-    /// Chords of any gradient.
+    /// Chords of any slope.
     pub const ALL: Self = Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
     /// Keeps only the chords whose offset after `elapsed_s` is between `low` and `high`.

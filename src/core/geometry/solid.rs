@@ -1,4 +1,4 @@
-//! Solids, and the distance of a path from them.
+//! Solids, and the distances of positions and paths from them.
 
 use nalgebra::Vector3;
 
@@ -17,7 +17,7 @@ pub enum Solid {
 }
 
 impl Solid {
-    /// Makes an upright pillar of infinite height.
+    /// Creates an upright pillar of infinite height.
     pub fn pillar([x_m, y_m]: [f64; 2], radius_m: f64) -> Self {
         let ends_m = [[x_m; 2], [y_m; 2], [f64::NEG_INFINITY, f64::INFINITY]];
         Self::Block { ends_m, radius_m }
@@ -25,7 +25,8 @@ impl Solid {
 
     /// Returns the distance of a position from the solid in m, or 0 inside it.
     pub fn distance_m(&self, position_m: &Vector3<f64>) -> f64 {
-        // Each coordinate has a distance from an interval of the block.
+        // The block extends over an interval on each axis, from which the coordinate has a
+        // distance.
         let beyond_m = |[low, high]: [f64; 2], m: f64| (low - m).max(m - high).max(0.0);
         let distance_m = match self {
             Self::Block { ends_m: [x, y, z], radius_m } => {
@@ -37,15 +38,15 @@ impl Solid {
         distance_m.max(0.0)
     }
 
-    /// Returns the minimum distance along a straight path, by ternary search, or `None` from
-    /// `most_m` on.
+    /// Returns the minimum distance along a straight path, by ternary search, or `None` if that is
+    /// at least `most_m`.
     pub fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
         let distance_at = |fraction: f64| self.distance_m(&from_m.lerp(&to_m, fraction));
         // Along a path, the distance changes by no more than the path's length.
         if distance_at(0.0) - (to_m - from_m).norm() >= most_m {
             return None;
         }
-        // The distance from a convex solid is convex along the path, so that it has a single
+        // The distance from a convex solid is a convex function along the path, so it has a single
         // minimum. 36 steps narrow the search to 5e-7 of the path.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..36 {

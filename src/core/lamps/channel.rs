@@ -11,22 +11,22 @@ pub struct Channel {
     /// Firmware parameter that the channel sets.
     pub parameter: &'static str,
     /// Channels of a plan that set the color, in the order of the parameter's bytes, or empty for a
-    /// pin.
+    /// lamp that is switched by a pin.
     pub colors: &'static [&'static str],
     /// Name of the deck, and the firmware parameters `deck.*`, one of which is set if the deck is
     /// present.
     pub deck: (&'static str, &'static [&'static str]),
-    /// Parameters that make the lamp ready and dark before a flight in which it is lit.
+    /// Parameters that enable the lamp, but keep it dark, before a flight in which it is used.
     pub ready: &'static [(&'static str, u32)],
-    /// Parameters that keep the lamp dark in a flight in which it is not lit.
+    /// Parameters that keep the lamp dark in a flight in which it is not used.
     pub idle: &'static [(&'static str, u32)],
 }
 
 const RING_DECK: (&str, &[&str]) = ("the ring", &["bcLedRing"]);
 
 /// Light channels of Bitcraze's decks (firmware `ledring12.c`, `color_led_deck.c`), of which the
-/// headlights are a pin. With effect 14, the ring shows `ring.fadeColor`, so that a single write
-/// sets all three colors. The color LED deck has four dies.
+/// headlights are switched by a pin. With effect 14, the ring shows `ring.fadeColor`, which a
+/// single write changes. The color LED deck has four dies.
 pub const CHANNELS: [Channel; 3] = [
     Channel {
         name: "headlights",
@@ -58,7 +58,7 @@ pub const CHANNELS: [Channel; 3] = [
 pub const RING: &Channel = &CHANNELS[1];
 /// Channel of the color LED deck.
 pub const COLOR_LED: &Channel = &CHANNELS[2];
-/// Name of the channel that the reference team's letters drive.
+/// Name of the channel with which the reference team wrote its letters.
 pub const HEADLIGHTS: &str = CHANNELS[0].name;
 
 impl Channel {

@@ -57,8 +57,8 @@ settings! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Drive {
-    /// Light channel of the plan that commands the lamp. Changes of its level wait for the radio
-    /// and for the lamp timer of the firmware.
+    /// Light channel of the plan that commands the lamp. A change of its level takes effect after
+    /// the radio delay and the firmware's next lamp tick.
     Command(String),
     /// Supply voltage, which means that the lamp is always on.
     Always,
@@ -71,14 +71,15 @@ pub enum Drive {
         /// Start of the first flash in s.
         phase_s: f64,
     },
-    /// Random flashes too short to be distinguished, whose number gives the level of every 0.1 s.
+    /// Random flashes too short to be distinguished. Their number in each 0.1 s determines the
+    /// level.
     Flicker {
         /// Mean number of flashes per second.
         flashes_hz: f64,
         /// Duration of a flash in s.
         flash_s: f64,
     },
-    /// Effect of the LED ring at this LED, 0 to 11 (`ledring12.c`).
+    /// Effect of the LED ring, for the LED with this index from 0 to 11 (`ledring12.c`).
     Ring(usize),
     /// Color LED deck, whose four dies are white, red, green and blue (`color_led_deck.c`).
     ColorLed,
@@ -87,7 +88,7 @@ pub enum Drive {
 impl Described for Drive {
     /// Checks the numbers of a blink or a flicker.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        // Each range has a key, a value, a minimum and a maximum.
+        // Each entry contains a key, a value, a minimum and a maximum.
         let ranges = match *self {
             Self::Blink { on_s, period_s, phase_s } => vec![
                 ("blink.period_s", period_s, 0.001, 1e6),
@@ -121,11 +122,11 @@ impl Drive {
 pub const RING_LEDS: usize = 12;
 
 impl Fixture {
-    /// Checks that the axis is not zero, that the chromaticities exist, and that parameter and dies
-    /// suit the drive. `key` names the table in messages.
+    /// Checks that the axis is not zero, that the chromaticities are valid, and that parameter and
+    /// dies suit the drive. `key` names the table in messages.
     pub(super) fn check_drive(&self, key: &str) -> Result<()> {
-        // Limits across several numbers are checked first, then the parameter, then the number of
-        // dies that the drive requires.
+        // Constraints across several numbers are checked first, followed by the parameter and the
+        // number of dies that the drive requires.
         let place = |field: &str| format!("{key} `{}`: {field}", self.name);
         let length_sq: f64 = self.axis_body.iter().map(|value| value * value).sum();
         within(&place("axis_body (length squared)"), length_sq, 1e-6, 1e6)?;
@@ -146,8 +147,8 @@ impl Fixture {
         Err(Error::input(place("drive and dies"), actual, wanted, hint))
     }
 
-    /// Checks that the parameter, if there is one, is a full name, and that the lamp has a channel
-    /// that is not a deck's, because exports set no other parameters.
+    /// Checks that the parameter, if there is one, has a group and a name, and that the lamp has a
+    /// channel that belongs to no deck. A deck's channel has fixed parameters.
     fn check_parameter(&self, key: &str) -> Result<()> {
         let Some(parameter) = &self.parameter else { return Ok(()) };
         fn is_name(part: &str) -> bool {

@@ -1,4 +1,4 @@
-//! Options of the drone's lamps and of how they follow commands.
+//! Options for the drone's lamps, and for how they follow commands.
 
 use super::{Deck, Fixture};
 use crate::error::{Result, within};
@@ -97,13 +97,13 @@ settings! {
 }
 
 impl LightOptions {
-    /// Returns the listed lamps, or those of deck and board if none are listed.
+    /// Returns the listed lamps, or those of the deck and the board if none are listed.
     pub fn fixtures(&self) -> Vec<Fixture> {
         self.fixtures.clone().unwrap_or_else(|| self.deck.fixtures())
     }
 
     /// Returns white, red, green and blue of the color LED deck for a letter, counted from 0. The
-    /// listed colors repeat if there are more letters.
+    /// listed colors repeat if there are more letters than colors.
     pub fn wrgb_of(&self, letter: Option<usize>) -> [u8; 4] {
         let colors = &self.letters_wrgb;
         match letter {
@@ -112,8 +112,8 @@ impl LightOptions {
         }
     }
 
-    /// Returns red, green and blue of the ring for a letter, counted from 0, which is the letter's
-    /// color unless that has only white, else the color of the effect.
+    /// Returns red, green and blue of the ring for a letter, counted from 0. This is the letter's
+    /// color or, if that is only white, the color of the effect.
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {
             ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],

@@ -1,12 +1,13 @@
 //! Tables of the lamps on existing drones and decks.
 //!
-//! A scene file lists the rows themselves, so that changes of these tables do not change its photo.
+//! A scene file contains the rows themselves, so later changes to these tables do not affect its
+//! photo.
 //!
 //! The sources are Bitcraze's data sheets of the LED-ring deck (headlights "> 1800 mcd", twelve
 //! WS2812B on a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
 //! `color_led_deck.h`). WS2812B data sheets give 390–420, 660–720 and 180–200 mcd at 620, 522 and
 //! 466 nm, respectively, a beam 120° wide, and pulse width modulation at 400 Hz or more. The
-//! chromaticities are of Gaussian spectra 20, 35 and 25 nm wide at these wavelengths.
+//! chromaticities are those of Gaussian spectra at these wavelengths, 20, 35 and 25 nm wide.
 
 use super::{COLOR_LED, Die, Drive, Fixture, HEADLIGHTS, RING_LEDS};
 use crate::settings::settings;
@@ -24,7 +25,8 @@ settings! {
 }
 
 impl Deck {
-    /// Returns the deck's lamps, and the channel that drives it unless the scene names others.
+    /// Returns the deck's lamps, and the channel that drives the deck unless the scene names
+    /// others.
     fn row(self) -> (Vec<Fixture>, &'static str) {
         match self {
             Self::LedRing => (led_ring(), HEADLIGHTS),
@@ -50,30 +52,31 @@ const RED: [f64; 2] = [0.694, 0.306];
 const GREEN: [f64; 2] = [0.151, 0.758];
 /// Chromaticity of the ring's blue, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Chromaticity of the board's blue (475 nm), whose light in the team's photograph is 0.14 green.
+/// Chromaticity of the board's blue LEDs (475 nm), 0.14 of whose light is green in the team's
+/// photo.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// Chromaticity of white, that of D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
 /// Chromaticity of the headlights' white, taken from the unclipped parts of the team's photograph.
 const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 
-/// Returns the LEDs on the board of a Crazyflie 2.x, which plans do not control but pictures show.
+/// Returns the LEDs on the board of a Crazyflie 2.x, which appear in pictures but not in plans.
 ///
 /// The blue power LEDs at the rear (M2, M3) are always lit. The red status LED at the front right
 /// (M1) is lit for 50 ms of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`,
 /// lines 65 to 69 of `ledseq.c` at 016e1e7). The link LED at the front left (M4) flashes red for
-/// every packet sent (`radiolinkSyslinkDispatch`, `radiolink.c`), for a 1 ms tick that its timer
-/// cuts short (`seq_linkup_def` and `runLedseq`, `ledseq.c`), which leaves half of it on average.
-/// The reference flight's log of 38 variables in seven blocks, sent every 10 ms if the radio keeps
-/// up, takes 279 packets per second. At 0.2 m/s their flashes are 0.7 mm apart and form a faint
-/// thin line, as in the team's photograph, in which packets received leave no green.
+/// every packet sent (`radiolinkSyslinkDispatch`, `radiolink.c`), until the next 1 ms tick of its
+/// timer, half a tick later on average (`seq_linkup_def` and `runLedseq`, `ledseq.c`). The
+/// reference flight's log of 38 variables in seven blocks, sent every 10 ms if the radio keeps up,
+/// takes 279 packets per second. At 0.2 m/s, the flashes are 0.7 mm apart and form a faint thin
+/// line, as in the team's photograph. Received packets leave no green in that photograph.
 ///
-/// The intensities are assumed to be 40 mcd of blue and 30 mcd of red in every direction, which a
-/// small package (0603 class) and the white solder mask around it send sideways, at the motor
-/// mounts 30 mm from the middle on both axes. From below, the board hides these LEDs. The
-/// intensities are fitted to the team's photograph, in which a pixel is 3.1 mm. In 536 profiles
-/// across an upright blue strand, the green channel exceeds the levels 240, 200 and 150 over widths
-/// of 2.9, 4.0 and 5.3 px, respectively (in our render 3.4, 4.5 and 5.5 px). A level strand is
+/// The intensities are assumed to be 40 mcd of blue and 30 mcd of red in every direction, because a
+/// small package (0603 class) and the white solder mask around it also emit sideways. The LEDs are
+/// at the motor mounts, 30 mm from the center on both axes. From below, the board hides these LEDs.
+/// The intensities are fitted to the team's photograph, in which a pixel is 3.1 mm. In 536 profiles
+/// across a vertical blue strand, the green channel exceeds the levels 240, 200 and 150 over widths
+/// of 2.9, 4.0 and 5.3 px, respectively (in our render 3.4, 4.5 and 5.5 px). A horizontal strand is
 /// about half as wide, as if the light came from a flat disc around the LED.
 pub fn crazyflie() -> Vec<Fixture> {
     let (blue, red) = (die(0.04, BOARD_BLUE), die(0.03, RED));
@@ -100,8 +103,9 @@ pub fn crazyflie() -> Vec<Fixture> {
             ..Fixture::default()
         });
     }
-    // The first three LEDs have reflections. The link LED is too faint for one. The fractions and
-    // diameters of the light from propeller and body are fitted to the photograph.
+    // The first three LEDs have reflections. The link LED is too faint for one. The fractions of
+    // light that propeller and body reflect, and the diameters of these reflections, are fitted to
+    // the photograph.
     for led in 0..3 {
         let [x, y, _] = rows[led].position_body_m;
         let propeller_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
@@ -111,7 +115,7 @@ pub fn crazyflie() -> Vec<Fixture> {
     rows
 }
 
-/// Returns a part of the drone that an LED of the board lights and that reflects some light.
+/// Returns a part of the drone that reflects the light of an LED on the board.
 ///
 /// In the team's photograph, a fainter strand runs beside each blue one, and a fainter dot appears
 /// beside each red one, 13 to 15 mm farther from the middle of the drone. In the fainter strand,
@@ -131,30 +135,31 @@ fn lit_by(
     Fixture { name, position_body_m, dies, diameter_m, depth_m: None, ..led.clone() }
 }
 
-/// Returns the LED-ring deck below the body, with two headlights forward and twelve RGB LEDs down.
+/// Returns the LED-ring deck below the body, with two headlights that point forward and twelve RGB
+/// LEDs that point down.
 ///
-/// LED 0 points forward, and the numbers increase to the right, as in the deck's drawing.
+/// LED 0 is at the front, and the numbers increase to the right, as in the deck's drawing.
 ///
 /// Seen from the side, most of a headlight's light comes from the body. In the team's photograph, a
-/// stroke is a band of 11 to 14 px of 3.1 mm, as wide as the front of the drone, at 0.6 to 0.8 of
-/// saturation. The band contains saturated strands, which are those of the headlights and another
-/// one 15 mm ahead of them in the first N and the O's, in which the drone is seen from its side. In
-/// the R, which is to the right of the camera, there are two such strands, 11 and 20 mm ahead in
-/// its stem and 17 and 25 mm in its bowl, as far to the left and to the right as the motors. The
-/// band has sharp edges. Beyond the last pixel above level 200, green falls to 0.26, 0.016 and
-/// 0.005 of saturation (in our render 0.34, 0.023 and 0.005), so that the front of the drone is
-/// modeled as a block instead of a Gaussian lamp. Fitted to the photograph, 1.2 % of a headlight's
-/// light goes to its side, arms, mounts and propellers reflect 0.13 cd of both headlights, and a
-/// motor reflects 0.03 cd of each.
+/// stroke is a band 11 to 14 px wide (3.1 mm per pixel), as wide as the front of the drone, at 0.6
+/// to 0.8 of saturation. The band contains the saturated strands of the headlights. The first N and
+/// the O's, which show the drone from its side, contain another strand 15 mm ahead of them. The R,
+/// to the right of the camera, contains two such strands, 11 and 20 mm ahead in its stem and 17 and
+/// 25 mm ahead in its bowl, as far to the left and right as the motors. The band has sharp edges.
+/// Beyond the last pixel above level 200, green falls to 0.26, 0.016 and 0.005 of saturation (in
+/// our render 0.34, 0.023 and 0.005). The front of the drone is therefore modeled as a block
+/// instead of a Gaussian lamp. Fitted to the photograph, 1.2 % of a headlight's light goes to its
+/// side, arms, mounts and propellers reflect 0.13 cd of both headlights, and a motor reflects 0.03
+/// cd of each.
 ///
 /// The deck and the battery are assumed to hide a headlight beyond 120° from its beam.
 ///
 /// Seen from the side, the white packages of the ring's LEDs glow. In a public photograph of a
 /// flower (docs/photograph.md), strokes are ribbons with brighter edges, which are as wide as the
-/// ring when the drone climbs. These ribbons have 5 to 30 times the light of a power LED of the
-/// board beside them, as exactly as a JPEG of 510 px shows. An isotropic fraction of 0.15 gives a
-/// ratio of 5. From above, the deck hides the ring's LEDs. The team's camera, 16° and more above
-/// the letters, only recorded the glow on the floor of a ring that swings by 4°.
+/// ring when the drone climbs. As far as a JPEG of 510 px shows, these ribbons are 5 to 30 times as
+/// bright as a power LED of the board beside them. An isotropic fraction of 0.15 gives a ratio of
+/// 5. From above, the deck hides the ring's LEDs. The team's camera, 16° and more above the
+/// letters, only recorded the glow on the floor of a ring that swings by 4°.
 pub fn led_ring() -> Vec<Fixture> {
     // The rows are the two headlights, the LEDs of the ring, and the parts of the body that the
     // headlights illuminate.
@@ -195,7 +200,7 @@ fn ring_position_body_m(led: usize) -> [f64; 3] {
     [forward_m, left_m, -0.012]
 }
 
-/// Returns a headlight of the ring deck, `left_m` from the middle.
+/// Returns a headlight of the ring deck, at a distance `left_m` to the left of the center.
 fn headlight(name: &str, left_m: f64) -> Fixture {
     Fixture {
         name: name.into(),
@@ -214,10 +219,10 @@ fn headlight(name: &str, left_m: f64) -> Fixture {
 ///
 /// The diffuser is a bowl 34.7 mm wide and 9.2 mm deep (Bitcraze's mechanical drawing of the LED
 /// diffuser, which comes with the deck). In Bitcraze's film of the deck, the diffuser is evenly
-/// bright from the side, so that a stroke is wide when the drone climbs and narrow when it flies
-/// level. Seen from the side, an evenly bright bowl has 0.31 times the intensity that it has from
-/// below, which is the ratio of its areas, and its light corresponds to 4.7 sr. According to the
-/// firmware, the dies have 250, 139, 210 and 50 lm.
+/// bright from the side. A stroke is therefore wide when the drone climbs and narrow when it flies
+/// level. Seen from the side, an evenly bright bowl has 0.31 times its intensity from below, which
+/// is the ratio of the projected areas. Its luminous flux is 4.7 sr times the intensity from below.
+/// According to the firmware, the dies emit 250, 139, 210 and 50 lm.
 ///
 /// The diffuser is assumed to transmit 0.7 of their light. The board hides the bowl from above. The
 /// dies are pulse width modulated at 1 kHz. The throttling of hot dies is not modeled.

@@ -1,4 +1,4 @@
-//! Plans as CSV files: one row per setpoint, one column per number, SI units in the names.
+//! Plans as CSV files, with one row per setpoint and SI units in the column names.
 
 use std::io::Write;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
 use crate::flight::table::{Table, write_table};
 
-/// Columns of a plan file, which precede one `light.<channel>` for each light channel.
+/// Columns of a plan file, followed by one column `light.<channel>` for each light channel.
 ///
 /// Positions and their derivatives are in the world frame. `letter` is 1 for the first letter of
 /// the word and 0 outside letters. Feedforward adds `x_sent_m`, `y_sent_m` and `z_sent_m`. An
@@ -80,14 +80,14 @@ impl Plan {
     }
 
     /// Converts the table of a plan file to a plan. A table with notes is refused, because the
-    /// program itself never writes a plan that needs them.
+    /// program never writes a plan that causes notes.
     fn from_table(table: &Table) -> Result<Self> {
         if let Some(note) = table.notes().first() {
             let (wanted, hint) =
                 ("a plan in the program's format", "have the program write the plan");
             return Err(Error::input("text", note, wanted, hint));
         }
-        // Times may be Unix timestamps of today, but other quantities are in the range of a drone.
+        // Times may be Unix timestamps, but other quantities must be within the range of a drone.
         table.times_s(COLUMNS[0])?;
         let columns = COLUMNS.map(|name| match name {
             "time_s" => table.column(name),
@@ -106,7 +106,7 @@ impl Plan {
             }
         });
         let setpoints = setpoints.collect();
-        // The optional columns follow.
+        // Optional columns are read last.
         let yaw_rad = heading_rad(table)?;
         Self::new(PlanData {
             setpoints,
@@ -119,7 +119,7 @@ impl Plan {
     }
 }
 
-/// Returns the heading in rad, or 0 without its column. A heading that changes is an error.
+/// Returns the heading in rad, or 0 if its column is missing. Returns an error if it changes.
 fn heading_rad(table: &Table) -> Result<f64> {
     let yaws_rad = optional_column(table, YAW_COLUMN)?;
     let yaw_rad = yaws_rad.first().copied().unwrap_or_default();
@@ -137,7 +137,7 @@ fn heading_rad(table: &Table) -> Result<f64> {
     }
 }
 
-/// Returns a column of a quantity. Returns an empty list if the table lacks the column.
+/// Returns the column of a quantity, or an empty list if the table lacks the column.
 fn optional_column(table: &Table, name: &str) -> Result<Vec<f64>> {
     if table.has(name) { table.quantity(name).map(<[f64]>::to_vec) } else { Ok(Vec::new()) }
 }

@@ -1,4 +1,4 @@
-//! Plan: everything that is sent to one drone, as plain data.
+//! Plan, which contains everything that is sent to one drone.
 
 use std::collections::BTreeMap;
 
@@ -36,10 +36,10 @@ pub struct PlanData {
     pub yaw_rad: f64,
 }
 
-/// Packet to the drone, which contains the desired state and determines how the design continues.
+/// Packet sent to the drone, which contains the desired state and defines the design that follows.
 ///
 /// Until the next setpoint, the design position is `position + velocity Δt + acceleration Δt² / 2`.
-/// A controller that reads only positions holds `position` instead, and lags.
+/// A controller that reads only positions aims at `position` instead, and lags behind the design.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
     /// Time since the first setpoint in s.
@@ -60,7 +60,7 @@ impl PlanData {
         self.setpoints.last().map_or(0.0, |last| last.time_s)
     }
 
-    /// Returns the plan as it is executed by a clock that counts `rate` true seconds per second.
+    /// Returns the plan as executed by a clock that advances by `rate` seconds per true second.
     /// Times are divided by the rate, and derivatives are scaled to match.
     #[must_use]
     pub fn paced(mut self, rate: f64) -> Self {
@@ -75,8 +75,8 @@ impl PlanData {
         self
     }
 
-    /// Returns the position that is sent for a setpoint, which is the feedforward position if there
-    /// is one, else the setpoint's position.
+    /// Returns the position that is sent for a setpoint, which is the feedforward position, or the
+    /// setpoint's position if there is none.
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
     }
@@ -91,7 +91,8 @@ impl PlanData {
         self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
     }
 
-    /// Returns the setpoint at a time, or the first one before it, or `None` in an empty plan.
+    /// Returns the setpoint in force at a time, or the first one at an earlier time. Returns `None`
+    /// for an empty plan.
     pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
         self.setpoints.get(self.row_at(time_s))
     }
@@ -105,7 +106,7 @@ impl PlanData {
     }
 
     /// Returns the names and levels of the channels that switch lamps. A channel such as `ring.red`
-    /// only sets a color if there is also a channel `ring`.
+    /// is not a lamp if there is also a channel `ring`.
     pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
         self.lights.iter().filter(|(channel, _)| {
             let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);
@@ -130,14 +131,14 @@ impl PlanData {
         if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
     }
 
-    /// Returns the time of full light in the design in s. Levels below 1 count in proportion.
+    /// Returns the duration of full light in the design in s. Lower levels count in proportion.
     pub fn full_light_s(&self) -> f64 {
         let lit = self.lit();
         let rows = self.setpoints.windows(2).zip(&lit);
         rows.map(|(pair, level)| level * (pair[1].time_s - pair[0].time_s)).sum()
     }
 
-    /// Makes an empty plan with the given light channels.
+    /// Creates an empty plan with the given light channels.
     pub fn with_channels(channels: &[String]) -> Self {
         let lights = channels.iter().map(|channel| (channel.clone(), Vec::new())).collect();
         Self { lights, ..Self::default() }

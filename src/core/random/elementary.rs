@@ -1,6 +1,6 @@
 //! Elementary functions without branches, so that the compiler can vectorize loops over them.
 //!
-//! The functions return the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No
+//! The functions return the same bits as `libm`, a port of FreeBSD's msun, except for [`cos`]. No
 //! product is fused with a sum, so that every machine rounds alike. Each function is valid for the
 //! arguments that occur in this program. [`is_hard`] identifies arguments that need `libm` itself.
 
@@ -24,8 +24,8 @@ pub(super) fn ln(x: f64) -> f64 {
         1.531_383_769_920_937_3e-1,
         1.479_819_860_511_658_6e-1,
     ];
-    // With 1 + f near 1, x = 2^k (1 + f). A whole number below 2^52 that is added to 2^52 appears
-    // in the last bits of the sum.
+    // The argument is split as x = 2^k (1 + f), with 1 + f near 1. Adding a whole number below 2^52
+    // to 2^52 places it in the last bits of the sum.
     let bits = x.to_bits();
     let word = (bits >> 32) + (0x3ff0_0000 - 0x3fe6_a09e);
     let k = f64::from_bits(0x4330_0000_0000_0000 | word >> 20) - 4_503_599_627_370_496.0 - 1023.0;
@@ -41,7 +41,7 @@ pub(super) fn ln(x: f64) -> f64 {
     s * (half_sq + (odd + even)) + k * LN2[1] - half_sq + f + k * LN2[0]
 }
 
-/// True for an angle so near a multiple of a quarter turn that msun reduces it with more digits.
+/// True for an angle so near a multiple of a quarter turn that msun reduces it more precisely.
 #[inline(always)]
 pub(super) fn is_hard(x: f64) -> bool {
     let near = |word: u64| (x >= high(word)) & (x < high(word + 1));
@@ -70,8 +70,9 @@ const C: [f64; 6] = [
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
-    // The nearest multiple of a quarter turn is subtracted in two parts, to a and a rounding error
-    // b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun compares them.
+    // The nearest multiple of a quarter turn is subtracted in two parts, which leaves a remainder a
+    // and a rounding error b. The constants are the high words of π/4, 3π/4, 5π/4 and 7π/4, as msun
+    // compares them.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
     let rest = x - quarters * QUARTER[0];
@@ -106,7 +107,7 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
 pub(super) fn cos(x: f64) -> f64 {
     const QUARTER: [f64; 3] =
         [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
-    /// 1.5 · 2⁵², which rounds a number to a whole number when it is added and subtracted.
+    /// Constant 1.5 · 2⁵². Adding and then subtracting it rounds a number to a whole number.
     const WHOLE: f64 = 6_755_399_441_055_744.0;
     let quarters = (x * FRAC_2_PI + WHOLE) - WHOLE;
     let a = ((x - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2];

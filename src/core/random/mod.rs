@@ -18,7 +18,7 @@ pub fn split_mix(state: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Returns a Poisson-distributed number (mean up to 500) from a uniform number, by inversion.
+/// Returns a Poisson-distributed number (mean up to 500) by inversion of a uniform random number.
 pub fn poisson(mean: f64, uniform: f64) -> u32 {
     // The probabilities are P(0) = exp(−mean) and P(n) = P(n − 1) · mean / n.
     let mut p = libm::exp(-mean);

@@ -13,15 +13,16 @@ use rand::{RngExt, SeedableRng};
 use super::elementary::cos;
 use crate::digest::{fnv_1a, hmac_sha256};
 
-/// Number of plane waves for each component of a [`Field`]. This number is large enough that the
-/// field prefers no direction. A larger number would take more time.
+/// Number of plane waves per component of a [`Field`]. With this number, the field prefers no
+/// direction. A larger number would take more time.
 const WAVES: usize = 8;
 
-/// Smallest secret seed. Anybody can try all smaller seeds, whose streams have a common key.
+/// Smallest secret seed. Smaller seeds can be found by trial, so each has one key for all its
+/// streams.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
-/// Returns the random stream with a name under a seed. Each stream of a secret seed has a separate
-/// key of 256 bits, so that a stream reveals nothing about another stream or about the seed.
+/// Returns the named random stream for a seed. Each stream of a secret seed has a separate key of
+/// 256 bits, so that a stream reveals nothing about another stream or about the seed.
 pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     if seed >= PUBLIC_SEEDS {
         return ChaCha8Rng::from_seed(hmac_sha256(&seed.to_le_bytes(), name));
@@ -31,8 +32,8 @@ pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     rng
 }
 
-/// Noise of one sensor on one drone. The numbers depend only on the seed, the drone and the name,
-/// so that another sensor or drone does not change them.
+/// Noise of one sensor on one drone. The numbers depend only on the seed, the drone and the name.
+/// Adding another sensor or drone therefore does not change them.
 #[derive(Debug)]
 pub struct Noise {
     pub(super) rng: ChaCha8Rng,
@@ -40,15 +41,15 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Makes the noise of a sensor, given by name, on a drone.
+    /// Creates the noise of a sensor, given by name, on a drone.
     pub fn new(seed: u64, drone: u64, sensor: &str) -> Self {
         let rng = stream(seed, drone.to_le_bytes().into_iter().chain(sensor.bytes()));
         Self { rng, spare: None }
     }
 
     /// Draws a normally distributed number with mean 0 and variance 1, by the method of Box and
-    /// Muller (1958). With `libm` its bits are the same on every machine, unlike those of the tails
-    /// in the ziggurat method.
+    /// Muller (1958). Because it uses `libm`, its bits are the same on every machine, unlike those
+    /// in the tails of the ziggurat method.
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
@@ -71,8 +72,8 @@ impl Noise {
     }
 }
 
-/// Smooth field of `N` components, each of which is a sum of random plane waves, nearly a Gaussian
-/// field with correlation `exp(−d²/2l²)` (random Fourier features: Rahimi, Recht 2007).
+/// Smooth random field with `N` components. Each is a sum of random plane waves that approximates a
+/// Gaussian field with correlation `exp(−d²/2l²)` (random Fourier features, Rahimi and Recht 2007).
 #[derive(Debug)]
 pub struct Field<const N: usize> {
     waves: [[Wave; WAVES]; N],
@@ -86,7 +87,7 @@ struct Wave {
 }
 
 impl<const N: usize> Field<N> {
-    /// Makes a field with standard deviation `sigma` per component and correlation length
+    /// Creates a field with standard deviation `sigma` per component and correlation length
     /// `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
         let waves = [(); N].map(|()| {
@@ -161,8 +162,8 @@ mod tests {
 
     #[test]
     fn numbers_stay_what_they_are_in_every_release() {
-        // The numbers are recorded from an earlier run. They change only if rand changes its
-        // ChaCha8 or its uniform numbers.
+        // The numbers are recorded from an earlier run. They change only if the crate rand changes
+        // ChaCha8 or how it draws uniform numbers.
         let recorded =
             [-0.05580547212376694, 0.04353956031888157, 0.3569199963005024, -1.4828057980230476];
         assert_eq!(first(42, 0, "gyro"), recorded);
@@ -173,8 +174,8 @@ mod tests {
         let mut noise = Noise::new(42, 0, "gyro");
         let drawn: Vec<f64> = (0..20).map(|_| noise.normal()).collect();
         for pair in [7_u32, 2, 9] {
-            // A normally distributed number takes one uniform number of 64 bits, which is two
-            // words, from the stream.
+            // Each normally distributed number consumes one uniform number of 64 bits, that is, two
+            // words of the stream.
             noise.rng.set_word_pos(u128::from(4 * pair));
             noise.spare = None;
             let first = 2 * pair as usize;

@@ -1,13 +1,13 @@
 //! Order and direction of strokes with the least time in the dark.
 //!
-//! For a small word, the duration of a transit is that of its plan. Otherwise, it is the duration
-//! on the slower axis of a double integrator, from the velocity at one stroke's end to that at the
-//! next one's start. This estimate is the same in the opposite direction, so that reversing a run
-//! of strokes does not change the cost inside it.
+//! For a small word, every transit is planned to determine its duration. For other drawings, the
+//! duration is estimated by a double integrator on the slower axis, from the velocity at one
+//! stroke's end to that at the next stroke's start. The estimate is the same in both directions, so
+//! reversing a run of strokes does not change the cost within it.
 //!
 //! For up to [`EXACT_STROKES`] strokes, the method is dynamic programming over subsets (Held and
-//! Karp 1962, Bellman 1962). For more strokes, it starts with the nearest stroke next, continues
-//! with local search ([`search`]), and finds the best directions for that order.
+//! Karp 1962, Bellman 1962). For more strokes, a nearest-neighbor tour is improved by local search
+//! ([`search`]) and then receives the best directions.
 
 use nalgebra::Vector2;
 use rayon::prelude::*;
@@ -25,26 +25,25 @@ mod search;
 
 /// Maximum number of strokes for which the optimal order is computed.
 const EXACT_STROKES: usize = 10;
-/// Maximum total number of ways of all strokes for which exact transits are planned.
+/// Maximum total number of ways to draw all strokes up to which transits are planned exactly.
 const MAX_PLANNED_WAYS: usize = 24;
-/// Maximum number of strokes in a drawing. The search for the order of the strokes compares all
-/// pairs.
+/// Maximum number of strokes in a drawing. The search for their order compares all pairs.
 const MAX_STROKES: usize = 10_000;
 
-/// Cost in s of a step to another letter in reading order. This cost exceeds any transit within a
-/// word, so that the cheapest order runs from one end to the other with one step per letter.
+/// Cost in s of a step to another letter in reading order. Because it exceeds any transit within a
+/// word, the cheapest order goes from one end of the word to the other with one step per letter.
 const LETTER_S: f64 = 1000.0;
 /// Maximum additional time of reading order, as a fraction of the shortest flight.
 const READING_EXCESS: f64 = 0.1;
-/// Number of transits sampled to estimate the time of many strokes, and the fraction of the
-/// estimate that the strokes certainly take.
+/// Number of transits sampled to estimate the duration of many strokes, and the fraction of the
+/// estimate that is a safe lower bound.
 const SAMPLED_TRANSITS: usize = 500;
 const CERTAIN_FRACTION: f64 = 0.85;
 /// Hint for drawings that take too long.
 pub(super) const TOO_LONG_HINT: &str = "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw \
                                   fewer or smaller strokes";
 
-/// Index of a stroke, and index of the way in which it is drawn.
+/// Index of a stroke, and index of the way to draw it.
 type Visit = (usize, usize);
 
 /// Returns the strokes of a drawing in the order and direction in which they are flown. Handwriting
@@ -64,8 +63,8 @@ pub(super) fn in_order(
     Ok(flown)
 }
 
-/// Returns an error early if many strokes take far too long. A sample of their transits gives the
-/// estimate, because planning all transits is most of the work.
+/// Returns an error early if many strokes take far too long. The duration is estimated from a
+/// sample of transits, because planning all of them is most of the work.
 fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Result<()> {
     let n_strokes = flown.len();
     if n_strokes < 2 * SAMPLED_TRANSITS {
@@ -111,7 +110,7 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    // Both limits are checked before the order is sought, in a time that grows with the square of
+    // Both limits are checked before the search for the order, whose time grows with the square of
     // the number of strokes.
     let (n_strokes, lit_s) = (drawn.len(), all_lit_s(&drawn, speed_m_s));
     let (problem, hint) = if n_strokes > MAX_STROKES {
@@ -143,15 +142,15 @@ fn along(drawn: &[PenStroke], visits: Vec<Visit>) -> Vec<PenStroke> {
     visits.into_iter().map(|(stroke, way)| drawn[stroke].along(way)).collect()
 }
 
-/// Returns the strokes letter by letter from the first, or in the shortest order if that saves more
-/// than [`READING_EXCESS`] of its time.
+/// Returns the strokes letter by letter in reading order, or in the shortest order if that saves
+/// more than [`READING_EXCESS`] of its duration.
 fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
     let ways = ways_of(drawn, speed_m_s);
     let letters: Vec<usize> = drawn.iter().map(|stroke| stroke.letter).collect();
     let tour = Tour { ways: &ways, style, is_planned: false, letters: &[] };
     let shortest = shortest_tour(&ways, style, &[]);
     let mut read = shortest_tour(&ways, style, &letters);
-    // The cost is the same in both directions, so that the tour may begin at the last letter.
+    // The cost is the same in both directions, so the tour may begin at the last letter.
     if letters[read[0].0] > letters[read[read.len() - 1].0] {
         read.reverse();
         read = tour.best_ways(&read);
@@ -162,8 +161,8 @@ fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStr
     along(drawn, if is_fast { read } else { shortest })
 }
 
-/// Returns the tour with the least time in the dark, which is exact for few strokes, and letter by
-/// letter if `letters` is not empty.
+/// Returns the tour with the least time in the dark, which is optimal for few strokes. The tour
+/// goes letter by letter if `letters` is not empty.
 fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Visit> {
     if ways.len() <= EXACT_STROKES {
         let is_planned = ways.iter().map(Vec::len).sum::<usize>() <= MAX_PLANNED_WAYS;
@@ -175,7 +174,7 @@ fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec
     tour.best_ways(&visits)
 }
 
-/// Strokes, and the rules for the time in the dark between them.
+/// Strokes, and the rules for computing the time in the dark between them.
 struct Tour<'a> {
     ways: &'a [Vec<Way>],
     style: &'a EvenStyle,
@@ -191,13 +190,13 @@ impl Tour<'_> {
         &self.ways[visit.0][visit.1]
     }
 
-    /// Returns the time of the transit between two strokes or the floor, plus the cost of other
-    /// letters.
+    /// Returns the duration of the transit between two strokes or the floor, plus the cost of
+    /// changing letters.
     fn between_s(&self, from: Option<Visit>, to: Option<Visit>) -> f64 {
         let still = Vector2::zeros();
         match (from.map(|from| self.way(from)), to.map(|to| self.way(to))) {
             (Some(a), Some(b)) => {
-                // The cost of a step to another letter is the same in both directions.
+                // A step to another letter costs the same in both directions.
                 let letter = |visit: Option<Visit>| self.letters.get(visit?.0).copied();
                 let n_letters_apart =
                     letter(from).zip(letter(to)).map_or(0, |(a, b)| a.abs_diff(b));
@@ -212,7 +211,7 @@ impl Tour<'_> {
     }
 
     /// Returns the planned or estimated duration of a transit over a displacement from one velocity
-    /// to another. The duration is infinite if there is no transit.
+    /// to another. The duration is infinite if no transit exists.
     fn transit_s(&self, path_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
         if self.is_planned {
             let moving =
@@ -221,7 +220,7 @@ impl Tour<'_> {
             let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
-        // Each axis is allowed an equal part of the acceleration.
+        // Each axis receives an equal part of the acceleration limit.
         let limit = self.style.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
         let axis = |i: usize| axis_s(path_m[i], from[i], to[i], self.style.dark_speed_m_s, limit);
         axis(0).max(axis(1))
@@ -259,12 +258,13 @@ impl Tour<'_> {
         order
     }
 
-    /// Returns a table with a row for each set of strokes (one bit each) and a column for each
-    /// visit that ends it. An entry contains the least time so far and the index of the previous
-    /// visit (`usize::MAX` if there is none).
+    /// Returns a table with a row for each set of strokes (a bit per stroke) and a column for each
+    /// last visit. Each entry contains the least time so far and the index of the previous visit
+    /// (`usize::MAX` if there is none).
     fn best_ends(&self, visits: &[Visit]) -> Vec<(f64, usize)> {
         let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
-        // Every transit is computed once. There is no transit between two ways of the same stroke.
+        // Every transit is computed only once. Two ways of the same stroke have no transit between
+        // them.
         let between_s = |a: &Visit, b: &Visit| {
             if a.0 == b.0 { f64::INFINITY } else { self.between_s(Some(*a), Some(*b)) }
         };
@@ -293,10 +293,11 @@ impl Tour<'_> {
         best
     }
 
-    /// Returns the strokes of a tour in the same order, but in the best directions, which is a
+    /// Returns the strokes of a tour in the same order with the best directions, found as a
     /// shortest path through layers of ways (Viterbi 1967).
     fn best_ways(&self, visits: &[Visit]) -> Vec<Visit> {
-        // For each stroke and way, a layer has the least time so far and the previous stroke's way.
+        // A layer contains, for each way of a stroke, the least time so far and the previous
+        // stroke's way.
         let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(visits.len());
         for (index, (stroke, _)) in visits.iter().enumerate() {
             let ways = 0..self.ways[*stroke].len();
@@ -328,19 +329,20 @@ impl Tour<'_> {
     }
 }
 
-/// Returns the minimum time over a distance on an axis from one velocity to another within limits.
+/// Returns the minimum time along an axis over a distance, from one velocity to another, within
+/// limits.
 fn axis_s(path_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
-    // The axis is reversed if necessary, so that the acceleration precedes the braking.
+    // The axis is reversed if necessary, so that the drone first accelerates and then brakes.
     let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;
     let sign = if path_m >= direct_m { 1.0 } else { -1.0 };
     let (d, v, w) = (path_m * sign, from_m_s * sign, to_m_s * sign);
-    // A triangle of speeds has the peak p with 2 a d = 2 p² − v² − w².
+    // A triangular speed profile has the peak speed p with 2 a d = 2 p² − v² − w².
     let squares = 0.5 * (v * v + w * w);
     let peak = (limit_m_s2 * d + squares).max(0.0).sqrt();
     if peak <= speed_m_s {
         return ((2.0 * peak - v - w) / limit_m_s2).max(0.0);
     }
-    // In a trapezoid of speeds, the rest of the distance is flown at full speed.
+    // In a trapezoidal speed profile, the rest of the distance is flown at full speed.
     let cruise_m = d - (speed_m_s * speed_m_s - squares) / limit_m_s2;
     (2.0 * speed_m_s - v - w) / limit_m_s2 + cruise_m.max(0.0) / speed_m_s
 }
@@ -379,7 +381,7 @@ mod tests {
         }
     }
 
-    /// The test has ten words, three of which have too many strokes for an exact order.
+    /// Three of the ten words have too many strokes for an exact order.
     #[test]
     fn words_are_written_as_they_are_read_where_it_costs_a_tenth_at_most() {
         let mut n_read = 0;
@@ -435,7 +437,7 @@ mod tests {
         }
     }
 
-    /// Returns the order that always continues with the nearest stroke, without use of a bound.
+    /// Returns the order that always continues with the nearest stroke, found without a bound.
     fn nearest_of_each(tour: &Tour<'_>) -> Vec<Visit> {
         let mut left: Vec<usize> = (0..tour.ways.len()).collect();
         let mut order: Vec<Visit> = Vec::new();

@@ -1,5 +1,5 @@
-//! Local search by 2-opt (Croes 1958) and Or-opt (Or 1976) with reversed strokes, among near
-//! neighbors. The search starts from the order that always continues with the nearest stroke.
+//! Local search among near neighbors by 2-opt (Croes 1958) and Or-opt (Or 1976), which may reverse
+//! strokes. The search starts from the order that always continues with the nearest stroke.
 
 use std::ops::Range;
 
@@ -7,20 +7,20 @@ use nalgebra::Vector2;
 
 use super::{Tour, Visit};
 
-/// Number of strokes that are tried next to each stroke.
+/// Number of nearest strokes that are tried as neighbors of each stroke.
 const NEIGHBORS: usize = 8;
-/// Maximum number of rounds of improvement. No drawing has reached this number of rounds.
+/// Maximum number of rounds of improvement, which no drawing has reached.
 const MAX_ROUNDS: usize = 30;
-/// Minimum time in s that a change has to save, which is more than rounding errors.
+/// Minimum time in s that a change must save, which exceeds rounding errors.
 const LEAST_SAVED_S: f64 = 1e-9;
 /// Maximum number of strokes that Or-opt moves together.
 const MAX_RUN: usize = 3;
 
 impl Tour<'_> {
     /// Returns the tour that begins on the floor and always continues with the stroke that is
-    /// nearest in time. Of equally near strokes, the first in the list of remaining ones is taken.
+    /// nearest in time. Of equally near strokes, the first of the remaining ones is chosen.
     pub(super) fn nearest(&self) -> Vec<Visit> {
-        // A stroke is entered and left no faster than the drone flies, lit or dark.
+        // No stroke is entered or left faster than the drone's maximum speed, lit or dark.
         let speeds_m_s = self.ways.iter().flatten().map(|way| way.start_m_s.norm());
         let speed_m_s = speeds_m_s.fold(self.style.dark_speed_m_s, f64::max);
         let mut remaining: Vec<usize> = (0..self.ways.len()).collect();
@@ -31,8 +31,8 @@ impl Tour<'_> {
             let (mut least_s, mut best) = (f64::INFINITY, (0, 0));
             for (index, stroke) in remaining.iter().enumerate() {
                 for (way, start_m) in self.ways[*stroke].iter().map(|way| way.start_m).enumerate() {
-                    // The longer axis at full speed gives a lower bound that is quick to compute.
-                    // The slack compensates for rounding.
+                    // The distance on the longer axis at full speed gives a fast lower bound. The
+                    // factor compensates for rounding.
                     let axis_m = end_m.map_or(0.0, |end_m| (start_m - end_m).amax());
                     if axis_m > least_s * speed_m_s * (1.0 + 1e-9) {
                         continue;
@@ -48,11 +48,11 @@ impl Tour<'_> {
         order
     }
 
-    /// Returns the indices of the [`NEIGHBORS`] strokes with the nearest ends, for each stroke.
+    /// Returns, for each stroke, the indices of the [`NEIGHBORS`] strokes with the nearest ends.
     fn neighbors(&self) -> Vec<Vec<usize>> {
         let ends: Vec<[Vector2<f64>; 2]> =
             self.ways.iter().map(|ways| [ways[0].start_m, ways[0].end_m]).collect();
-        // The minimum of four squared distances is used, because strokes may be drawn backward.
+        // The minimum over all four pairs of ends is used, because strokes may be drawn backward.
         let squared_distance = |a: usize, b: usize| {
             let pairs =
                 ends[a].iter().flat_map(|p| ends[b].iter().map(move |q| (p - q).norm_squared()));
@@ -107,7 +107,7 @@ impl Tour<'_> {
             if first > last {
                 return None;
             }
-            // The time inside a reversed run is unchanged, so that only its two ends are compared.
+            // Reversal does not change the time within a run, so only its two ends are compared.
             let (before, after) = neighbors_of(visits, first..last + 1);
             let (head, tail) = (visits[first], visits[last]);
             let old_s = self.between_s(before, Some(head)) + self.between_s(Some(tail), after);

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 use noctograph_core::flight::{Flight, FlightData, FlightSample};
 
-/// Makes a flight whose position and design are functions of time, sampled every `step_s` from 0 to
-/// `end_s`, with running motors and the estimate equal to the position.
+/// Creates a flight whose position and design are functions of time, sampled every `step_s` from 0
+/// to `end_s`, with running motors and the estimate equal to the position.
 pub(crate) fn flight(
     step_s: f64,
     end_s: f64,
@@ -15,7 +15,7 @@ pub(crate) fn flight(
     #[expect(clippy::cast_possible_truncation, reason = "a few hundred")]
     let n = (end_s / step_s).round() as u32;
     let samples = (0..=n).map(|k| {
-        // Division gives 0.3 in place of 0.30000000000000004.
+        // Division gives 0.3, whereas multiplication would give 0.30000000000000004.
         let time_s = f64::from(k) / (1.0 / step_s).round();
         FlightSample {
             time_s,

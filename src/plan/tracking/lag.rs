@@ -5,30 +5,30 @@ use nalgebra::SVector;
 use super::path::DesignPath;
 use noctograph_core::flight::FlightSample;
 
-/// Step in s of the search over a range of shifts. A letter's strokes last a second or more, so
-/// that the error has a single minimum within a step.
+/// Step in s of the search over a range of shifts. A letter's strokes last a second or more, so the
+/// error has a single minimum within a step.
 const STEP_S: f64 = 0.02;
-/// Resolution of the shift in s, which at 0.2 m/s is 0.2 µm of path.
+/// Resolution of the shift in s, which corresponds to 0.2 µm of path at 0.2 m/s.
 const RESOLUTION_S: f64 = 1e-6;
-/// Maximum numbers of samples for the rough search and for the first search, spread over the
-/// flight. The refinement uses all samples.
+/// Maximum numbers of samples, spread over the flight, in the rough search and in the first search.
+/// The refinement uses all samples.
 const ROUGH_SAMPLES: usize = 250;
 const COARSE_SAMPLES: usize = 2000;
-/// Ratio to the least rough spread up to which a shift goes on to the first search. At the next
-/// shift of the grid, the spread of a flight that moves is several times the least.
+/// Maximum ratio of a shift's rough spread to the least one for which the first search tries the
+/// shift. At the next shift of the grid, the spread of a moving flight is several times the least.
 const NEAR: f64 = 2.0;
 
 /// Weight of the squared mean error relative to the variance around it. For an L flown 6 cm beside
-/// its design with a lag of 0.2 s, a weight of 1 would give a lag of 0.4 s, and this weight gives
-/// 0.2005 s. A weight of 0 would give no lag for a straight stroke at constant speed, because its
-/// lag is an offset along it.
+/// its design with a lag of 0.2 s, a weight of 1 would give a lag of 0.4 s, whereas this weight
+/// gives 0.2005 s. With a weight of 0, the lag on a straight stroke at constant speed would be
+/// undetermined, because it equals an offset along the stroke.
 const OFFSET_WEIGHT: f64 = 1e-3;
 
-/// Returns the time shift of the design in s, within a range, that leaves the least spread of the
+/// Returns the time shift of the design in s, within a range, that minimizes the spread of the
 /// error in the word's plane. The shifted design at time t is the design at t − shift.
 ///
-/// Three searches use more and more samples: over the whole grid, over the shifts of the grid that
-/// are nearly the best, and between the neighbors of the best shift.
+/// Three searches with increasing numbers of samples cover the whole grid, the nearly best shifts
+/// of the grid, and the interval between the neighbors of the best shift.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
@@ -49,8 +49,8 @@ pub(super) fn best_shift_s(
     refined(range_s, best_s, |shift_s| cost(1, shift_s))
 }
 
-/// Returns the variance of errors plus a small part of their squared mean, which prefers a shift in
-/// time to an offset in space. The result is 0 without errors.
+/// Returns the variance of errors plus a small part of their squared mean, so that a shift in time
+/// is preferred to an offset in space. The result is 0 for an empty list.
 pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())
@@ -84,8 +84,8 @@ fn best(costs: impl Iterator<Item = (f64, f64)>) -> f64 {
 /// Returns the minimum of a function between the neighbors of a point of the grid, by
 /// golden-section search (Kiefer 1953).
 fn refined([low, high]: [f64; 2], best: f64, mut fine: impl FnMut(f64) -> f64) -> f64 {
-    // Two inner points a and b lie between the neighbors of that point. The part beyond the worse
-    // one is dropped, and the better one becomes an inner point of the rest.
+    // Two inner points a and b divide the interval. The part beyond the worse one is dropped, and
+    // the better one becomes an inner point of the remaining interval.
     let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
     let golden = 0.5 * (f64::sqrt(5.0) - 1.0);
     let reach = golden * (right - left);

@@ -1,4 +1,4 @@
-//! Letters of a flight: which samples write them, and how well.
+//! Assignment of a flight's samples to letters, and the tracking errors of each letter.
 
 use std::collections::BTreeMap;
 
@@ -7,11 +7,11 @@ use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_core::plan::Plan;
 
-/// Time of the plan at the beginning of a flight's clock. The first light of both is at the same
-/// time. `None` if one of them has no light.
+/// Returns the plan's time at which a flight's clock begins, from the first light of each. Returns
+/// `None` if one of them contains no light.
 pub fn on_plan_s(flight: &Flight, plan: &Plan) -> Option<f64> {
     let planned = first_lit(plan.lights.values());
-    // The lights of a drone may be timed after its plan.
+    // A plan without lights begins to draw at its first setpoint within a letter.
     let planned = planned.or_else(|| plan.setpoints.iter().position(|s| s.letter.is_some()))?;
     let flown = first_lit(flight.lights.values())?;
     Some(plan.setpoints[planned].time_s - flight.samples[flown].time_s)
@@ -22,7 +22,7 @@ fn first_lit<'a>(channels: impl Iterator<Item = &'a Vec<f64>>) -> Option<usize> 
     channels.filter_map(|levels| levels.iter().position(|level| *level > 0.0)).min()
 }
 
-/// Gives a flight that names no letters those of the plan that it flew.
+/// Adds the letters of the plan that a flight followed to a flight without letters.
 pub fn letters_by_plan(flight: &mut Flight, plan: &Plan) {
     let Some(on_plan_s) = on_plan_s(flight, plan) else { return };
     if flight.samples.iter().any(|sample| sample.letter.is_some()) {
@@ -42,7 +42,7 @@ pub fn letters_by_plan(flight: &mut Flight, plan: &Plan) {
 ///
 /// # Errors
 ///
-/// As [`super::track`] for the letters.
+/// Returns the errors of [`super::track`] for [`Part::Letters`].
 pub fn track_letters(flight: &Flight) -> Result<BTreeMap<usize, Tracking>> {
     let (samples, design) = designed(flight, Part::Letters)?;
     let mut letters: BTreeMap<usize, Vec<FlightSample>> = BTreeMap::new();
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn each_letter_has_its_lag_and_its_distance() {
-        // The second letter trails by 0.2 s, and is flown 3 cm before the plane.
+        // The second letter lags by 0.2 s, and is flown 3 cm in front of the plane.
         let design = |time_s: f64| Vector3::new(0.1 * libm::sin(2.0 * time_s), 0.0, 1.0);
         let mut flown = flight(
             0.01,
@@ -83,7 +83,7 @@ mod tests {
             flight.samples.iter_mut().for_each(|sample| sample.letter = None);
             flight.lights.insert("headlights".to_owned(), lit);
         });
-        // The plan lights up 2 s later than the flight on its clock.
+        // The plan's first light is 2 s later on its clock than the flight's.
         let setpoint = |time_s: f64| Setpoint {
             time_s,
             letter: (time_s >= 3.0).then_some(usize::from(time_s >= 8.0)),

@@ -1,16 +1,16 @@
 //! Tracking errors of a flight relative to its design.
 //!
-//! Input: a [`Flight`]. Output: [`Tracking`], the figures over a stated [`Part`] of the flight.
+//! The input is a [`Flight`], and the output is the [`Tracking`] figures for a [`Part`] of it.
 //!
-//! The error at an instant mixes lag and distance from the path. The lag is the time shift of the
-//! design that brings it closest to the flight in the word's plane (x-z), except for a constant
-//! offset. The error after that shift, and the distance from the path (contour error), are visible
-//! in a photograph.
+//! The error at an instant combines lag and distance from the path. The lag is the time shift of
+//! the design that brings it closest to the flight in the word's plane (x-z), except for a constant
+//! offset. Only the error after that shift and the distance from the path (contour error) are
+//! visible in a photograph.
 //!
 //! All samples have equal weight, since logs with a varying rate are resampled on import.
 //!
-//! The sources are Table 1 of the reference flight (RMSE) and `NanoBench` (arXiv 2603.09908: lag,
-//! RMSE after lag and cross-track error).
+//! The figures follow Table 1 of the reference flight (RMSE) and `NanoBench` (arXiv 2603.09908, for
+//! the lag, the RMSE after the lag, and the cross-track error).
 
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
@@ -38,20 +38,20 @@ pub use path::{DesignPath, Walk};
 /// without velocity feedforward.
 pub const MAX_LAG_S: f64 = 1.5;
 
-/// Time in s before and after the lag-shifted time, within which the design's path is used for the
-/// contour error. A shorter window would count lag at a corner as distance, and a longer one would
-/// include a neighboring stroke, because at 0.2 m/s it covers 0.1 m of path to either side, the gap
-/// between two letters.
+/// Time in s before and after the lag-shifted time within which the design's path determines the
+/// contour error. At 0.2 m/s, this covers 0.1 m of path to either side, the gap between two
+/// letters. A shorter window would count lag at a corner as distance, and a longer one would
+/// include neighboring strokes.
 const CONTOUR_WINDOW_S: f64 = 0.5;
 
-/// Largest root-mean-square error of the height at which letters are legible, in cap heights. With
-/// 3 cm, letters of 0.5 m are read with probability 0.90, with 5 cm at 0.5 to 0.85.
+/// Maximum root-mean-square height error in cap heights at which letters are legible. Letters of
+/// 0.5 m are read with a probability of 0.90 with 3 cm of error, and of 0.5 to 0.85 with 5 cm.
 const HEIGHT_ERROR_FRAC: f64 = 0.05;
 
-/// Half the width in m of the safety corridor for visitors along y.
+/// Half the width in m, along y, of the corridor that keeps visitors safe.
 pub const CORRIDOR_M: f64 = 0.2;
 
-/// Tracking errors, which are flown minus design, in the world frame.
+/// Tracking errors (flown minus design) in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Tracking {
     /// Part of the flight that the figures cover.
@@ -65,9 +65,9 @@ pub struct Tracking {
     pub rmse_m: Vector3<f64>,
     /// Mean error for each axis in m.
     pub mean_error_m: Vector3<f64>,
-    /// Time shift of the design in s, up to [`MAX_LAG_S`] either way, that leaves the least error
-    /// in the x-z plane apart from a constant offset. The lag is negative if the drone is ahead of
-    /// its design. The lag is 0 if the design does not move.
+    /// Time shift of the design in s, within ±[`MAX_LAG_S`], that minimizes the error in the x-z
+    /// plane apart from a constant offset. The lag is negative if the drone is ahead of its design,
+    /// and 0 if the design does not move.
     pub lag_s: f64,
     /// Root-mean-square error for each axis in m, relative to the design shifted by the lag.
     pub rmse_after_lag_m: Vector3<f64>,
@@ -77,7 +77,7 @@ pub struct Tracking {
     pub observer_rmse_m: Option<Vector3<f64>>,
     /// Deviation from the word's plane.
     pub drift: Drift,
-    /// Attitude during the flight, if it is logged.
+    /// Spread of the attitude, if it is logged.
     pub attitude: Option<AttitudeSpread>,
 }
 
@@ -125,8 +125,8 @@ impl Tracking {
         self.rmse_m.xz().norm()
     }
 
-    /// Returns the cap height in m of the smallest letters that the drone's height is accurate
-    /// enough for, which is twenty times the error of the height after the lag.
+    /// Returns the minimum cap height in m for which the drone holds its height accurately enough,
+    /// which is twenty times the height error after the lag.
     pub fn least_cap_height_m(&self) -> f64 {
         self.rmse_after_lag_m.z / HEIGHT_ERROR_FRAC
     }
@@ -147,7 +147,7 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     Ok(measure(flight, part, &samples, &design))
 }
 
-/// Measures samples of a part of a flight, of which there is at least one.
+/// Measures the samples of a part of a flight, at least one of which must exist.
 fn measure(flight: &Flight, part: Part, samples: &[FlightSample], design: &DesignPath) -> Tracking {
     let (lag_s, rmse_after_lag_m) = after_lag(samples, design);
     let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
@@ -196,7 +196,7 @@ pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, Desig
     Ok((samples, design))
 }
 
-/// Returns statistics of the distances between samples and the design's path around their
+/// Returns statistics of the distances from the samples to the design's path around their
 /// lag-shifted times.
 fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
     let mut walk = design.walk();
@@ -206,7 +206,7 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
         walk.distance_m(sample.position_m, around_s)
     }));
     distances_m.sort_unstable_by(f64::total_cmp);
-    // The means are those of the distances and of their squares.
+    // The sums are those of the distances and of their squares.
     let n = distances_m.len();
     let sums: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
     let means = sums / n as f64;
@@ -257,7 +257,7 @@ pub fn angles_rad(attitude: &Attitude) -> Vector3<f64> {
     Vector3::new(attitude.yaw_rad, attitude.pitch_rad, attitude.roll_rad)
 }
 
-/// Makes an attitude from a vector of yaw, pitch and roll.
+/// Creates an attitude from a vector of yaw, pitch and roll.
 pub fn attitude(angles_rad: Vector3<f64>) -> Attitude {
     let [yaw_rad, pitch_rad, roll_rad] = angles_rad.into();
     Attitude { yaw_rad, pitch_rad, roll_rad }

@@ -1,4 +1,4 @@
-//! Parts of a flight, which are the letters, the time in the air, or all of it.
+//! Parts of a flight, which are the letters, the time in the air, and the whole flight.
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
@@ -35,7 +35,8 @@ impl Part {
             let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
-        // Each part has its samples, and the problem and its remedy if there are none.
+        // For each part, the samples are selected, with the problem and the remedy if there are
+        // none.
         let samples = &flight.samples;
         let (samples, actual, hint) = match self {
             Self::All => (samples.clone(), "no sample", "name a file that contains a flight"),

@@ -7,8 +7,8 @@ use nalgebra::{Vector2, Vector3};
 use noctograph_core::flight::Flight;
 use noctograph_core::geometry::Chords;
 
-/// Largest distance in m per axis of an omitted sample from its segment. Twice the file's rounding
-/// unit makes a straight stroke one segment.
+/// Maximum distance per axis, in m, of an omitted sample from its segment. With twice the file's
+/// rounding unit, a straight stroke becomes a single segment.
 const TOLERANCE_M: f64 = 2e-6;
 
 /// Position of the design over time. The position is constant before the first and after the last
@@ -16,22 +16,22 @@ const TOLERANCE_M: f64 = 2e-6;
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,
-    /// Segments, one per corner, from the previous segment's end to that of the corner's segment.
+    /// Segments, one per corner, each from the end of the previous segment to its own end.
     segments: Segments,
 }
 
-/// Segments as the five numbers of [`plane_segment`], with one column for each number, and the
-/// length of the path up to the start of each segment.
+/// Segments in one column for each number of [`plane_segment`], and the length of the path up to
+/// the start of each segment.
 #[derive(Clone, Debug, Default)]
 struct Segments {
     columns: [Vec<f64>; 5],
     starts_m: Vec<f64>,
 }
 
-/// Number of segments whose distances are computed at once.
+/// Number of segments whose distances are computed together.
 const LANES: usize = 8;
 
-/// Least length of path that is skipped, for the rounding of sums of lengths.
+/// Minimum length in m of path that is skipped, because sums of lengths are rounded.
 const ROUNDING_M: f64 = 1e-9;
 
 impl Segments {
@@ -50,8 +50,8 @@ impl Segments {
     /// m².
     ///
     /// The search goes from the middle to both ends, [`LANES`] segments at a time. Along the path,
-    /// the distance from the point changes by at most the length of the path. Therefore segments
-    /// that cannot be nearer than the nearest so far are skipped.
+    /// the distance from the point changes by at most the length of the path. Segments that cannot
+    /// be nearer than the nearest so far are therefore skipped.
     #[inline(always)]
     fn squared_distance_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
         let mut least_m2 = f64::INFINITY;
@@ -61,7 +61,7 @@ impl Segments {
             let end = (next + LANES).min(range.end);
             least_m2 = least_m2.min(self.nearest_m2(point_m, next..end));
             let skipped_m = self.skipped_m(point_m, end, least_m2);
-            // The first segment that ends beyond the skipped length.
+            // The search continues at the first segment that ends beyond the skipped length.
             let reached_m = self.starts_m.get(end).map_or(0.0, |start_m| start_m + skipped_m);
             let later = &self.starts_m[(end + 1).min(range.end)..range.end];
             next = end + later.partition_point(|start_m| *start_m < reached_m);
@@ -77,7 +77,8 @@ impl Segments {
         least_m2
     }
 
-    /// Length of path to either side of a segment's start without a point nearer than `least_m2`.
+    /// Returns the path length on either side of a segment's start without a point nearer than
+    /// `least_m2`.
     #[inline(always)]
     fn skipped_m(&self, point_m: Vector2<f64>, segment: usize, least_m2: f64) -> f64 {
         let [x, z] = [0, 1].map(|axis| self.columns[axis].get(segment).copied());
@@ -86,7 +87,7 @@ impl Segments {
         ((x * x + z * z).sqrt() - least_m2.sqrt() - ROUNDING_M).max(0.0)
     }
 
-    /// Squared distance of a point from the nearest of at most [`LANES`] segments.
+    /// Returns the squared distance of a point from the nearest of at most [`LANES`] segments.
     #[inline(always)]
     fn nearest_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
         let columns = self.columns.each_ref().map(|column| &column[range.clone()]);
@@ -104,7 +105,7 @@ impl Segments {
     }
 }
 
-/// Returns a segment in the x-z plane as five numbers: first point, vector and squared length.
+/// Returns a segment in the x-z plane as five numbers, its first point, vector and squared length.
 fn plane_segment(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
     let step_m = (to_m - from_m).xz();
     [from_m.x, from_m.z, step_m.x, step_m.y, step_m.norm_squared()]
@@ -130,7 +131,7 @@ struct Corner {
 }
 
 impl DesignPath {
-    /// Makes the path of a flight's design. Returns `None` without samples, and for a design that
+    /// Creates the path of a flight's design. Returns `None` without samples, and for a design that
     /// is zero throughout, as in a log without setpoints.
     pub fn new(flight: &Flight) -> Option<Self> {
         let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
@@ -138,7 +139,7 @@ impl DesignPath {
         designed.then(|| Self::through(corners))
     }
 
-    /// Makes the path through at least one point, given in chronological order.
+    /// Creates the path through at least one point, given in chronological order.
     pub fn through(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
         let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
         let corners = without_even_corners(corners);
@@ -164,13 +165,13 @@ impl DesignPath {
         self.corners[last].time_s
     }
 
-    /// Returns a reader of positions that starts at the beginning of the path.
+    /// Returns a cursor for positions at the beginning of the path.
     pub fn walk(&self) -> Walk<'_> {
         Walk { path: self, segment: 0 }
     }
 }
 
-/// Reader of a path at times that do not decrease, which needs no search.
+/// Cursor along a path for times that do not decrease, which avoids a search.
 #[derive(Debug)]
 pub struct Walk<'a> {
     path: &'a DesignPath,
@@ -184,7 +185,7 @@ impl Walk<'_> {
         self.path.on_segment(segment, time_s)
     }
 
-    /// Position of the design at `time_s` in the x-z plane: that of [`Self::at_m`].
+    /// Returns the position of the design at `time_s` in the x-z plane.
     pub fn at_in_plane_m(&mut self, time_s: f64) -> Vector2<f64> {
         let segment = self.segment_at(time_s);
         let (start, end) = self.path.ends(segment);
@@ -193,7 +194,7 @@ impl Walk<'_> {
         from_m + (to_m - from_m) * fraction(start, end, time_s)
     }
 
-    /// The segment at `time_s`.
+    /// Returns the segment at `time_s`.
     #[inline(always)]
     fn segment_at(&mut self, time_s: f64) -> usize {
         let corners = &self.path.corners;
@@ -215,7 +216,8 @@ impl Walk<'_> {
         if first == last {
             return near(from_m, to_m).sqrt();
         }
-        // The path consists of parts of the first and last segment, and all segments between them.
+        // The path consists of parts of the first and last segments, and of all segments between
+        // them.
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
         let segments = &path.segments;
         let inner_m2 =
@@ -238,14 +240,15 @@ impl DesignPath {
         start.at_m + (end.at_m - start.at_m) * fraction(start, end, time_s)
     }
 
-    /// Corners at the ends of the segment from a corner on. The last one has no end.
+    /// Returns the corners at the ends of the segment that begins at a corner. The last one has no
+    /// end.
     #[inline(always)]
     fn ends(&self, index: usize) -> (&Corner, Option<&Corner>) {
         (&self.corners[index], self.corners.get(index + 1))
     }
 }
 
-/// Fraction of the way between two corners at a time, 0 to 1.
+/// Returns the fraction, 0 to 1, of the way between two corners at a time.
 #[inline(always)]
 fn fraction(start: &Corner, end: &Corner, time_s: f64) -> f64 {
     let lasts_s = end.time_s - start.time_s;
@@ -264,8 +267,7 @@ fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
             kept.push(corner);
             continue;
         };
-        // If no velocity passes all samples, the segment ends at the previous sample and another
-        // begins.
+        // If no velocity passes close to all samples, the segment ends at the previous sample.
         let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
         let (step_m, lasts_s) = since(&kept[kept.len() - 1]);
         if corner.time_s <= before.time_s || !chords.contain(step_m.into(), lasts_s) {
@@ -323,7 +325,7 @@ mod tests {
 
     #[test]
     fn skipped_segments_are_never_the_nearest() {
-        // A path that winds, stops, steps and comes back to itself, and points near and far.
+        // The path bends, stops, steps and crosses itself. The points are near and far.
         let bend = |t: f64| Vector3::new(libm::sin(3.0 * t), 0.0, libm::cos(2.0 * t * t.min(2.0)));
         let design = |t: f64| bend(if t < 1.0 { t } else { t.max(1.5) } + (10.0 * t).floor());
         let path = DesignPath::new(&flight(0.002, 4.0, design, design)).unwrap();

@@ -1,4 +1,4 @@
-//! Tests with flights of known errors.
+//! Tests with flights whose errors are known.
 
 use noctograph_core::flight::FlightData;
 use std::f64::consts::TAU;
@@ -24,7 +24,7 @@ fn a_pure_delay_is_all_lag_and_no_contour_error() {
 
 #[test]
 fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
-    // The flight is that of a plan that leads its controller, while the design moves throughout.
+    // The flight follows a plan that leads its controller, and the design moves throughout.
     for lead_s in [0.02, 0.1, 0.4, 1.2] {
         let mut flown = flight(0.004, 20.0, |t| square(t + lead_s), square);
         flown.edit(|flown| {
@@ -43,10 +43,10 @@ fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
 #[test]
 fn a_constant_offset_is_no_lag() {
     let aside = Vector3::new(0.0, 0.03, -0.02);
-    // The design moves only along x, so that its path is 0.02 m away everywhere.
+    // The design moves only along x, so its path is 0.02 m away everywhere.
     let design = |t: f64| Vector3::new(0.2 * t, 0.0, 0.5);
     let tracking = track(&flight(0.01, 5.0, |t| design(t) + aside, design), Part::All).unwrap();
-    // The search finds zero as accurately as any other shift within its range.
+    // The search finds a lag of zero as accurately as any other lag within its range.
     near(tracking.lag_s, 0.0, 1e-6, "lag");
     near((tracking.rmse_m - aside.abs()).norm(), 0.0, 1e-12, "RMSE");
     near((tracking.mean_error_m - aside).norm(), 0.0, 1e-12, "mean");
@@ -90,9 +90,9 @@ fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
 
 #[test]
 fn a_crossing_stroke_does_not_reduce_the_contour_error() {
-    // The design runs right along z = 0.5, and later back along z = 0.55. A drone 0.05 m too high
-    // on its way right is on the later stroke, and one 0.05 m too low on its way back is on the
-    // earlier one.
+    // The design moves right along z = 0.5, and later left along z = 0.55. A drone that is 0.05 m
+    // too high on its way right is on the later stroke, and a drone that is 0.05 m too low on its
+    // way left is on the earlier one.
     fn design(t: f64) -> Vector3<f64> {
         match t {
             t if t < 3.0 => Vector3::new(0.2 * t, 0.0, 0.5),

@@ -1,19 +1,19 @@
-//! Linear models, with their linearization, stability and observability.
+//! Linearization of models, and stability and observability of linear models.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::Matrix;
 
-/// Step of the central differences, relative to `max(1, |x|)`. The error decreases with the square
-/// of the step (sine: 1.7e-9 of the slope). A hundredth of the step would lose as much to rounding.
+/// Step of the central differences, relative to `max(1, |x|)`. The error is proportional to the
+/// square of the step (for a sine, 1.7e-9 of the slope). At a hundredth of this step, rounding
+/// would cause as large an error.
 const STEP: f64 = 1e-4;
-/// Smaller of the two steps for the extrapolation. The error decreases with its fourth power.
+/// Smaller of the two steps for the extrapolation. The error is proportional to its fourth power.
 const FINE_STEP: f64 = 1e-3;
-/// Pivot relative to the largest below which a direction counts as unobservable.
+/// Ratio of a pivot to the largest pivot below which a direction counts as unobservable.
 const RANK_TOLERANCE: f64 = 1e-9;
-/// Maximum number of squarings, after which a power that neither vanishes nor grows is not stable.
-/// Only a pole within 1e-17 of the stability boundary, relative to the largest, needs this many
-/// squarings.
+/// Maximum number of squarings, after which a system whose powers do not vanish counts as unstable.
+/// Only a pole within 1e-17 of the stability boundary, relative to the largest, needs this many.
 const MAX_SQUARINGS: usize = 60;
 
 /// Returns the linear model `(A, B)` of `ẋ = f(x, u)` at a point, `A = ∂f/∂x` and `B = ∂f/∂u`, by
@@ -27,7 +27,7 @@ pub fn linearize<const N: usize, const M: usize>(
 }
 
 /// Does the same as [`linearize`] with Richardson's extrapolation from two steps, exact to 1e-12,
-/// for numbers that are compared with references instead of flown.
+/// for numbers that are compared with references instead of used in flight.
 pub fn linearize_finely<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, N>, &SVector<f64, M>) -> SVector<f64, N>,
     x: &SVector<f64, N>,
@@ -51,7 +51,7 @@ fn jacobian<const N: usize, const M: usize>(
         let (mut up, mut down) = (*point, *point);
         up[i] += step * point[i].abs().max(1.0);
         down[i] -= step * point[i].abs().max(1.0);
-        // The divisor is the difference after rounding instead of twice the step.
+        // The divisor is the difference between the rounded arguments instead of twice the step.
         jacobian.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
     }
     jacobian
@@ -62,7 +62,7 @@ pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Matrix
     Matrix::from_column_slice(R, C, m.as_slice())
 }
 
-/// Returns the block matrix `[A B; C D]` of square blocks `A` and `D`.
+/// Returns the block matrix `[A B; C D]` with square blocks `A` and `D`.
 pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Matrix {
     let (n, m) = (a.nrows(), d.nrows());
     let mut joined = a.clone().resize(n + m, n + m, 0.0);
@@ -81,7 +81,7 @@ pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
 /// Returns the transposed observability matrix, `[Cᵀ AᵀCᵀ (A²)ᵀCᵀ …]`.
 fn observability_columns(a: &Matrix, c: &Matrix) -> Matrix {
     let (n, p) = (a.nrows(), c.nrows());
-    // Time is scaled so that the powers of A keep their size.
+    // Time is scaled so that the powers of A neither grow nor shrink much.
     let scaled = a / a.norm().max(f64::MIN_POSITIVE);
     let mut columns = Matrix::zeros(n, n * p);
     let mut block = c.clone();
@@ -101,10 +101,11 @@ fn rank(columns: Matrix) -> usize {
 }
 
 /// True if every eigenvalue of `A` has a negative real part, so that `ẋ = A x` decays. A pole on
-/// the stability boundary counts as not stable, and so does a matrix that is not finite.
+/// the stability boundary and a matrix that is not finite count as unstable.
 pub fn is_hurwitz(a: &Matrix) -> bool {
     // The Cayley transform (1 + A)(1 − A)⁻¹ maps the left half-plane to the unit disc. Its powers
-    // vanish exactly if all eigenvalues are inside, which squaring shows in a few steps.
+    // vanish exactly if all eigenvalues are inside the disc, which repeated squaring quickly
+    // reveals.
     let scaled = a / a.norm();
     let one = Matrix::identity(a.nrows(), a.ncols());
     let Some(inverse) = (&one - &scaled).try_inverse() else {
@@ -130,7 +131,7 @@ pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let observable = rank(columns.clone());
     let (last, size) = (columns.ncols(), columns.norm().max(f64::MIN_POSITIVE));
-    // A state is unobservable if measuring it as well would increase the rank.
+    // A state is unobservable if an additional measurement of it would increase the rank.
     let unobservable = (0..a.nrows()).filter(|&state| {
         let mut augmented = columns.clone().insert_column(last, 0.0);
         augmented[(state, last)] = size;

@@ -1,4 +1,4 @@
-//! Linear-quadratic regulator, and the observer gain as that of its dual.
+//! Gains of the linear-quadratic regulator and, by duality, of the observer.
 
 use super::Matrix;
 use super::riccati::care;
@@ -32,8 +32,7 @@ pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`lqr`], for states that no output shows instead of states without an
-/// input.
+/// Returns the errors of [`lqr`], which here concern unobservable instead of uncontrollable states.
 pub fn observer_gain(
     a: &Matrix,
     c: &Matrix,
@@ -92,9 +91,9 @@ mod tests {
         rows.fold(0.0, f64::max)
     }
 
-    /// The reference is Newton–Kleinman with 60 digits (Lyapunov equation by Kronecker product and
-    /// LU) in mpmath 1.4.1, Python 3.11, started from SciPy 1.17.1, until a step is below 1e-50 of
-    /// X: `K = R**-1 * B.T * X`, `mp.nstr(K[i, j], 20)`.
+    /// The reference is a Newton–Kleinman iteration with 60 digits (Lyapunov equation by Kronecker
+    /// product and LU) in mpmath 1.4.1, Python 3.11. It starts from the result of SciPy 1.17.1 and
+    /// ends at a step below 1e-50 of X: `K = R**-1 * B.T * X`, `mp.nstr(K[i, j], 20)`.
     #[test]
     fn gain_of_the_hovering_drone_is_that_of_sixty_digits() {
         let [a, b, q, r] = hover();
@@ -119,8 +118,8 @@ mod tests {
         assert!(error < 1e-14, "worst row {error:e}; SciPy's own solver is off by 1.5e-12");
     }
 
-    /// The system is dense with whole numbers, its reference is computed as for the hovering drone,
-    /// and the other gain is from SciPy 1.17.1: `solve_continuous_are(A, B, Q, R)`.
+    /// The system is dense and consists of whole numbers. Its reference is computed as for the
+    /// hovering drone, and the other gain is from SciPy 1.17.1: `solve_continuous_are(A, B, Q, R)`.
     #[test]
     fn gain_of_a_dense_system_is_that_of_sixty_digits_and_of_scipy() {
         let a =
@@ -203,7 +202,7 @@ mod tests {
             let k = lqr(&a, &b, &q, &r).unwrap_or_else(|e| panic!("case {case}: {e}"));
             let closed = &a - &b * &k;
             assert!(is_hurwitz(&closed), "case {case} is unstable");
-            // X of the closed loop's Lyapunov equation depends on K only, and not on the solver.
+            // The X of the closed loop's Lyapunov equation depends only on K, not on the solver.
             let x = lyapunov(&closed, &(q + k.transpose() * &r * &k));
             let again = r.try_inverse().unwrap() * b.transpose() * x;
             assert!((again - &k).norm() < 1e-7 * k.norm(), "case {case}: K is no fixed point");

@@ -1,4 +1,4 @@
-//! Gain and phase margins of a feedback, and models with input lag.
+//! Gain and phase margins of a feedback loop, and models with input lag.
 
 use std::f64::consts::PI;
 
@@ -7,18 +7,20 @@ use nalgebra::{Complex, DVector};
 use super::Matrix;
 use super::linear::{is_hurwitz, with_states};
 
-/// Lowest and highest frequency of the sweep in rad/s, far outside the range of a drone's loops.
+/// Lowest and highest frequency of the sweep in rad/s, far beyond the crossovers of a drone's
+/// loops.
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
-/// Number of steps of the sweep. A step of 0.4 % separates all crossings but two within one step.
+/// Number of steps of the sweep. With steps of 0.4 %, only two crossings within one step are
+/// missed.
 const SWEEP_STEPS: u32 = 4000;
-/// Number of bisections of the step around a crossing, which narrow 0.4 % to 1e-12.
+/// Number of bisections of the step around a crossing, which reduce its 0.4 % to 1e-12.
 const HALVINGS: u32 = 30;
 
-/// Margins of one loop, opened at its input, with the others closed.
+/// Margins of one loop, which is opened at its input while the other loops stay closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Margins {
-    /// Largest factor above 1 on the input up to which the loop is stable, or `None` without a
-    /// limit.
+    /// Largest factor above 1 on the input up to which the loop is stable, or `None` if it always
+    /// is.
     pub gain_up: Option<f64>,
     /// Smallest factor below 1 down to which the loop is stable, or `None` if there is no limit.
     pub gain_down: Option<f64>,
@@ -86,8 +88,8 @@ fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
                 (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(crossover));
             }
         }
-        // At a phase crossover, where L is real and negative, the factor −1/L on the input makes L
-        // = −1. The nearest factors above and below 1 are kept.
+        // At a phase crossover, L is real and negative, so a factor of −1/L on the input makes it
+        // −1. The nearest factors above and below 1 are kept.
         if let Some((_, value)) = crossing(&response, range, values, |l| l.im)
             && value.re < 0.0
         {

@@ -1,8 +1,8 @@
-//! Control, the mathematics of linear systems without any drone.
+//! Control theory of linear systems, independent of any drone.
 //!
-//! Input: a model `ẋ = A x + B u`, `y = C x`, and weights. Output: the gain of a linear-quadratic
-//! regulator, the gain of an observer by duality, and properties of a model, which are its
-//! stability, the number of observable states, its poles, and its gain and phase margins.
+//! The input is a model `ẋ = A x + B u`, `y = C x`, and weights. The output is the gain of a
+//! linear-quadratic regulator, the gain of an observer by duality, and properties of the model,
+//! which are its stability, number of observable states, poles, and gain and phase margins.
 //!
 //! Algebraic Riccati equations are solved by structure-preserving doubling. A Cayley transform
 //! converts the continuous equation to a discrete one. No gain is computed from eigenvalues,
@@ -15,8 +15,8 @@
 //! J. Control 77 (2004) 767–788. Anderson, Moore, "Optimal Control: Linear Quadratic Methods"
 //! (1990).
 //!
-//! Cross weights between state and input, descriptor systems, and semidefinite solutions (a state
-//! without cost is refused) are not modeled.
+//! Cross weights between state and input, descriptor systems, and semidefinite solutions (for a
+//! state without cost) are not supported.
 
 use nalgebra::DMatrix;
 
@@ -26,7 +26,7 @@ mod margins;
 mod poles;
 mod riccati;
 
-/// Matrix of dynamic size, so that analysis and design are compiled once for all sizes of systems.
+/// Matrix of dynamic size, so that analysis and design are compiled once for systems of any size.
 type Matrix = DMatrix<f64>;
 
 pub(crate) use linear::with_states;

@@ -9,7 +9,7 @@ use super::Matrix;
 /// #764).
 const MAX_ITERATIONS: usize = 10_000;
 /// Units in the last place up to which an entry below the diagonal counts as zero. A fourfold pole,
-/// such as that of four equal rotors, converges to between one and sixteen units.
+/// such as that of four equal rotors, converges to within one to sixteen units.
 const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 
 /// Returns the eigenvalues of `A` (1/s) by descending real part, then by descending imaginary part.

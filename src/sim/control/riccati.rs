@@ -6,20 +6,20 @@ use super::Matrix;
 use super::linear::{is_hurwitz, with_states};
 use noctograph_core::error::{Error, Result};
 
-/// Maximum number of doublings. Each doubling squares the error, so that a solvable problem takes 7
-/// to 15. Only a closed loop with a pole within 1e-12 of the stability boundary takes more.
+/// Maximum number of doublings. Each doubling squares the error, so a solvable problem takes 7 to
+/// 15 doublings. Only a closed loop with a pole within 1e-12 of the stability boundary takes more.
 const MAX_DOUBLINGS: usize = 60;
 /// Relative change of the solution at which the doubling has converged, which is a few units in the
-/// last place. A smaller value would wait for rounding noise.
+/// last place. A smaller value would be lost in rounding noise.
 const CONVERGED: f64 = 1e-15;
-/// Maximum residual of an accepted solution, relative to its terms (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, of
-/// which the rounding of `X` causes 1e-16). Well-posed problems leave 1e-12 or less.
+/// Maximum residual of an accepted solution, relative to the terms `‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`. The
+/// rounding of `X` alone causes 1e-16, and well-posed problems leave 1e-12 or less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
 /// flight's problem leaves a residual of 1e-15. Weights that differ by six decades leave a residual
 /// of up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Maximum number of refinement steps. Each step squares the error, so that only rounding is left
+/// Maximum number of refinement steps. Each step squares the error, so only rounding errors remain
 /// after two.
 const MAX_REFINEMENTS: usize = 2;
 /// Maximum number of shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the
@@ -33,13 +33,12 @@ const LYAPUNOV_SHIFT: f64 = 0.25;
 /// Returns the stabilizing solution `X` of `AᵀX + XA − XGX + Q = 0`, where `G = B R⁻¹ Bᵀ`.
 ///
 /// `G` and `Q` must be symmetric and positive semidefinite. The solution is accepted only if its
-/// residual is below 1e-10 of the sizes of the equation's terms, if it is positive definite, and if
-/// `A − GX` is stable. There is no solution if an uncontrollable mode is unstable, or if a mode has
-/// no cost. For the reference flight's problem, the solution agrees with one of 50 digits to within
-/// 1e-15.
+/// residual is below 1e-10 of the equation's terms, if it is positive definite, and if `A − GX` is
+/// stable. There is no solution if an uncontrollable mode is unstable, or if a mode has no cost.
+/// For the reference flight's problem, it agrees with a 50-digit solution to within 1e-15.
 pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
-    // Each shift is transformed, doubled, refined and checked. A shift that is an eigenvalue of A
-    // fails, and the next one is tried.
+    // For each shift, the equation is transformed, solved by doubling, refined and checked. A shift
+    // that is an eigenvalue of A fails, and the next one is tried.
     let mut shift = mean_pole(a, g, q);
     for _ in 0..MAX_SHIFTS {
         let x = through_cayley(a, g, q, shift).map(|x| refined(x, a, g, q));
@@ -89,9 +88,9 @@ fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matr
     )
 }
 
-/// Returns the geometric mean of the closed loop's |poles|, `|det H|^(1/2n)` of the Hamiltonian
-/// matrix, whose spectrum is that of the closed loop and its mirror image. This shift gives the
-/// best condition.
+/// Returns the geometric mean of the magnitudes of the closed loop's poles, `|det H|^(1/2n)`. The
+/// spectrum of the Hamiltonian matrix H is that of the closed loop and its mirror image. This shift
+/// gives the best-conditioned problem.
 fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
     let hamiltonian = with_states(a, &-g, &-q, &-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();
@@ -101,7 +100,7 @@ fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
 }
 
 /// Refines a solution by Newton's method (Kleinman 1968), which adds the `D` of `A_cᵀ D + D A_c +
-/// residual = 0` with `A_c = A − GX` while the residual is above rounding.
+/// residual = 0` with `A_c = A − GX` while the residual exceeds rounding errors.
 fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
     for _ in 0..MAX_REFINEMENTS {
         let quadratic = &x * g * &x;
@@ -161,7 +160,7 @@ fn one_like(m: &Matrix) -> Matrix {
     Matrix::identity(m.nrows(), m.ncols())
 }
 
-/// Makes the error for an equation without a solution that [`solves_care`] accepts.
+/// Creates the error for an equation without a solution that [`solves_care`] accepts.
 fn no_solution() -> Error {
     Error::infeasible(
         "the Riccati equation has no stabilizing, positive definite solution",

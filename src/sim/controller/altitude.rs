@@ -1,8 +1,8 @@
-//! Altitude hold, which takes the collective thrust from an estimated thrust map, and everything
+//! Altitude hold, in which the collective thrust comes from an estimated thrust map, and everything
 //! else from the regulator around the moving reference.
 //!
 //! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed,
-//! because α⁰ and α¹ follow the battery and the load.
+//! because the estimates of α⁰ and α¹ adapt to the battery and the load.
 
 use nalgebra::{Vector3, dmatrix};
 
@@ -14,15 +14,15 @@ use crate::vehicle::{State, attitude, position, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::Result;
 
-/// Minimum lift per throttle in m/s², because a gain of zero or less would reverse the loop.
+/// Minimum acceleration per unit throttle in m/s², because a gain of zero or less would make the
+/// loop unstable.
 const LEAST_GAIN_M_S2: f64 = 1.0;
-/// Error of the vertical velocity in m/s with the same weight as `controller.altitude.error_m`.
+/// Vertical velocity error in m/s that costs as much as an error of `controller.altitude.error_m`.
 const ERROR_M_S: f64 = 1.0;
 /// Cosine of the largest tilt for which the throttle compensates.
 const LEAST_COS_TILT: f64 = 0.5;
-/// Bound in m of the horizontal error that the regulator receives. When satellites return after 10
-/// s without a fix, the estimate moves by meters, for which the regulator would turn the drone
-/// over.
+/// Maximum horizontal error in m that the regulator receives. When satellite fixes return after 10
+/// s, the estimate jumps by meters, at which the regulator would otherwise flip the drone over.
 const REACH_M: f64 = 0.5;
 
 /// Map from a throttle, 0 to 1, to the vertical acceleration, `z̈ = α⁰ + α¹ τ`.
@@ -30,7 +30,7 @@ const REACH_M: f64 = 0.5;
 pub struct ThrustMap {
     /// Vertical acceleration at zero throttle, α⁰.
     pub(crate) offset_m_s2: f64,
-    /// Vertical acceleration per throttle, α¹.
+    /// Vertical acceleration per unit throttle, α¹.
     pub(crate) gain_m_s2: f64,
 }
 
@@ -66,7 +66,8 @@ pub(super) struct AltitudeHold {
 }
 
 impl AltitudeHold {
-    /// Makes the controller of the options, with the vehicle's thrust map until one is given.
+    /// Creates the controller that the options describe, with the vehicle's thrust map until one is
+    /// given.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {
@@ -90,7 +91,7 @@ fn within_reach(estimate: &State, reference_m: &Vector3<f64>) -> State {
 }
 
 impl Controller for AltitudeHold {
-    /// Takes the throttle from the thrust map, and the torques from the regulator.
+    /// Combines the throttle from the thrust map with the torques from the regulator.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // The desired vertical acceleration follows from altitude and vertical velocity.
         let up = attitude(estimate).world_from_body().row(2).into_owned();
@@ -100,7 +101,7 @@ impl Controller for AltitudeHold {
         let acceleration_m_s2 = reference.acceleration_m_s2.z
             - k_z * error_m
             - k_v * (velocity_m_s - reference.velocity_m_s.z);
-        // The throttle follows from the map, and is higher if the drone is tilted. The regulator
+        // The throttle follows from the thrust map, and increases with the tilt. The regulator
         // commands the torques.
         let cos_tilt = up[2].max(LEAST_COS_TILT);
         let throttle = (self.map.throttle(acceleration_m_s2) / cos_tilt).min(1.0);

@@ -1,9 +1,9 @@
 //! Gains of the linear-quadratic regulators.
 //!
-//! A regulator designed for immediate motors oscillates on a drone whose rotors take a tenth of a
-//! second. For lagging rotors, the model is augmented by the four lagging inputs, and for integral
-//! action by the three integrals of the position (Anderson, Moore, "Optimal Control", 1990,
-//! chapters 3 and 4).
+//! A regulator designed for instantaneous motors oscillates on a drone whose rotors take a tenth of
+//! a second to respond. For lagging rotors, the model is augmented by the four lagging inputs, and
+//! for integral action by the three integrals of the position (Anderson, Moore, "Optimal Control",
+//! 1990, chapters 3 and 4).
 
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
@@ -11,18 +11,20 @@ use crate::control::{dynamic, lqr, with_input_lag};
 use crate::options::{LqrOptions, MotorLag, SimOptions};
 use noctograph_core::error::{Error, Result};
 
-/// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
+/// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)`, in which û is the modeled rotors'
+/// output.
 #[derive(Clone, Debug)]
 pub(crate) struct Gain {
     /// Gain K, 4×12, or 4×15 with integral action.
     pub(crate) k: DMatrix<f64>,
-    /// Gain `K_u`, which is zero for immediate rotors.
+    /// Gain `K_u`, which is zero for instantaneous rotors.
     pub(crate) k_rotor: Matrix4<f64>,
 }
 
 impl Gain {
     /// Returns the gain for the model `ẋ = A x + B u` of [`with_integrals`], which is the given
-    /// gain, or that of the weights. Returns an error for weights without a stabilizing gain.
+    /// gain, or the one computed from the weights. Returns an error if no gain stabilizes the
+    /// model.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();
@@ -41,8 +43,8 @@ impl Gain {
             let k = lqr(a, b, &q, &r).map_err(without_gain)?;
             return Ok(Self { k, k_rotor: Matrix4::zeros() });
         };
-        // The inputs are scaled so that their weight is 1, because newtons and millinewton meters
-        // then have the same size. The gain is scaled back at the end.
+        // The inputs are scaled so that their weights are 1, which makes newtons and millinewton
+        // meters comparable. The gain is scaled back at the end.
         let unit = Matrix4::from_diagonal(&r.map(|weight| 1.0 / weight.sqrt()));
         let per_unit = Matrix4::from_diagonal(&r.map(f64::sqrt));
         let b = b * dynamic(&unit);
@@ -71,8 +73,8 @@ pub(crate) fn with_integrals(
 }
 
 /// Returns the lag in s that a regulator models, which is the mean of the motors' rise and fall.
-/// Returns `None` for immediate motors, for an ignored lag, and for a given gain without columns
-/// for rotors.
+/// Returns `None` for instantaneous motors, for an ignored lag, and for a given gain without
+/// columns for rotors.
 pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
     let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
@@ -82,7 +84,7 @@ pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     (lag_s > 0.0 && is_modeled).then_some(lag_s)
 }
 
-/// Adds the keys of the weights to the error of the gain.
+/// Adds the keys of the weights to the error for a missing gain.
 fn without_gain(error: Error) -> Error {
     Error::infeasible(
         format!("controller.lqr.q and .r give no stabilizing gain: {error}"),

@@ -1,11 +1,11 @@
-//! Geometric tracking on SE(3), without Euler angles and without a small-angle model.
+//! Geometric tracking control on SE(3), without Euler angles or small-angle approximations.
 //!
 //! The sources are Lee, Leok, `McClamroch`, "Geometric tracking control of a quadrotor UAV on
 //! SE(3)", CDC 2010, and for the integral terms Goodarzi, Lee, Leok, "Geometric nonlinear PID
 //! control of a quadrotor UAV on SE(3)", ECC 2013, as in the firmware's `controller_lee.c` and
 //! `power_distribution_quadrotor.c`, releases 2024.10 to 2026.08. A test compares the commands with
-//! those of its compiled C code. Neither the force nor the integrals are bounded, and saturated
-//! motors do not stop the integrals.
+//! those of its compiled C code. Neither the force nor the integrals are bounded, and the integrals
+//! continue while motors are saturated.
 //!
 //! Limits of the errors (100 m, 100 m/s) and a changing yaw are not modeled.
 
@@ -16,7 +16,7 @@ use crate::options::{GeometricOptions, SimOptions};
 use crate::vehicle::{Mixer, State, Wrench, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Thrust in N below which both integrals are reset, as on the floor or in a fall.
+/// Thrust in N below which both integrals are reset, for example on the floor or in a fall.
 const LEAST_THRUST_N: f64 = 0.01;
 
 /// Controller that computes thrust and torque from the errors of position and attitude.
@@ -26,7 +26,7 @@ pub(super) struct Geometric {
     mass_kg: f64,
     inertia_kg_m2: Vector3<f64>,
     mixer: Mixer,
-    /// Maximum command, if the battery's compensation does not limit the motors.
+    /// Maximum motor command, unless battery compensation imposes a lower limit.
     most: f64,
     tick_s: f64,
     /// Integral of the position error in m s.
@@ -81,8 +81,8 @@ impl Controller for Geometric {
         if thrust_n < LEAST_THRUST_N {
             self.reset_integrals();
         }
-        // The desired attitude has its body axis along the desired force. A drone that would have
-        // to push down is held level.
+        // The desired attitude aligns the body's z axis with the desired force. A drone that would
+        // have to thrust downward is held level.
         let wanted = wanted_attitude(&if thrust_n > 0.0 { force } else { Vector3::z() });
         let error = attitude_error(&wanted, &world_from_body);
         self.attitude_sum += error * self.tick_s;
@@ -110,8 +110,8 @@ impl Controller for Geometric {
         self.reset_integrals();
     }
 
-    /// Sets the estimated heading to zero. The firmware's supervisor also resets the modes of x and
-    /// y. This controller does not use the modes and follows the last setpoint.
+    /// Sets the estimated heading to zero. The firmware's supervisor also resets the setpoint modes
+    /// of x and y, but this controller ignores the modes and follows the last setpoint.
     fn level_out(&self, estimate: &mut State, _: &mut Reference) {
         estimate[3] = 0.0;
     }
@@ -134,15 +134,15 @@ fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[left.cross(&up), left, up])
 }
 
-/// Returns the angular rate of the desired attitude in its own frame, which follows from the jerk
-/// because the z axis follows the force.
+/// Returns the angular rate of the desired attitude in the frame of that attitude. The rate follows
+/// from the jerk, because the z axis follows the force.
 fn wanted_rate(wanted: &Matrix3<f64>, jerk_m_s3: &Vector3<f64>, thrust_m_s2: f64) -> Vector3<f64> {
     let turn = wanted.tr_mul(jerk_m_s3) / thrust_m_s2;
     Vector3::new(-turn.y, turn.x, 0.0)
 }
 
 /// Returns the attitude error `½ (R_dᵀ R − Rᵀ R_d)^∨`, which for a small rotation is the rotation
-/// vector from the desired attitude in body axes in rad.
+/// vector in rad from the desired attitude, in body axes.
 fn attitude_error(wanted: &Matrix3<f64>, actual: &Matrix3<f64>) -> Vector3<f64> {
     let turn = wanted.transpose() * actual;
     Vector3::new(

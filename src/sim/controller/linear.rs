@@ -3,11 +3,11 @@
 //! One call of [`Controller::command`] maps the estimate's deviation from hover and the memory
 //! (integrals, last measurements, filters) to motor commands and to the next memory. Central
 //! differences of this map give a discrete system. The inverse of Tustin's transform converts it to
-//! a continuous system with the same integrals. The derivatives of that system are correct far
-//! below the rate of the commands.
+//! a continuous system with the same integrals. That system's derivatives are accurate far below
+//! the command rate.
 //!
-//! Saturation, and the time for which a command is held, are not modeled. The cascade's position
-//! loop, which runs at a fifth of the rate, is treated as running at the full rate.
+//! Saturation and the hold time of a command are not modeled. The cascade's position loop, which
+//! runs at a fifth of the rate, is treated as running at the full rate.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -17,7 +17,8 @@ use crate::vehicle::{Mixer, State};
 use noctograph_core::error::Result;
 
 /// Step of the differences, which is 0.1 mm, 0.1 mm/s, 0.1 mrad, 0.1 mrad/s, and as much in the
-/// units of the memory. At this step, no loop saturates, and rounding stays below 1e-9 of a gain.
+/// units of the memory. At this step, no loop saturates, and rounding errors stay below 1e-9 of a
+/// gain.
 const STEP: f64 = 1e-4;
 
 /// Numbers of states of the drone and of inputs of the wrench.
@@ -53,7 +54,8 @@ impl LinearController {
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
-    /// Returns the continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` makes this one.
+    /// Returns the continuous system from which Tustin's `s = 2 (z − 1) / (T (z + 1))` gives this
+    /// one.
     fn continuous(self, tick_s: f64) -> Self {
         // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
@@ -102,7 +104,7 @@ mod tests {
         assert_eq!(linear.f.nrows(), 6);
         let (k, mass_kg) = (&linear.k, vehicle.mass_kg);
         let forward = -j_y * gains.k_attitude[1] * gains.k_position / GRAVITY_M_S2;
-        // An integral of the position error acts with k_position_integral per second.
+        // The integral of the position error acts with the gain k_position_integral.
         let integral = linear.h.row(3) * linear.g.column(2);
         for (slope, want, what) in [
             (k[(3, 2)], -mass_kg * gains.k_position, "thrust per height"),
@@ -145,7 +147,8 @@ mod tests {
         let remaining = libm::exp(-0.1 * tick_s / lag_s);
         let (mut state, hover) = (State::zeros(), vehicle.hover());
         controller.rest(&state);
-        // At rest, the cascade does not command hover, because in flight its integral does so.
+        // At rest, the cascade does not command the hover thrust, which comes from its integral in
+        // flight.
         let base = mixer.wrench(&controller.command(&state, &at_rest).motors);
         controller.rest(&state);
         let mut rotors = hover;
@@ -176,7 +179,7 @@ mod tests {
         for &kind in kinds.filter(|kind| !matches!(kind.law(), Law::StateFeedback { .. })) {
             let mut options = SimOptions::cf21();
             options.controller.kind = kind;
-            // The firmware's gains leave a delay margin of 3 ms, little more than a tick.
+            // With the firmware's gains, the delay margin is 3 ms, little more than a tick.
             options.controller.geometric.k_attitude = [330.0; 3];
             let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
             let design = design(&options, lag_s).unwrap();

@@ -1,6 +1,6 @@
-//! Linear-quadratic regulators, which are that of the reference flight, one with the reference fed
-//! forward, and one with integral action, which leaves no constant error under a constant
-//! disturbance.
+//! Linear-quadratic regulators, which are that of the reference flight, one with feedforward of the
+//! reference, and one with integral action. Integral action removes the constant error that a
+//! constant disturbance causes.
 
 use nalgebra::{Matrix4, SMatrix, Vector3};
 
@@ -11,17 +11,17 @@ use crate::options::SimOptions;
 use crate::vehicle::{Mixer, State, Wrench, at_rest, position};
 use noctograph_core::error::Result;
 
-/// Bound of the integral of the position error in m s for each axis. The reference flight's center
-/// of mass requires 0.16. An integral beyond the bound would take seconds to decrease again.
+/// Bound per axis, in m s, of the integral of the position error. The reference flight's center of
+/// mass requires 0.16 m s. A larger integral would take seconds to decrease again.
 const MAX_SUM: f64 = 1.0;
 
-/// Control law `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`, with the last
-/// term for lagging rotors.
+/// Control law `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`, in which the
+/// last term is for lagging rotors.
 ///
 /// The reference is either the held setpoint, at rest and level, which the drone trails by half a
 /// second, or the moving reference with the attitude and the thrust that its acceleration requires.
-/// With held setpoints, an integral would overshoot by as much as the drone trails, so that the
-/// regulator with integrals follows the moving reference.
+/// With held setpoints, an integral would overshoot by as much as the drone trails. The regulator
+/// with integrals therefore follows the moving reference.
 #[derive(Clone, Debug)]
 pub(super) struct Lqr {
     k: SMatrix<f64, 4, 12>,
@@ -35,15 +35,14 @@ pub(super) struct Lqr {
     tick_s: f64,
     /// Output of the modeled rotors, which is not measured.
     rotors: Wrench,
-    /// Fraction of the rotors' old output that remains when the next command is sent. The fraction
-    /// is 0 for rotors without lag.
+    /// Fraction of the rotors' old output that remains at the next command, or 0 without lag.
     remaining: f64,
     /// Integral of the position error in m s.
     sum: Vector3<f64>,
 }
 
 impl Lqr {
-    /// Makes the regulator of the options from the hover model with a centered mass.
+    /// Creates the regulator that the options describe, from the hover model with a centered mass.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         // The model is linearized at hover and augmented by integrals, and the gain is split by
         // columns.
@@ -104,7 +103,7 @@ impl Lqr {
         reference: &Reference,
         thrust_n: Option<f64>,
     ) -> Command {
-        // The modeled rotors follow the motor commands after clamping, not the desired wrench.
+        // The modeled rotors follow the clamped motor commands, not the desired wrench.
         let (mut wrench, error_m) = self.wrench(estimate, reference);
         wrench[3] = thrust_n.unwrap_or(wrench[3]);
         let (motors, saturated) = self.mixer.motors(&wrench);

@@ -35,11 +35,12 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
 
-    /// Prepares for another kind of setpoint, to level out, to return from that, or to land.
+    /// Prepares for a change in the kind of setpoint, to level out, to resume the flight, or to
+    /// land.
     fn change_mode(&mut self, _: &State) {}
 
-    /// Changes estimate and reference for a flight without setpoints, which is level at the height
-    /// of the last setpoint, as in the firmware.
+    /// Changes estimate and reference so that the drone flies level at the height of the last
+    /// setpoint, as the firmware does when setpoints stop arriving.
     fn level_out(&self, estimate: &mut State, reference: &mut Reference) {
         // Without errors of position and velocity in x and y, the controller levels the drone.
         let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);
@@ -49,8 +50,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
         estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
     }
 
-    /// Returns the memory between two commands, as values that may be set. The memory is empty for
-    /// the regulators, whose gains are known.
+    /// Returns the memory between two commands, as values that may be set. The regulators have no
+    /// such memory, because their gains are known.
     fn memory(&mut self) -> Vec<&mut f64> {
         Vec::new()
     }
@@ -68,7 +69,7 @@ pub(super) struct Command {
     pub(super) saturated: bool,
 }
 
-/// Makes the controller of the options' kind. Returns an error for weights without a gain.
+/// Creates the controller that the options select. Returns an error if the weights give no gain.
 pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
     Ok(match options.controller.kind {
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {

@@ -3,8 +3,7 @@
 //! Position and velocity loops (in world axes rotated by the yaw) set roll, pitch and thrust 100
 //! times per second. Attitude and rate loops set the commands for the mixer 500 times per second.
 //! Inside the cascade, angles are in degrees and commands in 1/65535 of a motor's range, as in the
-//! firmware, so that its constants are unchanged. Only the pitch has the sign of this program
-//! instead of the firmware's.
+//! firmware, so that the firmware's constants apply. Only the sign of the pitch is this program's.
 //!
 //! The source is bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
 //! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c` and `pid.c`. A test
@@ -44,26 +43,26 @@ const RATE_INTEGRAL_MAX: [f64; 3] = [33.3, 33.3, 166.7];
 const COMMAND_MAX: f64 = 32_767.0;
 
 /// Cutoff frequency in Hz of the filter for a rate's derivative
-/// (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The firmware leaves the filter out on a Crazyflie 2.x,
-/// whose motors lag. A drone with immediate motors needs it, because the derivative (1.6 times the
-/// change of the rate, every 2 ms) would turn it over.
+/// (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The firmware omits the filter on a Crazyflie 2.x, whose
+/// motors lag. A drone with instantaneous motors needs the filter, because the derivative (1.6
+/// times the change of the rate, every 2 ms) would flip it over.
 const RATE_CUTOFF_HZ: f64 = 30.0;
 
-/// Butterworth low-pass filter of order 2, by the bilinear transform.
+/// Second-order Butterworth low-pass filter, by the bilinear transform.
 #[derive(Clone, Debug)]
 struct LowPass {
-    /// Gain of the newest input, which is half that of the one before it and equal to the oldest's.
+    /// Gain of the newest and of the oldest input. The input between them has twice this gain.
     b: f64,
-    /// Gains of the last two outputs, which are subtracted.
+    /// Gains of the last two outputs, whose products are subtracted.
     a: [f64; 2],
     inputs: [f64; 2],
     outputs: [f64; 2],
 }
 
 impl LowPass {
-    /// Makes a filter whose previous inputs and outputs are zero.
+    /// Creates a filter whose previous inputs and outputs are zero.
     fn new(cutoff_hz: f64, rate_hz: u32) -> Self {
-        // The tangent has a pole at half the sampling rate.
+        // The frequency is limited, because the tangent has a pole at half the sampling rate.
         let w = libm::tan(PI * (cutoff_hz / f64::from(rate_hz)).min(0.45));
         let scale = 1.0 + SQRT_2 * w + w * w;
         let a = [2.0 * (w * w - 1.0) / scale, (1.0 - SQRT_2 * w + w * w) / scale];
@@ -98,9 +97,10 @@ impl Pid {
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
-    /// Returns the output for an error from the setpoint and the measurement that it is based on.
+    /// Returns the output for an error and for the measurement from which the error was computed.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
-        // The derivative is that of the measurement, so that a step of the setpoint causes no kick.
+        // The derivative is taken of the measurement, so that a step of the setpoint causes no
+        // kick.
         let [kp, ki, kd] = self.gains;
         let rate = (measured - self.measured) / self.dt_s;
         let rate = self.filter.as_mut().map_or(rate, |filter| filter.update(rate));
@@ -137,7 +137,7 @@ pub(super) struct PidCascade {
     velocity: [Pid; 3],
     attitude: [Pid; 3],
     rate: [Pid; 3],
-    /// Maximum command, if the battery's compensation does not limit the motors.
+    /// Maximum motor command, unless battery compensation imposes a lower limit.
     most: f64,
     /// Motor command per unit of the firmware's command.
     scale: f64,
@@ -147,7 +147,7 @@ pub(super) struct PidCascade {
     wanted: [f64; 2],
     thrust: f64,
     thrust_base: f64,
-    /// True if the firmware resets all loops for another kind of setpoint.
+    /// True if the firmware resets all loops when the kind of setpoint changes.
     resets: bool,
 }
 
@@ -156,11 +156,11 @@ impl PidCascade {
         let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
         let vehicle = &options.vehicle;
         let [position, velocity, attitude, rate] = options.controller.pid.gains();
-        // The integrals and outputs are bounded about x y z or roll pitch yaw.
+        // The bounds of integrals and outputs are in the order x y z or roll pitch yaw.
         let (speed_max, tilt_max) = (SPEED_MAX * OVERHEAD, TILT_MAX * OVERHEAD);
         let velocity_max = [tilt_max, tilt_max, FULL / 2.0 / THRUST_SCALE];
         let mut rate = loops(rate, RATE_INTEGRAL_MAX, [COMMAND_MAX; 3], fast_hz);
-        // Immediate motors require a filter for the derivatives of the tilt rates.
+        // With instantaneous motors, the derivatives of the roll and pitch rates require a filter.
         if vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0 {
             let filter = LowPass::new(RATE_CUTOFF_HZ, fast_hz);
             rate[..2].iter_mut().for_each(|tilt| tilt.filter = Some(filter.clone()));
@@ -206,7 +206,7 @@ impl PidCascade {
             let wanted = self.position[i].update(setpoint_m[i] - position_m[i], position_m[i]);
             out[i] = self.velocity[i].update(wanted - velocity_m_s[i], velocity_m_s[i]);
         }
-        // Forward corresponds to positive pitch, nose down, and left to negative roll.
+        // Forward motion requires positive pitch (nose down), and motion to the left negative roll.
         let [ahead, left, up] = out;
         self.wanted = [-left, ahead].map(|angle| angle.clamp(-TILT_MAX, TILT_MAX));
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
@@ -219,7 +219,7 @@ impl PidCascade {
         let rates = rate(estimate).map(f64::to_degrees);
         let wanted = [self.wanted[0], self.wanted[1], 0.0];
         std::array::from_fn(|i| {
-            // The shorter rotation is taken, which only matters for the yaw.
+            // The shorter rotation is used, which matters only for the yaw.
             let error = wanted[i] - angles[i];
             let error = error - 360.0 * (error / 360.0).round();
             let wanted_rate = self.attitude[i].update(error, angles[i]);
@@ -260,7 +260,7 @@ impl Controller for PidCascade {
     }
 }
 
-/// Makes three loops with their gains and the bounds of their integrals and outputs.
+/// Creates three loops with their gains and the bounds of their integrals and outputs.
 fn loops(
     gains: [[f64; 3]; 3],
     integral_max: [f64; 3],

@@ -1,4 +1,4 @@
-//! Reference of a controller at one instant.
+//! Reference for a controller at one instant.
 
 use nalgebra::Vector3;
 
@@ -7,12 +7,13 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::{Attitude, turned};
 use noctograph_core::plan::Setpoint;
 
-/// Setpoint at an instant, with its position as sent, and the motion that it has described since.
+/// Reference at one instant, with the setpoint's position as sent, and its motion since then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reference {
     /// Position as sent in m, held until the next setpoint.
     pub(super) held_m: Vector3<f64>,
-    /// Present reference position in m, with the offset of the sent position from the setpoint.
+    /// Present reference position in m, including the offset of the sent position from the
+    /// setpoint.
     pub(crate) position_m: Vector3<f64>,
     pub(crate) velocity_m_s: Vector3<f64>,
     /// Reference acceleration in m/s².
@@ -54,8 +55,8 @@ impl Reference {
     /// x would follow the reference without any error, since a quadrotor is differentially flat
     /// (Mellinger, Kumar, ICRA 2011).
     pub(super) fn trim(&self) -> (State, f64) {
-        // The attitude aligns the thrust with gravity and acceleration. The body does not rotate,
-        // because the acceleration is constant between two setpoints.
+        // The attitude aligns the thrust with the sum of acceleration and gravity compensation. The
+        // body does not rotate, because the acceleration is constant between two setpoints.
         let force = self.acceleration_m_s2 + Vector3::z() * GRAVITY_M_S2;
         let thrust_m_s2 = force.norm();
         let pitch_rad = libm::atan2(force.x, force.z);

@@ -66,7 +66,7 @@ fn root_mean_square(errors: impl Iterator<Item = f64>) -> f64 {
     f64::sqrt(sum / n)
 }
 
-/// Returns the RMSE in the plane if the flight were `lag` samples earlier.
+/// Returns the in-plane RMSE with the flight shifted to `lag` samples earlier.
 fn rmse_after(samples: &[(Vector2<f64>, Vector2<f64>)], lag: usize) -> f64 {
     let pairs = samples.iter().zip(&samples[lag..]);
     root_mean_square(pairs.map(|((design, _), (_, position))| (position - design).norm()))
@@ -125,8 +125,8 @@ fn the_firmwares_cascade_trails_as_thirteen_real_letters_did() {
 
 #[test]
 fn a_regulator_that_knows_of_the_rotors_lag_trails_by_little_more() {
-    // The gain is designed for the rotors of cf21, which take 0.12 s, with the team's weights. The
-    // drag, which nothing feeds forward, adds to the lag.
+    // The gain is designed with the team's weights for the rotors of cf21, which lag by 0.12 s.
+    // Drag, which is not fed forward, adds to the lag.
     let noor = word("NOOR", Extent::Letters);
     for kind in [ControllerKind::Lqr, ControllerKind::LqrFeedforward, ControllerKind::LqrIntegral] {
         let mut options = undisturbed(kind);
@@ -187,7 +187,7 @@ fn the_geometric_law_holds_a_full_state_until_the_next_and_turns_with_the_jerk_o
         [0.02, 0.1].map(|interval_s| flown(&figure_eight(interval_s), &options, 0).unwrap());
     let later_s = lag(&seldom).0 - lag(&often).0;
     assert!((later_s - 0.04).abs() < 0.009, "half an interval: {later_s} s");
-    // A setpoint that lasts long is sent again every 0.1 s as it moves.
+    // A long setpoint is updated and sent again every 0.1 s.
     let still = lag(&flown(&figure_eight(0.2), &options, 0).unwrap()).0;
     assert!((still - lag(&seldom).0).abs() < 0.02, "{still} s");
     let mut on_board = figure_eight(0.01);

@@ -1,9 +1,9 @@
 //! Estimator with altitude and vertical velocity from the altitude filter, and everything else from
 //! a Kalman filter.
 //!
-//! The altitude filter predicts at every tick from the vertical part of the throttle, and converts
-//! ranges to heights by the estimated tilt. The Kalman filter receives neither ranger nor
-//! barometer, whose biases it does not estimate.
+//! At every tick, the altitude filter predicts from the vertical component of the thrust, and
+//! ranges are converted to heights with the estimated tilt. The Kalman filter receives neither
+//! ranger nor barometer, whose biases it does not estimate.
 
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;

@@ -1,8 +1,8 @@
 //! Kalman filter of altitude, velocity, thrust map, biases and gusts.
 //!
-//! Gusts push for seconds. The gusts are a state of the filter, so that the innovations are white.
+//! Gusts last for seconds. Because they are a state of the filter, the innovations are white.
 //! Otherwise, the controller would respond to correlated innovations, and the filter would infer a
-//! wrong thrust map from the throttle's correlation with them.
+//! wrong thrust map from the correlation of the throttle with them.
 
 use crate::controller::ThrustMap;
 use crate::kalman::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
@@ -10,25 +10,25 @@ use crate::options::AltitudeOptions;
 use crate::sensors::HeightSensor;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Standard deviations in m of a satellite altitude, and of a range to the floor.
+/// Standard deviations in m of an altitude from satellites and of a range to the floor.
 const GNSS_SIGMA_M: f64 = 0.05;
 const TIME_OF_FLIGHT_SIGMA_M: f64 = 0.06;
 /// Standard deviation in m/s² and correlation time in s of the vertical acceleration due to gusts,
 /// which is a first-order Gauss-Markov process (Singer 1970), constant between predictions.
 const GUST_SIGMA_M_S2: f64 = 0.15;
 const GUST_TIME_S: f64 = 2.0;
-/// Random walk of α⁰, because mass and lift at zero throttle hardly change.
+/// Random walk of α⁰, which is small because mass and lift at zero throttle hardly change.
 const OFFSET_WALK_M_S2_SQRT_S: f64 = 0.005;
-/// Random walk of the floor, which is level between steps.
+/// Random walk of the floor's height, which is constant between steps.
 const RANGER_WALK_M_SQRT_S: f64 = 0.003;
-/// Random walk of the barometer's bias from a draft or a weather front, which is 2 cm/s at most.
+/// Random walk of the barometer's bias, which a draft or a weather front changes by at most 2 cm/s.
 const BAROMETER_WALK_M_SQRT_S: f64 = 0.05;
-/// Standard deviation in m that a step adds to the ranger's bias.
+/// Standard deviation in m that a step of the floor adds to the ranger's bias.
 const STEP_SIGMA_M: f64 = 0.5;
 /// Standard deviation of the barometer's bias before the flight in m.
 const BAROMETER_BIAS_SIGMA_M: f64 = 0.5;
 
-/// Index of the vertical acceleration due to gusts, which no table reports.
+/// Index of the vertical acceleration due to gusts, which is not reported.
 const GUST: usize = 6;
 
 /// Index of each state that is reported.
@@ -40,7 +40,7 @@ pub enum AltitudeState {
     Velocity,
     /// Vertical acceleration α⁰ in m/s² at zero throttle.
     Offset,
-    /// Vertical acceleration α¹ in m/s² per throttle.
+    /// Vertical acceleration α¹ in m/s² per unit throttle.
     Gain,
     /// Bias of the ranger in m, which is the negative height of the floor below the drone.
     Ranger,
@@ -69,7 +69,7 @@ impl AltitudeSensor {
     }
 }
 
-/// Standard deviations of altitude, velocity and floor on the ground in m, m/s and m, respectively.
+/// Initial standard deviations of altitude (m), velocity (m/s) and floor height (m).
 const START_SIGMA: [f64; 3] = [0.05, 0.05, 0.02];
 
 /// Reading with its prediction error.
@@ -97,9 +97,9 @@ pub struct AltitudeFilter {
 }
 
 impl AltitudeFilter {
-    /// Makes the filter of a drone at rest at a known altitude.
+    /// Creates the filter for a drone at rest at a known altitude.
     ///
-    /// α⁰ begins at −g, and α¹ at the value at which the throttle `hover` makes the drone hover.
+    /// α⁰ starts at −g, and α¹ at the value for which the drone hovers at the throttle `hover`.
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
         let [altitude, velocity, floor] = START_SIGMA;
         let mut normal = Normal::independent(&[
@@ -135,8 +135,8 @@ impl AltitudeFilter {
             (1, GUST, t),
             (GUST, GUST, kept - 1.0),
         ];
-        // The entries of the noise are white acceleration, random walks of map and biases, and the
-        // noise that keeps the variance of the gust stationary.
+        // The noise consists of white acceleration noise, random walks of the thrust map and the
+        // biases, and the noise that keeps the variance of the gust stationary.
         let density = variance_rate(self.options.acceleration_noise_m_s2_sqrt_hz);
         let walks = [
             OFFSET_WALK_M_S2_SQRT_S,
@@ -161,7 +161,8 @@ impl AltitudeFilter {
 
     /// Propagates the estimate over a span on the floor with the motors off.
     pub fn rest(&mut self, span_s: f64) {
-        // Velocity and gust are reset without correlations. Altitude and thrust map are kept.
+        // Velocity and gust are reset, including their correlations. Altitude and thrust map are
+        // kept.
         let Normal { mean, covariance, .. } = &mut self.normal;
         let [_, velocity_sigma, _] = START_SIGMA;
         for (state, sigma) in
@@ -181,9 +182,9 @@ impl AltitudeFilter {
         self.readings.clear();
     }
 
-    /// Corrects the estimate with a reading. A range beyond the gate is rejected. The second
-    /// rejected range in a row changes the ranger's bias by the mean of their innovations, and
-    /// increases its variance.
+    /// Corrects the estimate with a reading. A range beyond the gate is rejected. After two
+    /// rejected ranges in a row, the ranger's bias changes by the mean of their innovations, and
+    /// its variance increases.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
         let [altitude, ranger, barometer] =
             [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]
@@ -217,7 +218,7 @@ impl AltitudeFilter {
         self.normal.sigma(state as usize)
     }
 
-    /// Returns the estimated thrust map. The offset of the map includes the estimated gust.
+    /// Returns the estimated thrust map. Its offset includes the estimated gust.
     pub fn thrust_map(&self) -> ThrustMap {
         let [offset_m_s2, gain_m_s2] =
             [AltitudeState::Offset, AltitudeState::Gain].map(|s| self.estimate(s));

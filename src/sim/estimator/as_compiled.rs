@@ -1,5 +1,5 @@
-//! Tests of the firmware's filter against its own C code, compiled and run
-//! (tests/firmware/filter.c) with the motion and the noise below.
+//! Tests of the firmware's filter against recordings of its own compiled C code
+//! (tests/firmware/filter.c), with the motion and the noise below.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -27,8 +27,8 @@ fn bow(a: f64, w: f64, t: f64) -> [f64; 3] {
     ]
 }
 
-/// Returns position, force per mass in the world frame, and attitude of a drone with drag that
-/// thrusts along its z axis, `hurry` times as fast.
+/// Returns position, force per mass in the world frame, and attitude of a drone with drag whose
+/// thrust is along its z axis, for a motion that is `hurry` times as fast.
 fn motion(t: f64, hurry: f64) -> (Vector3<f64>, Vector3<f64>, Matrix3<f64>) {
     let axes = [bow(0.5, hurry * 0.7, t), bow(0.3, hurry * 0.9, t), bow(0.3, hurry * 0.5, t)];
     let [place_m, velocity_m_s, acceleration_m_s2] =
@@ -47,7 +47,7 @@ struct Apart {
     states: [f64; 3],
     /// Largest ratio of standard deviations, minus 1.
     worst_sigma: f64,
-    /// Mean ratio of the position's standard deviations, minus 1. A single ratio may differ more.
+    /// Mean ratio of the position's standard deviations, minus 1. Single ratios may deviate more.
     mean_sigma: f64,
 }
 
@@ -103,7 +103,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
                     heard[station] = Some((turn, angles_rad));
                     continue;
                 }
-                // Every second pair is used. Both of its sweeps are passed on together.
+                // Every second pair is used. Both sweeps of a pair are passed on together.
                 let Some((_, first)) = heard[station].filter(|(then, _)| *then == turn) else {
                     continue;
                 };

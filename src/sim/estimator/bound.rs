@@ -1,13 +1,12 @@
-//! Cramér–Rao bound for the positions of drones that fly their plans on ultra-wideband ranges.
+//! Cramér–Rao bound for the estimated positions of drones that use ultra-wideband ranges.
 //!
-//! Input: plans and a drone. Output: [`Bound`], the standard deviation of each drone's position
-//! over time that no unbiased estimator can undercut. The bound is the covariance of the filter
-//! with its Jacobians taken at the true state (the posterior bound: Tichavsky, Muravchik, Nehorai,
-//! IEEE Trans. Signal Processing 46, 1998). The noise of the inertial sensors increases this
-//! covariance, and each range and height that is due decreases it. Drones with the estimator
-//! `cooperative` take turns, and receive each other's messages without loss. Only white noise is
-//! included, so that outliers and the biases of links, which dominate in many rooms, come in
-//! addition.
+//! The input is plans and a drone. The output is [`Bound`], the least standard deviation of each
+//! drone's position over time that an unbiased estimator can reach. The bound is the covariance of
+//! the filter with its Jacobians evaluated at the true state (the posterior bound: Tichavsky,
+//! Muravchik, Nehorai, IEEE Trans. Signal Processing 46, 1998). The noise of the inertial sensors
+//! increases this covariance, and each range and height that is due decreases it. Drones with the
+//! estimator `cooperative` take turns, and receive each other's messages without loss. Only white
+//! noise is included. Outliers and link biases, which dominate in many rooms, add to it.
 
 use nalgebra::Vector3;
 
@@ -24,11 +23,11 @@ use noctograph_core::plan::Plan;
 const RATE_HZ: f64 = 100.0;
 /// Minimum noise of a range or a height in m.
 const LEAST_SIGMA_M: f64 = 1e-4;
-/// Margin in m around anchors and word of the box in which a further anchor is tried.
+/// Margin in m of the box around anchors and word in which an additional anchor is tried.
 const MARGIN_M: f64 = 0.2;
-/// Minimum height of that anchor above the floor in m.
+/// Minimum height of the additional anchor above the floor in m.
 const LEAST_ANCHOR_HEIGHT_M: f64 = 0.1;
-/// Numbers of candidate positions of a further anchor along x, y and z.
+/// Numbers of candidate positions for an additional anchor along x, y and z.
 const CANDIDATES: [u32; 3] = [5, 5, 3];
 
 /// Bound along the flight of one drone.
@@ -46,8 +45,8 @@ pub struct Bound {
 ///
 /// # Errors
 ///
-/// Returns the errors of [`SimOptions::check`], and [`Error::Input`] for a positioning without
-/// ultra-wideband ranges.
+/// Returns the errors of [`SimOptions::check`], and [`Error::Input`] for a positioning system
+/// without ultra-wideband ranges.
 pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
     options.check()?;
     if !options.sensors.positioning.is_by_ranges() {
@@ -90,7 +89,7 @@ fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec
                 fleet.correct_by_heights(*sensor);
             }
         }
-        // A drone that has landed continues ranging, but its bound ends.
+        // A drone that has landed continues to measure ranges, but its bound ends.
         let flying = plans.iter().enumerate().filter(|(_, plan)| time_s <= plan.duration_s());
         for (drone, plan) in flying {
             let row = plan.row_at(time_s);
@@ -102,7 +101,7 @@ fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec
 }
 
 impl Bound {
-    /// Adds a time with the standard deviation and the lit letter.
+    /// Adds a time with its standard deviation and lit letter.
     fn push(&mut self, time_s: f64, sigma_m: f64, letter: Option<usize>) {
         self.time_s.push(time_s);
         self.sigma_m.push(sigma_m);
@@ -160,7 +159,7 @@ impl<'a> Fleet<'a> {
         self.positions_m = plans.iter().map(|plan| plan.design_m(time_s)).collect();
     }
 
-    /// Corrects the covariance for one range, or difference of ranges to two anchors.
+    /// Corrects the covariance for one range or range difference.
     fn correct_by_range(&mut self, turn: Turn) {
         let variance = square(self.sensors.uwb.noise_m.max(LEAST_SIGMA_M));
         match turn {
@@ -187,7 +186,7 @@ impl<'a> Fleet<'a> {
         }
     }
 
-    /// Corrects the covariance. At the true state, every innovation is zero.
+    /// Corrects the covariance for a measurement. At the true state, every innovation is zero.
     fn correct(&mut self, jacobian: &[Part], variance: f64) {
         self.normal.correct(&Measurement { jacobian, value: 0.0, variance }, |_| true);
     }
@@ -208,8 +207,8 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
-/// Returns the position of one more anchor for all drones that gives the lowest bound over the
-/// strokes, and that bound. The candidates form a grid in the box around anchors and word.
+/// Returns the position of an additional anchor with which all drones have the lowest bound over
+/// the strokes, and that bound. The candidates form a grid in the box around anchors and word.
 ///
 /// # Errors
 ///
@@ -263,8 +262,8 @@ mod tests {
 
     #[test]
     fn a_drone_that_is_known_to_rest_averages_its_ranges() {
-        // Without motion noise and with a start known to 10 m and without tilt, the bound along the
-        // axis of one anchor is 1/√(1/σ0² + n/σ²).
+        // Without motion noise or tilt, and with a start known to 10 m, the bound along the axis of
+        // one anchor is 1/√(1/σ0² + n/σ²).
         let mut options = options(&[[3.0, 0.0, 1.0], [0.0, 3.0, 1.0], [0.0, 0.0, 4.0]]);
         options.observer.cooperative.start_sigma_m = 10.0;
         options.observer.cooperative.start_tilt_rad = 1e-5;

@@ -1,23 +1,23 @@
-//! Extended Kalman filter of one drone that estimates all drones of its fleet.
+//! Extended Kalman filter on one drone that estimates the states of all drones in its fleet.
 //!
 //! The nine errors of this drone are those of [`Ekf`](super::ekf::Ekf). For every other drone, the
-//! filter keeps the position, the velocity and the tilt of its dead reckoning at the time of its
-//! last message. Each message advances these states by the motion that it contains, so that a lost
-//! message only delays them, and its ranges and heights correct them. A range between two drones is
-//! stored until the messages include its time. The range is compared with the positions at its own
-//! time, which follow from the present estimates and the received motion. Each drone's filter
-//! therefore uses every measurement once, and its covariance includes the common errors of the
-//! drones.
+//! filter estimates the position, the velocity and the tilt of its dead reckoning at the time of
+//! its last message. Each message advances these states by the motion that it contains, and
+//! corrects them with its ranges and heights. A lost message therefore only delays them. A range
+//! between two drones is stored until their messages cover its time. It is compared with the
+//! positions at that time, which follow from the present estimates and the received motion. Each
+//! drone's filter therefore uses every measurement once, and its covariance includes the correlated
+//! errors of the drones.
 //!
 //! A link whose measurements the gate has rejected five times in a row is accepted again
 //! ([`Gate`](crate::kalman::Gate)).
 //!
 //! Sources: S. I. Roumeliotis, G. A. Bekey, "Distributed multirobot localization", IEEE Trans.
-//! Robotics and Automation 18(5), 2002 (one filter over all robots). A. Howard, M. J. Mataric, G.
-//! S. Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
+//! Robotics and Automation 18(5), 2002 (one filter for all robots). A. Howard, M. J. Mataric, G. S.
+//! Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (double counting of estimates).
 //!
 //! Biases of ranges, of the inertial sensors and of air pressure are not estimated. The noise of
-//! the motion between a range and the present is neglected, which is below 1 mm in 0.25 s.
+//! the motion between a range and the present, below 1 mm in 0.25 s, is neglected.
 
 use std::collections::VecDeque;
 
@@ -41,15 +41,16 @@ const LONGEST_WAIT_S: f64 = 2.0;
 const ON_FLOOR_M_S2: f64 = 0.8 * GRAVITY_M_S2;
 /// Number of messages of each drone that are kept.
 const MESSAGES_KEPT: usize = 64;
-/// Number of keys kept for ranges between two other drones, so that no range is used twice.
+/// Number of ranges between two other drones that are remembered, so that none is used twice.
 const RANGES_KEPT: usize = 256;
 
 #[derive(Debug)]
 pub(crate) struct Cooperative {
-    /// Filter over all drones, of which this drone is the first, followed by the others in the
-    /// order of `peers`.
+    /// Filter for all drones, with this drone first, followed by the others in the order of
+    /// `peers`.
     joint: Ekf,
-    /// Attitude, velocity and position by the inertial sensors only, which other drones receive.
+    /// Attitude, velocity and position from the inertial sensors only, which are sent to other
+    /// drones.
     inertial: Inertial,
     /// Velocity and position from the inertial sensors with the estimated attitude.
     dead_reckoning: Reckoning,
@@ -66,7 +67,7 @@ pub(crate) struct Cooperative {
     waiting: Vec<(usize, f64, Reckoning)>,
     /// Ranges between two other drones that wait for messages.
     between: Vec<(usize, Shared)>,
-    /// Time and places of used ranges between two other drones.
+    /// Times of used ranges between two other drones, with the indices of the drones.
     used: VecDeque<(f64, usize, usize)>,
 }
 
@@ -76,7 +77,7 @@ struct Peer {
     place: usize,
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
-    /// Rotation vector in the world frame in rad from its dead reckoning to the true attitude.
+    /// Rotation vector in rad, in the world frame, from its dead-reckoned to its true attitude.
     tilt_rad: Vector3<f64>,
     motions: VecDeque<Reckoning>,
 }
@@ -88,7 +89,7 @@ pub(super) fn start_sigmas(options: &CooperativeOptions) -> [f64; 3] {
 }
 
 impl Cooperative {
-    /// Makes the filter of one drone of a fleet at the start, with all drones level and at rest.
+    /// Creates the filter for one drone of a fleet at the start, with all drones level and at rest.
     pub(super) fn new(
         options: &ObserverOptions,
         sensors: &SensorOptions,
@@ -98,7 +99,8 @@ impl Cooperative {
         let start_m = fleet.members[fleet.place].start_m;
         let sigmas = start_sigmas(&options.cooperative);
         let normal = Normal::of_drones(fleet.members.len(), sigmas, &[]);
-        // Each other drone begins with a message at time zero, to which the next one is compared.
+        // Each other drone begins with a message at time zero, which precedes its first real
+        // message.
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
         let peers = others.map(|(place, member)| Peer {
             place,
@@ -150,8 +152,8 @@ impl Cooperative {
             self.waiting.push((*drone, *distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
-        // The other drones do not know this drone's tilt, so that its ranges to the floor are
-        // converted to heights here.
+        // The other drones do not know this drone's tilt, so its ranges to the floor are converted
+        // to heights here.
         for &(sensor, measured_m) in readings.heights {
             let height_per_m =
                 if sensor.looks_down() { self.inertial.attitude.matrix()[(2, 2)] } else { 1.0 };
@@ -211,11 +213,12 @@ impl Cooperative {
         }
     }
 
-    /// Corrects the estimate with waiting ranges to peer `k`, up to the peer's last message.
+    /// Corrects the estimate with stored ranges to peer `k`, up to the time of the peer's last
+    /// message.
     fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
-            // Ranges later than the peer's motion wait for its next message.
+            // Ranges that are later than the peer's motion remain stored until its next message.
             if place != message.from || then.time_s > message.motion.time_s {
                 self.waiting.push((place, distance_m, then));
                 continue;
@@ -226,8 +229,8 @@ impl Cooperative {
             let link = (self.place, Target::Drone(place));
             let variance = self.joint.model.range[TWO_WAY];
             if self.share == Share::Estimates {
-                // The peer is assumed to be at its own estimate, whose variance the range's
-                // includes.
+                // The peer is assumed to be at the position that it estimates, and the variance of
+                // that estimate is added to the range's.
                 let (peer_m, peer_m_s, covariance) = message.estimate;
                 let there_m = peer_m - peer_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
@@ -245,8 +248,8 @@ impl Cooperative {
         }
     }
 
-    /// Corrects the estimate with ranges between two other drones, once the messages of both
-    /// include their time.
+    /// Corrects the estimate with ranges between two other drones, once the messages of both cover
+    /// the time of the range.
     fn correct_between(&mut self, message: &Message) {
         let others = message
             .ranges
@@ -258,7 +261,7 @@ impl Cooperative {
             let [Some(i), Some(j)] = [from, other].map(|place| self.index_of(place)) else {
                 continue;
             };
-            // Both drones report the range, which is used once, or dropped if it is too old.
+            // Both drones report the range, which is used only once, or dropped if it is too old.
             let (first, second) = (from.min(other), from.max(other));
             let key = (range.time_s, first, second);
             if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
@@ -284,7 +287,7 @@ impl Cooperative {
         }
     }
 
-    /// Returns the index among the peers of a drone of the fleet, or `None` for this drone.
+    /// Returns a drone's index among the peers, or `None` for this drone.
     fn index_of(&self, place: usize) -> Option<usize> {
         self.peers.iter().position(|peer| peer.place == place)
     }
@@ -296,11 +299,11 @@ impl Cooperative {
 
     /// Sets the velocity of a drone to zero if it is on the floor, where its accelerometer measures
     /// its weight. The function must only be called while the motors are off. The accelerometer
-    /// does not measure the impact of the landing, so that otherwise the fleet's estimates would
+    /// does not measure the impact of the landing. Otherwise, the fleet's estimates would therefore
     /// continue to fall with the landed drone.
     pub(crate) fn rest(&mut self) {
         if !self.peers.is_empty() && self.force_m_s2.z > ON_FLOOR_M_S2 {
-            // The other two velocities keep their differences from the joint estimate.
+            // The other two velocities keep their differences from the joint filter's velocity.
             let stopped_m_s = std::mem::take(&mut self.joint.motion.velocity_m_s);
             self.inertial.velocity_m_s -= stopped_m_s;
             self.dead_reckoning.velocity_m_s -= stopped_m_s;
@@ -362,16 +365,16 @@ impl Estimator for Cooperative {
                 Source::To(target) => {
                     gate.correct(normal, (*place, target), measurement);
                 }
-                // These measurements belong to no link with an anchor or a drone, and therefore
-                // have no gate.
+                // These measurements belong to no link to an anchor or a drone, and are therefore
+                // not gated.
                 Source::Sweep { .. } | Source::Position => {
                     normal.correct(measurement, |_| true);
                 }
             }
         });
         self.settle_peers();
-        // The dead reckoning from inertial sensors only is for messages, and the one with the
-        // estimated attitude for past positions of this drone.
+        // Messages contain the dead reckoning from inertial sensors only. The dead reckoning with
+        // the estimated attitude gives past positions of this drone.
         self.inertial.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
         let dead_reckoning = &mut self.dead_reckoning;
         dead_reckoning.time_s = f64::from(self.ticks) * tick_s;

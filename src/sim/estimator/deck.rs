@@ -7,19 +7,19 @@
 //! The sources are `pulse_processor_v2.c` (pairing of sweeps), `lighthouse_core.c` (use of the
 //! second sweep) and `lighthouse_throttle.c` of firmware 2026.08.
 //!
-//! That the driver may take a sweep and its reflection for one rotation is not modeled.
+//! The case that the driver mistakes a sweep and its reflection for one rotation is not modeled.
 
 use crate::options::FirmwareOptions;
 use crate::sensors::{Generation, SensorOptions, Sweep};
 use noctograph_core::random::Noise;
 
-/// Longest time in s between the two sweeps of a rotation, which are 6.7 ms and 8.3 ms apart, in
-/// ticks of up to 2 ms.
+/// Maximum time in s between the two sweeps of a rotation, which are 6.7 ms or 8.3 ms apart and are
+/// received in ticks of up to 2 ms.
 const LONGEST_PAIR_S: f64 = 0.0115;
 /// Time in s after which the dropped fraction is recomputed.
 const EVALUATION_S: f64 = 0.1;
 
-/// Sweeps that are used together, which are all sweeps of a rotation or one of them.
+/// Sweeps that are used together, which are either both sweeps of a rotation or one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Rotation {
     pub(super) station: usize,
@@ -36,7 +36,7 @@ pub(super) struct Deck {
     throttled: Vec<bool>,
     rotations_hz: f64,
     noise: Noise,
-    /// Sweeps of the first plane that wait for the second, for each station.
+    /// Sweeps of the first plane, for each station, that have not been paired yet.
     first: Vec<Option<(f64, [f64; 4])>>,
     /// Number of rotations since the dropped fraction was computed.
     counted: f64,
@@ -46,10 +46,10 @@ pub(super) struct Deck {
 }
 
 impl Deck {
-    /// Makes a deck that has received no sweep. `noise` determines which rotations are dropped.
+    /// Creates a deck that has received no sweep. `noise` determines which rotations are dropped.
     pub(super) fn new(options: &FirmwareOptions, sensors: &SensorOptions, noise: Noise) -> Self {
         let stations = &sensors.lighthouse.stations;
-        // Without pairing, each of the two sweeps of a rotation counts as one.
+        // Without pairing, each of the two sweeps of a rotation counts as a rotation.
         let counts_per_rotation = if options.paired_sweeps { 1.0 } else { 2.0 };
         Self {
             pairs: options.paired_sweeps,
@@ -82,7 +82,7 @@ impl Deck {
     }
 
     /// Returns both planes' angles at the second sweep of a rotation, or `None` at the first one or
-    /// if the first was missed. If a reflection makes two first sweeps, the one with the smaller
+    /// if the first was missed. If a reflection causes two first sweeps, the one with the smaller
     /// angle is used.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
@@ -95,12 +95,12 @@ impl Deck {
         None
     }
 
-    /// True if a rotation is kept, which also counts it for the rate of rotations.
+    /// True if a rotation is kept. The call also counts the rotation to measure their rate.
     fn keeps(&mut self, time_s: f64) -> bool {
         if self.rotations_hz == 0.0 {
             return true;
         }
-        // The fraction beyond the limit in the last interval is dropped at random.
+        // The fraction by which the last interval exceeded the limit is dropped at random.
         self.counted += 1.0;
         let span_s = time_s - self.evaluated_s;
         if span_s > EVALUATION_S {

@@ -10,7 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
 use crate::sensors::{Reckoning, Segment};
 
-/// Maximum time in s between messages over which motion is interpolated, because letters curve.
+/// Maximum time in s between messages over which motion is interpolated, because strokes are
+/// curved.
 const LONGEST_GAP_S: f64 = 0.3;
 /// Time in s from a message within which the motion is interpolated in any case.
 const NEAR_S: f64 = 0.05;
@@ -34,7 +35,7 @@ impl DelayedState {
         direction: Vector3<f64>,
         world_from_body: Option<&Matrix3<f64>>,
     ) -> [Part; 3] {
-        // Because p(then) = p − v τ + …, a tilt error θ, which rotates the force, moves the
+        // Because p(then) = p − v τ + …, a tilt error θ, which rotates the force, shifts the
         // position by ½ τ (θ × ∫f).
         let turn = self.force_m_s.cross(&direction) * (0.5 * self.span_s);
         let turn = world_from_body.map_or(turn, |r| r.tr_mul(&turn));
@@ -47,7 +48,7 @@ impl DelayedState {
     }
 }
 
-/// Returns the past position, at `then`, of a drone with this position, velocity and tilt at `now`.
+/// Returns the position at `then` of a drone with this position, velocity and tilt at `now`.
 pub(super) fn delayed(
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,

@@ -1,16 +1,16 @@
-//! Improved estimator: an error-state extended Kalman filter on sweep angles, positions, ranges and
-//! heights. [`Firmware`](super::firmware::Firmware) is the drone's own estimator.
+//! Improved estimator, an error-state extended Kalman filter that uses sweep angles, positions,
+//! ranges and heights. [`Firmware`](super::firmware::Firmware) models the drone's own estimator.
 //!
-//! Gyroscope and accelerometer drive the motion on all three axes at every tick ([`Inertial`]). The
-//! covariance of the motion's errors is propagated when something is measured, and otherwise 100
-//! times per second. All measurements of a tick are compared with the state predicted for it, one
-//! scalar after the other, with their Jacobians over position and rotation. Sweeps pass the
-//! firmware's [`SweepFilter`], and all other measurements a χ² gate.
+//! Gyroscope and accelerometer advance the motion on all three axes at every tick ([`Inertial`]).
+//! The covariance of the motion's errors is propagated at each measurement, and otherwise 100 times
+//! per second. All measurements of a tick are compared with the state predicted for it, one scalar
+//! after the other, with their Jacobians with respect to position and rotation. Sweeps pass through
+//! the firmware's [`SweepFilter`], and all other measurements through a χ² gate.
 //!
 //! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
-//! Not estimated are biases of the inertial sensors, of ranges and of air pressure, and errors of
-//! the stations' geometry.
+//! Biases of the inertial sensors, of ranges and of air pressure, and errors in the stations'
+//! geometry, are not estimated.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -31,7 +31,7 @@ pub(super) const START: [f64; 3] = [0.02, 0.01, 0.02];
 const LEAST_COS_TILT: f64 = 0.3;
 
 /// Index of the floor's height below the drone, after the nine errors. With this state and the step
-/// test, the edge of a table moves the floor instead of the drone.
+/// test, the edge of a table changes the estimated floor, not the drone's height.
 const FLOOR: usize = 9;
 /// Standard deviation of the floor's height on the ground in m, and its random walk in m/√s.
 const FLOOR_START_M: f64 = 0.005;
@@ -54,16 +54,16 @@ pub(super) struct Ekf {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    /// Sweep of a plane of light that meets a sensor at a distance from the rotor's axis.
+    /// Sweep of a light plane that hits a sensor at a distance from the rotor's axis.
     Sweep {
         radius_m: f64,
     },
     Position,
-    /// Range or height with its target.
+    /// Range or height, with its target.
     To(Target),
 }
 
-/// Geometry and noise of the sensors as the filter assumes them.
+/// Geometry and noise of the sensors that the filter assumes.
 #[derive(Debug)]
 pub(super) struct Model {
     pub(super) stations: Vec<StationPose>,
@@ -85,7 +85,7 @@ pub(super) struct Model {
 }
 
 impl Ekf {
-    /// Makes a filter that begins with a level drone at rest.
+    /// Creates a filter for a drone that starts level and at rest.
     pub(super) fn new(
         options: &EkfOptions,
         sensors: &SensorOptions,
@@ -104,7 +104,7 @@ impl Ekf {
         }
     }
 
-    /// Makes a filter over the errors of a fleet over a level floor, beginning with this drone.
+    /// Creates a filter for the errors of a fleet, beginning with this drone, above a level floor.
     pub(super) fn of_fleet(
         options: &EkfOptions,
         sensors: &SensorOptions,
@@ -157,8 +157,8 @@ impl Ekf {
 }
 
 impl Estimator for Ekf {
-    /// Advances the state by a tick. Sweeps pass the sweep filter, ranges to the floor the step
-    /// test, and all other measurements the χ² gate.
+    /// Advances the state by a tick. Sweeps pass through the sweep filter, ranges to the floor
+    /// through the step test, and all other measurements through the χ² gate.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
@@ -193,7 +193,7 @@ impl Model {
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
         let mut believed = sensors.clone();
-        // The filter assumes more noise than the sensor's, because the sensor drifts.
+        // The filter assumes more noise than the sensor has, because the sensor drifts.
         believed.barometer.noise_m = options.barometer_sigma_m;
         Self {
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
@@ -217,8 +217,8 @@ impl Model {
         self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
     }
 
-    /// Returns the Jacobian over position and rotation of the angle at which a sweep meets a sensor
-    /// of the deck, its error, and the distance of the sensor from the rotor's axis.
+    /// Returns the Jacobian of the angle at which a sweep hits a sensor of the deck, with respect
+    /// to position and rotation, the error, and the distance of the sensor from the rotor's axis.
     #[inline(always)]
     pub(super) fn angle(
         &self,
@@ -297,8 +297,9 @@ impl Model {
             if !sensor.looks_down() {
                 each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
             } else if cos_tilt >= LEAST_COS_TILT {
-                // The expected distance is d = (z − floor) / cos tilt. Rotation changes the cosine
-                // by the other two entries of its row. The step test requires the floor to be last.
+                // The expected distance is d = (z − floor) / cos tilt. A rotation changes the
+                // cosine by the other two entries in its row. The step test requires the floor to
+                // be last.
                 let expected_m = (position_m.z - self.floor_m) / cos_tilt;
                 let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
                 let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);

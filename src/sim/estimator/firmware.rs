@@ -3,9 +3,9 @@
 //! The states are the position in the world, the velocity in the body frame, and an attitude with
 //! its small error. These states are predicted 100 times per second from the mean of the inertial
 //! readings since the last prediction. In flight, the filter assumes force only along the body's z
-//! axis. A measurement corrects the state immediately, one scalar after the other, each of which is
-//! linearized at the corrected state. Corrections of the attitude are applied at the end of the
-//! tick. [`FirmwareOptions`] enables or disables these differences from a textbook filter.
+//! axis. Each scalar measurement corrects the state immediately, and is linearized at the state
+//! that the previous one corrected. Corrections of the attitude are applied at the end of the tick.
+//! [`FirmwareOptions`] enables or disables these differences from a textbook filter.
 //!
 //! Sources: M. W. Mueller, M. Hamer, R. D'Andrea, "Fusing ultra-wideband range measurements with
 //! accelerometers and rate gyroscopes for quadrocopter state estimation", ICRA 2015. M. W. Mueller,
@@ -14,9 +14,9 @@
 //! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Tests compare the
 //! filter with its compiled C code (tests/firmware).
 //!
-//! Not modeled are single precision, the pull of the attitude toward level on the floor without a
-//! Lighthouse deck, the reset of a state beyond 100 m or 10 m/s, and the start with σ = 100 m,
-//! which is over when a drone has been put down and waits.
+//! Not modeled are single precision, the leveling of the attitude on the floor without a Lighthouse
+//! deck, the reset of a state beyond 100 m or 10 m/s, and the initial σ of 100 m, which decreases
+//! while a drone waits on the floor.
 
 use std::array::from_fn;
 
@@ -34,22 +34,22 @@ use crate::vehicle::{State, state};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::random::Noise;
 
-/// Tolerance of comparisons of times in s.
+/// Tolerance in s for comparisons of times.
 const TIME_TOLERANCE_S: f64 = 1e-9;
 /// Time in s after the motors were last driven during which the drone counts as flying
 /// (`supervisor.c`).
 const FLYING_S: f64 = 2.0;
 /// Maximum variance of a state (`MAX_COVARIANCE`, `kalman_core.c`).
 const LARGEST_VARIANCE: f64 = 100.0;
-/// Attitude error in rad, on every axis, that is dropped at the end of a tick instead of applied.
+/// Attitude error in rad below which, on every axis, it is dropped at the end of a tick.
 const LEAST_TURN_RAD: f64 = 0.1e-3;
 /// Standard deviation of a yaw error in rad (`lighthouse_position_est.c`).
 const YAW_SIGMA_RAD: f64 = 0.01;
-/// Minimum apparent length in m of a diagonal of the deck from which the yaw is computed.
+/// Minimum apparent length in m of a deck diagonal for which the yaw is computed.
 const LEAST_DIAGONAL_M: f64 = 1e-4;
 /// Minimum cosine of the tilt at which a range to the floor is used (`mm_tof.c`).
 const LEAST_COS_TILT: f64 = 0.1;
-/// Full angle in rad of the cone in which the ranger measures the nearest point of the floor
+/// Full angle in rad of the cone within which the ranger measures the nearest point of the floor
 /// (`mm_tof.c`).
 const RANGER_CONE_RAD: f64 = 0.261_799_387_8;
 
@@ -84,8 +84,8 @@ pub(super) struct Firmware {
 }
 
 impl Firmware {
-    /// Makes a filter that begins with a level drone at rest. `noise` determines the rotations that
-    /// are dropped.
+    /// Creates a filter for a drone that starts level and at rest. `noise` determines which
+    /// rotations are dropped.
     pub(super) fn new(
         observer: &ObserverOptions,
         sensors: &SensorOptions,
@@ -117,7 +117,8 @@ impl Firmware {
         }
     }
 
-    /// Advances the state and its covariance over a span, with the mean of its inertial readings.
+    /// Advances the state and its covariance over a span, with the mean inertial readings of the
+    /// span.
     fn predict(&mut self, span_s: f64) {
         let (sums, n) = (std::mem::take(&mut self.sums), std::mem::take(&mut self.n_summed));
         if n > 0.0 {
@@ -143,7 +144,7 @@ impl Firmware {
         };
         self.transform(Some(&drift), &turned_back(&(rate * span_s)));
 
-        // The state follows, with constant force and rate over the span.
+        // The state is advanced next, with constant force and rate over the span.
         let fall_m = Vector3::z() * (0.5 * GRAVITY_M_S2 * span_s * span_s);
         self.position_m += r * (v * span_s + force * (0.5 * span_s * span_s)) - fall_m;
         self.velocity_m_s += (force - rate.cross(&v) - up * GRAVITY_M_S2) * span_s;
@@ -164,7 +165,7 @@ impl Firmware {
 
     /// Corrects the state with the angles of a rotation at each of the deck's sensors.
     fn correct_by_sweeps(&mut self, rotation: &Rotation) {
-        // If the attitude is not corrected, the part of the Jacobian over the rotation is left out.
+        // If the attitude is not corrected, the Jacobian with respect to the rotation is left out.
         let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
         let variance = self.model.sweep_variance(rotation.station);
         for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
@@ -213,13 +214,15 @@ impl Firmware {
         Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }
 
-    /// Corrects the state with a yaw error at the beginning of the tick, minus the rotation since.
+    /// Corrects the state with the yaw error at the beginning of the tick, minus the rotation since
+    /// then.
     fn correct_yaw(&mut self, yaw_error_rad: f64) {
         let error_rad = self.turn_rad.z - yaw_error_rad;
         self.correct(&[Part::One(TURN + 2, 1.0)], error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
     }
 
-    /// Corrects the state with a range, or with a difference that is possible and no outlier.
+    /// Corrects the state with a range, or with a range difference that is possible and not an
+    /// outlier.
     fn correct_by_range(&mut self, range: &Range) {
         let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus {
@@ -244,7 +247,8 @@ impl Firmware {
         }
         let cos_tilt = self.world_from_body[(2, 2)];
         for &(sensor, measured_m) in readings.heights {
-            // The distance per height is 1 / cos of the tilt beyond half of the ranger's cone.
+            // The ratio of distance to height is 1 / cos of the tilt in excess of half the ranger's
+            // cone.
             let mut per_m = 1.0;
             if sensor.looks_down() {
                 if cos_tilt <= LEAST_COS_TILT {
@@ -280,13 +284,13 @@ impl Firmware {
         self.bound();
     }
 
-    /// Computes `P ← Φ P Φᵀ`, and makes P symmetric. Without a drift, Φ only rotates the errors of
-    /// the attitude.
+    /// Computes `P ← Φ P Φᵀ`, and makes P symmetric. Without a drift, Φ only rotates the attitude
+    /// errors.
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let columns = self.normal.covariance.as_mut_slice().as_chunks_mut().0;
         let p: &mut [[f64; 9]; 9] = columns.first_chunk_mut().expect("nine states");
         noctograph_core::dispatch!(|| {
-            // The columns of a symmetric matrix are its rows, so that Φ (Φ P)ᵀ = Φ P Φᵀ.
+            // The columns of a symmetric matrix equal its rows, so Φ (Φ P)ᵀ = Φ P Φᵀ.
             let next = multiplied(&multiplied(p, drift, turn), drift, turn);
             *p = from_fn(|i| from_fn(|j| (next[i][j] + next[j][i]) * 0.5));
         });
@@ -317,8 +321,8 @@ impl Estimator for Firmware {
         let yaw_errors_rad: Vec<Option<f64>> =
             rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
 
-        // The prediction has a rate of its own and process noise is added at every tick, followed
-        // by the measurements of sweeps, ranges, positions and heights.
+        // The prediction has a separate rate. Process noise is added at every tick, followed by the
+        // corrections with sweeps, ranges, positions and heights.
         let span_s = self.time_s - self.predicted_s;
         let predicts = span_s + TIME_TOLERANCE_S >= 1.0 / self.options.prediction_hz;
         if predicts {
@@ -360,7 +364,7 @@ struct Drift {
 /// Returns the columns of `Φ P` from the rows of P, without products with the zeros and ones of Φ.
 #[inline(always)]
 fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
-    // Rows that Φ keeps start unchanged, and those that it replaces start at zero.
+    // Rows that Φ preserves start unchanged, and rows that it replaces start at zero.
     let mut product = *p;
     product[TURN..].fill([0.0; 9]);
     if drift.is_some() {
@@ -383,8 +387,8 @@ fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> 
     from_fn(|j| from_fn(|i| product[i][j]))
 }
 
-/// Returns the matrix that rotates the error of an attitude together with its frame, `1 − [d]× +
-/// [d]×²/2` with half the rotation `d` (Mueller, Hehn, D'Andrea 2017).
+/// Returns the matrix that rotates an attitude error together with its frame, `1 − [d]× + [d]×²/2`
+/// with half the rotation `d` (Mueller, Hehn, D'Andrea 2017).
 fn turned_back(turn_rad: &Vector3<f64>) -> Matrix3<f64> {
     let cross = (turn_rad * 0.5).cross_matrix();
     Matrix3::identity() - cross + cross * cross * 0.5

@@ -1,5 +1,5 @@
-//! Tests of the filter with sensors in flight, which check that its covariance is consistent with
-//! its errors, and that these errors are those of a real Lighthouse.
+//! Tests of the filter with simulated sensors, which check that its covariance is consistent with
+//! its errors, and that these errors are as large as with a real Lighthouse.
 
 use nalgebra::{Cholesky, SVector, Vector3};
 
@@ -21,8 +21,8 @@ use noctograph_plan::{Extent, PlanOptions};
 const RATE_HZ: u32 = 500;
 const TICK_S: f64 = 1.0 / RATE_HZ as f64;
 
-/// Returns the pose on a motion in closed form, which is a figure in space with rotation about all
-/// axes, from rest at the start.
+/// Returns the pose during a closed-form motion along a spatial curve, with rotation about all
+/// axes, that begins at rest.
 fn motion(time_s: f64) -> (Vector3<f64>, Attitude) {
     let ease = 1.0 - libm::exp(-time_s * time_s);
     let wave = |amplitude: f64, rate: f64| amplitude * ease * libm::sin(rate * time_s);
@@ -49,7 +49,7 @@ fn truth(time_s: f64) -> (State, Vector3<f64>) {
     (state, force)
 }
 
-/// Runs a filter along the motion, and passes it to `show` after every tick.
+/// Runs a filter along the motion, and passes the filter to `show` after every tick.
 fn follow(
     observer: &EkfOptions,
     sensors: &SensorOptions,
@@ -109,8 +109,8 @@ const FILTERED: [Positioning; 4] =
 #[test]
 fn the_filters_covariance_is_consistent_with_its_errors() {
     // The normalized squared error of nine states is χ² distributed with nine degrees of freedom.
-    // The test has forty flights with ten samples each. If all samples of a flight were equal, the
-    // mean would spread by √(18/40) = 0.67.
+    // There are forty flights with ten samples each. If all samples of a flight were equal, the
+    // standard deviation of the mean would be √(18/40) = 0.67.
     for positioning in FILTERED {
         let heights = vec![HeightSensor::TimeOfFlight, HeightSensor::Barometer];
         let sensors = SensorOptions { heights, ..white(positioning) };
@@ -162,7 +162,7 @@ fn without_noise_the_filter_follows_the_truth() {
         follow(&options, &sensors, 1, 20, |_, truth, ekf| {
             worst = worst.max((ekf.state() - truth).norm());
         });
-        // The remaining error is that of integration, because the motion bends within a tick.
+        // The remaining error is due to integration, because the motion is curved within a tick.
         assert!(worst < 2e-4, "{positioning:?}: {worst:e} of state");
     }
 }
@@ -183,8 +183,8 @@ fn outliers_are_rejected() {
     assert!(gated < 0.5 * open, "{gated} m with a gate, {open} m without");
 }
 
-/// A person hides one of two stations, and a mirror reflects both. A pane in place of the mirror
-/// reflects too little for the deck.
+/// A person hides one of two stations, and a mirror reflects both. A glass pane in place of the
+/// mirror reflects too little light for the deck.
 #[test]
 fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
     fn worst_m(glass: bool, seed: u64) -> f64 {
@@ -226,8 +226,8 @@ fn rms(values: &[Vector3<f64>]) -> f64 {
 
 #[test]
 fn lighthouse_errors_in_flight_are_those_measured() {
-    // In positioning_dataset, the mean error is 12.9 to 13.6 mm. Its mean over 1 s is 13.4 to 14.5
-    // mm rms, and the rest 5 to 6.4 mm.
+    // In positioning_dataset, the mean error is 12.9 to 13.6 mm. Averaged over 1 s, the error is
+    // 13.4 to 14.5 mm RMS, and the remainder 5 to 6.4 mm.
     for (positioning, kind) in [
         (Positioning::Sweeps, EstimatorKind::Ekf),
         (Positioning::CrossingBeams, EstimatorKind::Ekf),
@@ -263,7 +263,7 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
     // In positioning_dataset, the root-mean-square step between values is 0.36 mm for crossing
     // beams and 0.59 mm for the filter in one log, and the spread is 0.7, 0.7 and 2.1 mm in others.
     // Two stations that disagree pull the filter back and forth, by chance more in one room than in
-    // another, so that the median over nine rooms is tested.
+    // another. The test therefore uses the median over nine rooms.
     let force = Vector3::z() * GRAVITY_M_S2;
     let start_m = Vector3::new(0.0, 0.0, 0.6);
     let mut state = State::zeros();
@@ -304,8 +304,8 @@ fn rms_step(places: &[Vector3<f64>]) -> f64 {
 
 #[test]
 fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
-    // Without the step test, the gate rejects every range to the table, and the height depends only
-    // on the anchors.
+    // Without the step test, the gate would reject every range to the table, and the height would
+    // depend only on the anchors.
     let mut options = SimOptions::cf21();
     options.sensors =
         SensorOptions { heights: vec![HeightSensor::TimeOfFlight], ..white(Positioning::UwbTwr) };

@@ -1,5 +1,5 @@
-//! Luenberger observer of the reference flight, which has the measured position as output, body
-//! rate and specific force as inputs, and an integrated yaw.
+//! Luenberger observer of the reference flight. Its output is the measured position, its inputs are
+//! body rate and specific force, and the yaw is integrated.
 
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3, Vector4};
 
@@ -12,7 +12,7 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{Attitude, turned};
 
-/// Row of the yaw in [`Motion`]. The yaw is not observable, so that the observer runs without it.
+/// Row of the yaw in [`Motion`]. The yaw is not observable, so the observer runs without it.
 const YAW: usize = 3;
 
 /// Observer `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`, `u = [w_x
@@ -26,14 +26,14 @@ pub(super) struct Observer {
     measured_m: Vector3<f64>,
     /// Estimate in a frame rotated by the heading at the start.
     estimate: SVector<f64, 8>,
-    /// Yaw from that heading toward the left in rad.
+    /// Yaw in rad from the heading at the start, toward the left.
     yaw_rad: f64,
     heading_rad: f64,
     rate_rad_s: Vector3<f64>,
 }
 
 impl Observer {
-    /// Makes an observer that begins with a level drone at rest.
+    /// Creates an observer for a drone that starts level and at rest.
     pub(super) fn new(
         options: &LuenbergerOptions,
         position_m: Vector3<f64>,
@@ -64,7 +64,8 @@ impl Estimator for Observer {
         if let Some(measured_m) = readings.position_m {
             self.measured_m = turned(&measured_m, -self.heading_rad);
         }
-        // The integration is Euler's rule, with the last position held between two fixes.
+        // Euler's method is used for the integration, and the last position is held between two
+        // fixes.
         let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
         self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
         self.yaw_rad += w.z * tick_s;
@@ -82,7 +83,7 @@ impl Estimator for Observer {
 }
 
 /// Returns the gain `L` of the observer for the `A` of [`hover_model`], from the options' weights,
-/// which are inverse variances. Returns an error for weights without a gain.
+/// which are inverse variances. Returns an error if they give no gain.
 pub(crate) fn observer_gain(
     options: &LuenbergerOptions,
     a: &SMatrix<f64, 9, 9>,

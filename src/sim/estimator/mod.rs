@@ -1,7 +1,7 @@
-//! Estimators, which determine the drone's motion from measurements. Each estimator has a file of
-//! its own.
+//! Estimators, which determine the drone's motion from measurements. Each is in a separate file.
 //!
-//! Input: the [`Readings`] of a tick. Output: all twelve states, which are the controller's input.
+//! The input is the [`Readings`] of a tick. The output is all twelve states, which are the
+//! controller's input.
 
 mod altitude;
 mod altitude_filter;
@@ -86,7 +86,7 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     }
 }
 
-/// Returns the true motion as the estimate, so that all errors are those of the controller.
+/// Uses the true motion as the estimate, so that all errors are due to the controller.
 impl Estimator for RigidBody {
     fn update(&mut self, readings: &Readings<'_>, _: f64) {
         *self = *readings.truth;
@@ -97,15 +97,16 @@ impl Estimator for RigidBody {
     }
 }
 
-/// Returns all twelve states of a motion, with another velocity in the world frame.
+/// Returns all twelve states of a motion, with the given velocity in the world frame instead of its
+/// own.
 fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     let world_from_body = motion.attitude.matrix();
     let velocity_m_s = world_from_body.tr_mul(velocity_m_s);
     state(&motion.position_m, angles(&world_from_body), &velocity_m_s, &motion.rate_rad_s)
 }
 
-/// Makes the estimator of the options' kind, which begins with a level drone at rest, turned from
-/// world x toward y. The seed determines which sweeps are dropped at random.
+/// Creates the estimator that the options select, for a drone that starts level and at rest with
+/// the given heading from world x toward y. The seed determines which sweeps are dropped at random.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,

@@ -1,26 +1,27 @@
 //! Firmware's outlier filter for Lighthouse sweeps.
 //!
-//! Input: the error of a sweep at the deck in m, which is the error of its angle times the distance
-//! from the rotor's axis. Output: true if the Kalman filter uses the sweep. Each sweep closes the
-//! filter for a time that increases by 4 ms with every good one, up to 40 ms, and decreases by 8 ms
-//! with every bad one. While the filter is closed, only good sweeps are used. A wrong estimate
-//! therefore follows the sweeps again after about five bad sweeps, but may also follow a
-//! reflection.
+//! The input is the error of a sweep at the deck in m, that is, the error of its angle times the
+//! distance from the rotor's axis. The output is true if the Kalman filter uses the sweep. Each
+//! sweep closes the filter for a time that increases by 4 ms with every good sweep, up to 40 ms,
+//! and decreases by 8 ms with every bad sweep. While the filter is closed, only good sweeps are
+//! used. A wrong estimate therefore follows the sweeps again after about five bad sweeps, but may
+//! also follow a reflection.
 //!
 //! The source is `outlierFilterLighthouse.c`, the same in every release of the firmware from
 //! 2023.11 to 2026.08, called by `mm_sweep_angles.c`.
 
 /// Minimum error of a bad sweep in m (`lhMaxError`).
 const BAD_M: f64 = 0.05;
-/// Bounds in ms of the time for which a sweep closes the filter, which stays open below 0.
+/// Bounds in ms of the time for which a sweep closes the filter, which stays open if that is
+/// negative.
 const WINDOW_MS: [f64; 2] = [-16.0, 40.0];
-/// Changes of that time in ms by a good and by a bad sweep.
+/// Changes of the closing time in ms after a good and after a bad sweep.
 const GOOD_MS: f64 = 4.0;
 const BAD_MS: f64 = -8.0;
-/// Tolerance of comparisons of times in ms.
+/// Tolerance in ms for comparisons of times.
 const TOLERANCE_MS: f64 = 1e-6;
 
-/// Filter, which is open at first.
+/// Outlier filter, which is open initially.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SweepFilter {
     window_ms: f64,
@@ -35,13 +36,13 @@ impl Default for SweepFilter {
 }
 
 impl SweepFilter {
-    /// Lets time pass.
+    /// Advances the filter's clock.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.closed_ms -= 1e3 * time_s;
     }
 
-    /// True if a sweep with this error is used, which also sets the time for which the filter is
-    /// closed.
+    /// True if a sweep with this error is used. The call also updates the time for which the filter
+    /// is closed.
     pub(super) fn accepts(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;
         let change_ms = if is_good { GOOD_MS } else { BAD_MS };

@@ -1,9 +1,9 @@
 //! Firmware's outlier filter for differences of ultra-wideband ranges.
 //!
-//! Input: the error of a difference, and its standard deviation. Output: true if the Kalman filter
-//! uses the difference. Good differences (within 2 σ) fill an integrator by the elapsed time, and
-//! others drain it. When the integrator is nearly full, the filter closes and rejects differences
-//! beyond 2.5 σ, until the integrator is nearly empty.
+//! The input is the error of a range difference and its standard deviation. The output is true if
+//! the Kalman filter uses the difference. The elapsed time is added to an integrator at a good
+//! difference (within 2 σ), and subtracted at any other. When the integrator is nearly full, the
+//! filter closes and rejects differences beyond 2.5 σ, until the integrator is nearly empty.
 //!
 //! The source is `outlierFilterTdoa.c`, firmware 2026.08.
 
@@ -11,13 +11,14 @@
 const SIZE_MS: f64 = 300.0;
 const OPENS_MS: f64 = 0.1 * SIZE_MS;
 const CLOSES_MS: f64 = 0.9 * SIZE_MS;
-/// Maximum increase by one difference in ms.
+/// Maximum change of the integrator by one difference, in ms.
 const LONGEST_MS: f64 = 0.1 * SIZE_MS;
-/// Bounds of a good difference, and of one that a closed filter accepts, in standard deviations.
+/// Maximum error, in standard deviations, of a good difference, and of one that a closed filter
+/// accepts.
 const GOOD_SIGMAS: f64 = 2.0;
 const ACCEPTED_SIGMAS: f64 = 2.5;
 
-/// Filter, which is open at first.
+/// Outlier filter, which is open initially.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TdoaFilter {
     integrator_ms: f64,
@@ -27,7 +28,7 @@ pub(super) struct TdoaFilter {
 }
 
 impl TdoaFilter {
-    /// Lets time pass.
+    /// Advances the filter's clock.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.since_ms += 1e3 * time_s;
     }
@@ -39,7 +40,8 @@ impl TdoaFilter {
         let added_ms = if is_good { passed_ms } else { -passed_ms };
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
         let is_accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
-        // The filter has hysteresis, because it opens at a lower level than it closes.
+        // The filter has hysteresis, because it opens at a lower level than that at which it
+        // closes.
         self.closed = if self.closed {
             self.integrator_ms >= OPENS_MS
         } else {

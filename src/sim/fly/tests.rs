@@ -17,7 +17,7 @@ pub(crate) fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flig
     fly(plan, &Drone::new(options, seed), &mut |_| {})
 }
 
-/// Makes a plan from setpoints `(time, x, z)`, with the light on at all of them.
+/// Creates a plan from setpoints `(time, x, z)`, with the light on at all of them.
 fn plan(points: &[(f64, f64, f64)]) -> Plan {
     let setpoints = points.iter().map(|&(time_s, x, z)| Setpoint {
         time_s,
@@ -34,7 +34,8 @@ fn fly_default(plan: &Plan) -> Result<Flight> {
     flown(plan, &SimOptions::default(), 1)
 }
 
-/// Returns the time at which the host was silent for too long, in a flight with no other warning.
+/// Returns the time at which the motors stopped for lack of setpoints, in a flight with no other
+/// warning.
 fn silent_s(flight: &Flight) -> Option<f64> {
     match &flight.warnings[..] {
         [silent] if silent.code == "host-silent" => silent.number("time_s"),
@@ -60,7 +61,7 @@ fn a_drone_takes_off_hovers_and_lands() {
 #[test]
 fn every_drone_writes_the_same_with_its_nose_turned_and_keeps_the_heading() {
     let path = [(0.0, 0.0, 0.5), (1.0, 0.1, 0.5), (2.0, 0.1, 0.6), (5.0, 0.1, 0.6)];
-    // Ranges are noisy, so that flights with and without a turned nose differ.
+    // Ranges are noisy, so flights with and without a rotated heading differ.
     for (controller, estimator, positioning, bound_m) in [
         (ControllerKind::Pid, EstimatorKind::Ekf, Positioning::Sweeps, 0.03),
         (ControllerKind::Lqr, EstimatorKind::Luenberger, Positioning::Position, 0.03),
@@ -133,7 +134,7 @@ fn a_drone_heavier_than_its_controller_believes_hangs_low() {
         fly(&hover, &drone, &mut |_| {}).unwrap()
     };
     let last = |flight: Flight| flight.samples.last().unwrap().position_m.z;
-    // Only the position error carries the additional 2 % of the weight, by K's 0.364 N/m.
+    // Only the position error compensates the additional 2 % of the weight, with K's 0.364 N/m.
     let sag_m = 0.02 * 0.0351 * 9.81 / 0.364;
     let low_m = last(fly(&believed, &believed)) - last(fly(&believed, &actual));
     assert!((low_m - sag_m).abs() < 0.002, "{low_m} m instead of {sag_m} m");
@@ -143,9 +144,9 @@ fn a_drone_heavier_than_its_controller_believes_hangs_low() {
 
 #[test]
 fn each_index_has_its_own_noise_and_the_first_is_the_default() {
-    // The drones hover, because in motion all estimates have a common error from their model. Gusts
-    // and loops have correlation times of 1 to 3 s, so that over 200 s and three axes, chance
-    // correlation is about 0.06.
+    // The drones hover, because in motion all estimates share an error of their model. Gusts and
+    // loops have correlation times of 1 to 3 s. Over 200 s and three axes, chance correlation is
+    // therefore about 0.06.
     let hover = plan(&[(0.0, 0.0, 0.5), (200.0, 0.0, 0.5)]);
     for (positioning, kind) in [
         (Positioning::Position, EstimatorKind::Luenberger),
@@ -155,7 +156,7 @@ fn each_index_has_its_own_noise_and_the_first_is_the_default() {
         options.sensors.positioning = positioning;
         options.observer.kind = kind;
         options.air.gusts = Gusts::room();
-        // The errors are those of the estimate minus their mean.
+        // The errors are the estimation errors minus their mean.
         let of_all = [0, 1, 2].map(|index| {
             let drone = Drone { index, ..Drone::new(&options, 3) };
             let flight = fly(&hover, &drone, &mut |_| {}).unwrap();
@@ -185,15 +186,16 @@ fn hovering(below_m: f64, beside_m: f64, options: &SimOptions) -> Vec<Flight> {
 
 #[test]
 fn a_drone_that_hovers_below_another_lifts_what_the_downwash_takes() {
-    // Without integral action, or with positioning errors, the drones would not stay there.
+    // Without integral action, or with positioning errors, the drones would not keep their
+    // positions.
     let mut options = SimOptions::default();
     options.controller.kind = ControllerKind::LqrIntegral;
     options.observer.kind = EstimatorKind::Truth;
     options.vehicle.center_of_mass_m = [0.0; 2];
     options.vehicle.arm_m = 0.0325;
     let weight_n = options.vehicle.mass_kg * 9.81;
-    // The losses in g of 34 g are from Neural-Swarm's figure 3, and at 1 m from the decay of a
-    // round jet beyond 0.5 m.
+    // The thrust losses in g, for drones of 34 g, are from Neural-Swarm's figure 3. The loss at 1 m
+    // follows from the decay of a round jet beyond 0.5 m.
     let jet_g = 4.0 * (0.5 - 0.05) / (1.0 - 0.05);
     for (below_m, figure_g) in [(0.3, 8.0), (0.5, 4.0), (1.0, jet_g)] {
         let flights = hovering(below_m, 0.0, &options);
@@ -202,7 +204,7 @@ fn a_drone_that_hovers_below_another_lifts_what_the_downwash_takes() {
             (sum + options.vehicle.k_f_n * s.motors.iter().sum::<f64>(), n + 1.0)
         });
         let mean_n: f64 = sum / n;
-        // The drones in the figure weigh 34 g and fly with all of their lift.
+        // The drones in the figure weigh 34 g, and compensate for the loss with more thrust.
         let lost_g = 34.0 * (mean_n / weight_n - 1.0) * (weight_n / mean_n).sqrt();
         let error = lost_g / figure_g - 1.0;
         assert!(error.abs() < 0.2, "{lost_g} g of {figure_g} g at {below_m} m");
@@ -217,7 +219,7 @@ fn a_drone_at_the_edge_of_a_jet_is_turned_and_one_outside_flies_undisturbed() {
     let mut still = blowing.clone();
     still.air.downwash = Downwash::None;
     assert!(hovering(0.5, 0.3, &blowing) == hovering(0.5, 0.3, &still), "0.3 m beside");
-    // The rotors on the jet's side lift less, so that the drone leans toward the jet.
+    // The rotors on the jet's side provide less lift, so the drone leans toward the jet.
     fn moved_m(options: &SimOptions) -> f64 {
         let flight = hovering(0.3, 0.08, options).remove(1);
         flight.samples.iter().find(|s| s.time_s > 0.3).unwrap().position_m.x - 0.08
@@ -239,7 +241,7 @@ fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flie
     assert!((sample_at(&streamed, 1.9).position_m.z - 0.8).abs() < 0.05, "keeps its height");
     assert_eq!(sample_at(&streamed, 3.5).position_m.z, 0.0, "the motors stop");
     assert!(silent_s(&streamed).is_some_and(|s| (s - 2.0).abs() < 0.01));
-    // The drone drifts, because the same gusts move it farther than a drone with setpoints.
+    // Without setpoints, the same gusts move the drone farther.
     options.radio.setpoints = Setpoints::OnBoard;
     let on_board = flown(&hover, &options, 1).unwrap();
     let drift_m = |flight: &Flight| sample_at(flight, 1.9).position_m.xy().norm();
@@ -261,7 +263,8 @@ fn without_setpoints_lees_law_follows_the_last_one() {
     options.controller.kind = ControllerKind::Geometric;
     (options.radio.drones, options.radio.loss_frac) = (1, 1.0);
     let mut hover = plan(&[(0.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
-    // The controller reads only positions, so that the speed moves the position that it follows.
+    // The controller reads only positions, so the setpoint's speed shifts the position that it
+    // follows.
     hover.edit(|hover| hover.setpoints[0].velocity_m_s.x = 0.2);
     hover.edit(|hover| hover.setpoints[1].position_m.x = 1.0);
     let flight = flown(&hover, &options, 1).unwrap();

@@ -6,7 +6,7 @@ fn default_design(motor_lag_s: f64) -> Design {
     design(&SimOptions::default(), motor_lag_s).unwrap()
 }
 
-/// The references have sixty digits, as in `control::lqr`, and that for L used (Aᵀ, Cᵀ).
+/// The references have sixty digits, as in `control::lqr`. That for L was computed from (Aᵀ, Cᵀ).
 #[test]
 fn both_gains_are_those_of_sixty_digits() {
     let mut design = default_design(MOTOR_LAG_S);
@@ -77,7 +77,7 @@ fn the_teams_gain_tolerates_a_lag_of_a_tenth_of_a_second() {
 #[test]
 fn brysons_rule_is_the_motors_range() {
     let design = default_design(MOTOR_LAG_S);
-    // Hover takes 44 144.999 of 65 535, which leaves 21 390.
+    // Hover requires a command of 44 144.999 of 65 535, which leaves 21 390.
     let room = 65_535.0 - 0.0351 * 9.81 / 4.0 / 1.95e-6;
     let want = [4.0 * 0.035 * 1.95e-6, 4.0 * 0.035 * 1.95e-6, 4.0 * 7.47e-9, 4.0 * 1.95e-6];
     for ((largest, r), want) in design.largest_inputs.iter().zip(design.bryson_r).zip(want) {
@@ -88,9 +88,9 @@ fn brysons_rule_is_the_motors_range() {
 
 #[test]
 fn a_gain_designed_for_its_rotors_tolerates_twice_their_lag() {
-    // Without drag and with the rotors' own lag, NumPy 2.4.6 gives 42.1° for the pitch, 46.8° for
-    // the yaw, any increase of the gain, a decrease to 0.32 for the pitch, a slowest pole of
-    // −2.397, and stability up to 2.6 times the lag.
+    // Without drag and with the rotors' lag, NumPy 2.4.6 gives phase margins of 42.1° for the pitch
+    // and 46.8° for the yaw, an unlimited gain increase, a decrease to 0.32 for the pitch, a
+    // slowest pole of −2.397, and stability up to 2.6 times the lag.
     let mut options = SimOptions::cf21();
     options.vehicle.body_drag_n_s_m = [0.0; 3];
     options.vehicle.rotor_drag_n_s2_m = 0.0;
@@ -127,8 +127,8 @@ fn the_model_slows_down_as_the_simulator_does() {
     options.air.gusts = crate::vehicle::Gusts::None;
     let plain = design(&SimOptions::default(), 0.072).unwrap();
     let dragged = design(&options, 0.072).unwrap();
-    // Hover in a wind is equivalent to motion through still air, and is tested by the change of the
-    // state in 2 ms per wind speed.
+    // Hover in a wind is equivalent to motion through still air. The test compares the change of
+    // the state within 2 ms, divided by the wind speed.
     let (dt_s, wind_m_s) = (0.002, 0.1);
     let after = |wind: [f64; 3]| {
         let mut options = options.clone();

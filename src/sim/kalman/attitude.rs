@@ -10,21 +10,22 @@ use noctograph_core::geometry::Attitude;
 pub struct Turned(Quaternion<f64>);
 
 impl Turned {
-    /// Makes a level attitude, turned from world x toward y.
+    /// Creates a level attitude with a heading from world x toward y.
     pub fn facing(yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         Self(Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw)))
     }
 
     /// Returns the attitude after a rotation by a small rotation vector in the body frame. The
-    /// error grows with the vector's fifth power, and is below 1e-9 rad for a tenth of a radian.
+    /// error is proportional to the vector's fifth power, and below 1e-9 rad for a tenth of a
+    /// radian.
     #[inline(always)]
     pub fn by(&self, turn_rad: &Vector3<f64>) -> Self {
         Self(unit(self.0 * small(turn_rad)))
     }
 
-    /// Does the same as [`Self::by`] in two equal steps, and returns the attitude in the middle and
-    /// the one after the rotation.
+    /// Does the same as [`Self::by`] in two equal steps, and returns the attitudes halfway through
+    /// and after the rotation.
     #[inline(always)]
     pub fn halfway_and_by(&self, turn_rad: &Vector3<f64>) -> [Self; 2] {
         let half = small(&(turn_rad * 0.5));
@@ -55,7 +56,8 @@ pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     )
 }
 
-/// Returns the quaternion of a small rotation vector, by the first terms of sine and cosine.
+/// Returns the quaternion of a small rotation vector, from the first terms of the sine and cosine
+/// series.
 #[inline(always)]
 fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     // The terms are sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
@@ -68,7 +70,8 @@ fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
-    // Near length one, a step of Newton's method squares the error without a square root.
+    // Near a length of 1, a step of Newton's method squares the error without needing a square
+    // root.
     let is_near_one = (square - 1.0).abs() < 1e-8;
     q * if is_near_one { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
 }

@@ -1,11 +1,11 @@
 //! Gates, which determine the measurements that a filter rejects.
 //!
-//! A measurement far beyond its expected spread (χ²) is rejected. A filter that is wrong would
-//! reject correct measurements forever, so that after [`MOST_REFUSALS`] consecutive rejections the
-//! next measurement of the same source is accepted with a variance as large as its squared
-//! innovation. A filter would also mistake a step of the floor for a motion of the drone. The
-//! second consecutive range beyond the gate of a [`StepTest`] therefore counts as a step, and the
-//! floor moves by the mean of both innovations.
+//! A measurement far beyond its expected spread (χ²) is rejected. A filter with a wrong estimate
+//! would reject correct measurements forever. After [`MOST_REFUSALS`] consecutive rejections, the
+//! next measurement from the same source is therefore accepted, with a variance as large as its
+//! squared innovation. A filter would also mistake a step of the floor for a motion of the drone.
+//! The second consecutive range beyond the gate of a [`StepTest`] therefore counts as a step, and
+//! the floor moves by the mean of both innovations.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ const MOST_REFUSALS: u32 = 5;
 /// Number of consecutive ranges beyond the gate that count as a step.
 const STEP_READINGS: usize = 2;
 
-/// Gate for sources of measurements that reopens after consecutive rejections.
+/// Gate that rejects outliers from each source, and reopens after consecutive rejections.
 #[derive(Clone, Debug)]
 pub struct Gate<K> {
     /// Threshold in squared standard deviations.
@@ -26,13 +26,13 @@ pub struct Gate<K> {
 }
 
 impl<K: Ord> Gate<K> {
-    /// Makes a gate with this threshold, in standard deviations of the innovation.
+    /// Creates a gate with this threshold, in standard deviations of the innovation.
     pub fn new(sigmas: f64) -> Self {
         Self { gate_sq: sigmas * sigmas, refused: BTreeMap::new() }
     }
 
-    /// Corrects the states with a measurement of a source. Returns the innovation, or `None` if the
-    /// measurement was rejected.
+    /// Corrects the states with a measurement from a source. Returns the innovation, or `None` if
+    /// the measurement was rejected.
     pub fn correct(
         &mut self,
         normal: &mut Normal,
@@ -40,8 +40,8 @@ impl<K: Ord> Gate<K> {
         measurement: &Measurement<'_>,
     ) -> Option<Innovation> {
         let n_refused = self.refused.entry(source).or_default();
-        // After consecutive rejections, the innovation itself is used as the standard deviation of
-        // the noise, which passes any gate.
+        // After consecutive rejections, the innovation itself serves as the standard deviation of
+        // the noise, with which the measurement passes any gate.
         let mut measurement = *measurement;
         if *n_refused >= MOST_REFUSALS {
             let error = normal.innovation(&measurement).value;
@@ -57,37 +57,37 @@ impl<K: Ord> Gate<K> {
     }
 }
 
-/// Test for steps of the floor below a ranger, whose height is one of the states.
+/// Test for steps in the floor below a ranger. The floor's height is one of the states.
 #[derive(Clone, Debug)]
 pub struct StepTest {
     gate_sigmas: f64,
     least_m: f64,
     sigma_m: f64,
-    /// Innovations beyond the gate in m, since the last one within it.
+    /// Innovations in m beyond the gate since the last one within it.
     beyond_m: Vec<f64>,
 }
 
 /// Result of testing a range to the floor for a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Floor {
-    /// No step, so that the range is used.
+    /// No step. The range is used.
     Still,
-    /// Not decided yet, so that the range is left out.
+    /// Not decided yet. The range is not used.
     Open,
-    /// Step of the distance to the floor by this length in m, so that the range is left out.
+    /// Step in the distance to the floor by this length in m. The range is not used.
     Stepped(f64),
 }
 
 impl StepTest {
-    /// Makes a test with a gate in standard deviations. Innovations below `least_m` are not a step.
-    /// A step adds `sigma_m` to the uncertainty of the floor's height.
+    /// Creates a test with a gate in standard deviations. Innovations below `least_m` are not a
+    /// step. A step adds `sigma_m` to the uncertainty of the floor's height.
     pub fn new(gate_sigmas: f64, least_m: f64, sigma_m: f64) -> Self {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }
 
-    /// Corrects the states with a range to a floor, whose state the Jacobian's last part is about.
-    /// If the floor steps, its state and variance are changed instead. A range beyond `gate_sq` is
-    /// ignored.
+    /// Corrects the states with a range to the floor. The last part of the Jacobian is with respect
+    /// to the floor's state. If the floor has a step, its state and variance are changed instead. A
+    /// range beyond `gate_sq` is ignored.
     ///
     /// # Panics
     ///
@@ -103,7 +103,7 @@ impl StepTest {
             floor = self.classify(innovation);
             floor == Floor::Still && !innovation.is_beyond(gate_sq)
         });
-        // A step of the range divided by the Jacobian is a step of the floor's height.
+        // A step in the range divided by the Jacobian is a step in the floor's height.
         if let Floor::Stepped(step_m) = floor {
             let Some(Part::One(state, per_m)) = measurement.jacobian.last() else {
                 panic!("the floor is last")
@@ -114,8 +114,8 @@ impl StepTest {
         floor
     }
 
-    /// Classifies a range, of which [`STEP_READINGS`] consecutive ones beyond the gate are a step
-    /// by the mean of their innovations.
+    /// Classifies a range. [`STEP_READINGS`] consecutive ranges beyond the gate are a step by the
+    /// mean of their innovations.
     fn classify(&mut self, innovation: &Innovation) -> Floor {
         let is_within = innovation.sigmas() <= self.gate_sigmas;
         if is_within || innovation.value.abs() < self.least_m {

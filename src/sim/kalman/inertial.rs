@@ -1,8 +1,8 @@
-//! Motion of a drone from its gyroscope and accelerometer, with nine small errors.
+//! Motion of a drone computed from its gyroscope and accelerometer, with nine small errors.
 //!
 //! The errors are those of position and velocity in the world frame, and a rotation in the body
-//! frame. A [`Normal`] contains them for one drone after the other, followed by other states. The
-//! covariance is propagated in 3×3 blocks, which saves the products with zeros.
+//! frame. A [`Normal`] contains the errors of one drone after the other, followed by other states.
+//! The covariance is propagated in 3×3 blocks, which avoids products with zeros.
 //!
 //! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
@@ -15,7 +15,7 @@ use super::normal::Normal;
 
 pub use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Number of errors of a drone, which begin with three of the position.
+/// Number of errors per drone, of which the first three are those of the position.
 pub const ERRORS: usize = 9;
 /// Index of the three errors of the velocity.
 pub const VELOCITY: usize = 3;
@@ -54,9 +54,9 @@ pub struct Span {
     pub turn_rad: Vector3<f64>,
 }
 
-/// Returns the variance that the integral of white noise gains per second, which is the noise's
-/// two-sided spectral density. `per_sqrt_hz` is its one-sided noise density, as in data sheets and
-/// in every key of a scene.
+/// Returns the increase per second in the variance of integrated white noise, which is the noise's
+/// two-sided spectral density. `per_sqrt_hz` is the one-sided noise density, as in data sheets and
+/// scene keys.
 pub fn variance_rate(per_sqrt_hz: f64) -> f64 {
     0.5 * (per_sqrt_hz * per_sqrt_hz)
 }
@@ -71,7 +71,7 @@ pub struct Density {
 }
 
 impl Inertial {
-    /// Makes a level drone at rest, turned from world x toward y.
+    /// Creates a level drone at rest with a heading from world x toward y.
     pub fn level_at(position_m: Vector3<f64>, yaw_rad: f64) -> Self {
         let attitude = Turned::facing(yaw_rad);
         Self {
@@ -85,8 +85,8 @@ impl Inertial {
         }
     }
 
-    /// Advances the state by a tick with the mean of the body rates at its ends and the specific
-    /// force during it. Returns the acceleration in the world frame.
+    /// Advances the state by a tick, with the mean of the body rates at its start and end, and the
+    /// specific force during the tick. Returns the acceleration in the world frame.
     pub fn predict(
         &mut self,
         rate_rad_s: &Vector3<f64>,
@@ -107,7 +107,8 @@ impl Inertial {
         acceleration
     }
 
-    /// True if the covariance is to be propagated now, for a measurement or 10 ms after the last.
+    /// True if the covariance must be propagated now, for a measurement or 10 ms after the last
+    /// time.
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }
@@ -133,8 +134,8 @@ impl Inertial {
 }
 
 impl Normal {
-    /// Makes independent errors of drones from the standard deviations of position (m), velocity
-    /// (m/s) and rotation (rad), and further states with their own.
+    /// Creates independent errors of drones with the standard deviations of position (m), velocity
+    /// (m/s) and rotation (rad), and further states with theirs.
     pub fn of_drones(n_drones: usize, [p, v, t]: [f64; 3], further: &[f64]) -> Self {
         let mut sigmas = [p, p, p, v, v, v, t, t, t].repeat(n_drones);
         sigmas.extend(further);
@@ -153,7 +154,7 @@ impl Normal {
     /// θ`, `θ̇ = −[ω]× θ`. The other states are constant.
     #[inline(always)]
     pub fn carry(&mut self, drone: usize, span: &Span, density: &Density) {
-        // Over position, velocity and rotation, `Φ = [1 τ c; 0 1 b; 0 0 T]`.
+        // For position, velocity and rotation, `Φ = [1 τ c; 0 1 b; 0 0 T]`.
         let first = ERRORS * drone;
         let Span { span_s, lever, turn_rad } = *span;
         let b = lever * span_s;
@@ -172,7 +173,7 @@ impl Normal {
         let row_pv = pv + vv * span_s + c * vt.transpose();
         let row_pp = pp + pv.transpose() * span_s + c * pt.transpose();
 
-        // The columns of (Φ P) Φᵀ follow.
+        // The columns of (Φ P) Φᵀ are computed next.
         let mut pp = row_pp + row_pv * span_s + row_pt * c.transpose();
         let mut pv = row_pv + row_pt * b.transpose();
         let mut vv = vv + (b * vt.transpose() + row_vt * b.transpose());
@@ -180,8 +181,8 @@ impl Normal {
         let vt = row_vt * t_transposed;
         let mut tt = t_transposed.transpose() * tt * t_transposed;
 
-        // White noise q of the acceleration gives q τ³/3, q τ²/2 and q τ in Q. White noise of the
-        // rate affects only the rotation.
+        // White acceleration noise q contributes q τ³/3, q τ²/2 and q τ to Q. White rate noise
+        // affects only the rotation.
         for (i, density_m_s2) in density.acceleration.into_iter().enumerate() {
             let velocity = density_m_s2 * span_s;
             pp[(i, i)] += velocity * span_s * span_s / 3.0;

@@ -1,11 +1,11 @@
-//! Estimation of states from measurements. The estimation depends on no plant and no file.
+//! Estimation of states from measurements, independent of any plant or file.
 //!
 //! The only filter is a [`Normal`] distribution over the small errors of any number of drones and
 //! over further states (the floor's height, biases). Inertial sensors ([`Inertial`]) or a linear
 //! motion propagate the distribution. Scalar measurements correct the distribution one after the
 //! other, each through a gate ([`Gate`], [`StepTest`]). The simulated drones run this filter, the
-//! Cramér–Rao bound is the same filter at the true state, and the crate `locate` runs it over a log
-//! of ranges, with a smoother over its steps.
+//! Cramér–Rao bound is computed by the same filter at the true state, and the crate `locate` runs
+//! the filter over a log of ranges, followed by a smoother.
 
 mod attitude;
 mod gate;

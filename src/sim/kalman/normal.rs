@@ -1,15 +1,15 @@
 //! Normal distribution of states, and its correction by a measurement.
 //!
-//! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` of
-//! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`. With the gain `k =
-//! P h / √s`, the correction is `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction
-//! subtracts a square from the matrix, which remains exactly symmetric. At the ratios of variance
-//! that occur here (1e-6 or more), this correction is as safe as Joseph's form and takes half the
-//! work. Independent measurements are used one after the other, which is equivalent to using them
-//! together.
+//! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` with
+//! noise variance `r` has the innovation `ν = y − hᵀ x`, whose variance is `s = hᵀ P h + r`. With
+//! the gain `k = P h / √s`, the correction is `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar
+//! correction subtracts a rank-one square from the matrix, which remains exactly symmetric. At the
+//! ratios of variances that occur here (1e-6 or more), this correction is as robust as Joseph's
+//! form with half the work. Using independent measurements one after the other is equivalent to
+//! using them together.
 //!
-//! Jacobians are sparse, because a measurement depends on few of the states. All loops run over
-//! plain columns, so that no product selects another kernel on another CPU.
+//! Jacobians are sparse, because a measurement depends on few states. All loops run over plain
+//! columns, so that no product uses different code on different processors.
 //!
 //! Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation*, Wiley 2001, sections 5.2 and 5.4 (normalized innovation squared).
@@ -30,9 +30,9 @@ pub struct Normal {
 /// Part of a measurement's Jacobian, the derivative with respect to one or three of the states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
-    /// Derivative with respect to the state of an index.
+    /// Derivative with respect to the state with this index.
     One(usize, f64),
-    /// Derivatives with respect to three states from an index on.
+    /// Derivatives with respect to three consecutive states that begin at this index.
     Three(usize, Vector3<f64>),
 }
 
@@ -41,7 +41,7 @@ pub enum Part {
 pub struct Measurement<'a> {
     /// Jacobian h, in which each state occurs in at most one part.
     pub jacobian: &'a [Part],
-    /// Value y, which is measured minus expected with all states at zero.
+    /// Value y, which is the measured value minus the value expected if all states are zero.
     pub value: f64,
     /// Variance of the noise.
     pub variance: f64,
@@ -77,19 +77,19 @@ impl Innovation {
 }
 
 impl Normal {
-    /// Makes a distribution from a mean and a covariance.
+    /// Creates a distribution from a mean and a covariance.
     pub fn new(mean: DVector<f64>, covariance: DMatrix<f64>) -> Self {
         let gain = vec![0.0; mean.len()];
         Self { mean, covariance, gain }
     }
 
-    /// Makes independent states around zero with these standard deviations.
+    /// Creates independent states with zero mean and these standard deviations.
     pub fn independent(sigmas: &[f64]) -> Self {
         let variances = DVector::from_iterator(sigmas.len(), sigmas.iter().map(|s| s * s));
         Self::new(DVector::zeros(sigmas.len()), DMatrix::from_diagonal(&variances))
     }
 
-    /// Returns the means of three states from index `first` on.
+    /// Returns the means of three states that begin at index `first`.
     #[inline]
     pub fn three(&self, first: usize) -> Vector3<f64> {
         self.mean.fixed_rows::<3>(first).into_owned()
@@ -107,13 +107,13 @@ impl Normal {
     }
 
     /// Propagates the states by a transition `Φ` and a noise covariance `Q`. `Φ` is given as the
-    /// entries of `Φ − 1`, which are applied in order and must read a state before they change it.
-    /// `Q` is given as its upper triangle.
+    /// entries of `Φ − 1`, which are applied in order. An entry that reads a state must precede one
+    /// that changes it. `Q` is given as its upper triangle.
     pub fn predict(&mut self, transition: &[Entry], noise: &[Entry]) {
         for &(row, column, value) in transition {
             self.mean[row] += value * self.mean[column];
         }
-        // Φ P is computed column by column of P, followed by (Φ P) Φᵀ, entry by entry of Φ.
+        // Φ P is computed for each column of P, and then (Φ P) Φᵀ for each entry of Φ.
         let n = self.mean.len();
         let p = self.covariance.as_mut_slice();
         for states in p.chunks_exact_mut(n) {
@@ -124,7 +124,7 @@ impl Normal {
         for &(row, column, value) in transition {
             (0..n).for_each(|i| p[row * n + i] += value * p[column * n + i]);
         }
-        // Rounding makes the two triangles differ, so that both are replaced with their mean.
+        // Rounding makes the two triangles differ, so both are replaced with their mean.
         for i in 0..n {
             for j in 0..i {
                 p[i * n + j] = 0.5 * (p[i * n + j] + p[j * n + i]);
@@ -143,7 +143,7 @@ impl Normal {
     #[inline(always)]
     pub fn innovation(&mut self, measurement: &Measurement<'_>) -> Innovation {
         let Measurement { jacobian, value, variance } = *measurement;
-        // The same loop is compiled for known lengths, which are those of one drone and of two.
+        // The same loop is compiled for the known lengths of one and of two drones.
         let p = self.covariance.as_slice();
         match self.gain.len() {
             9 => multiply(p, jacobian, &mut self.gain, 9),
@@ -152,7 +152,7 @@ impl Normal {
         }
         Innovation {
             value: value - product(jacobian, self.mean.as_slice()),
-            // Rounding can make the sum negative if the states are far better known than the
+            // Rounding can make the sum negative if the states are far more accurate than the
             // reading.
             variance: product(jacobian, &self.gain).max(0.0) + variance,
         }
@@ -175,7 +175,7 @@ impl Normal {
         self.gain.iter_mut().for_each(|gain| *gain *= scale);
         let states = self.mean.as_mut_slice().iter_mut();
         states.zip(&self.gain).for_each(|(x, gain)| *x += gain * (innovation.value * scale));
-        // The lengths are known again, as in `innovation`.
+        // The loop is compiled for known lengths, as in `innovation`.
         let p = self.covariance.as_mut_slice();
         match self.gain.len() {
             9 => subtract_square(p, &self.gain, 9),
@@ -225,12 +225,12 @@ pub fn product(jacobian: &[Part], states: &[f64]) -> f64 {
     products.sum()
 }
 
-/// Step that a filter recorded.
+/// Recorded step of a filter.
 #[derive(Clone, Debug)]
 pub struct Step {
     /// Time of the step in s.
     pub time_s: f64,
-    /// Transition from the previous step, in the form for [`Normal::predict`].
+    /// Transition from the previous step, in the form that [`Normal::predict`] takes.
     pub transition: Vec<Entry>,
     /// Distribution before the measurements of this step.
     pub predicted: Normal,
@@ -243,7 +243,7 @@ impl Step {
     /// (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965). Returns `None` if the covariance predicted
     /// for the next step is not positive definite.
     pub fn smoothed(&self, after: &Self, smoothed_after: &Normal) -> Option<Normal> {
-        // The gain is G = P Φᵀ P'⁻¹ with the covariance P' predicted for the next step.
+        // The gain is G = P Φᵀ P'⁻¹, in which P' is the covariance predicted for the next step.
         let (updated, predicted) = (&self.updated, &after.predicted);
         let inverse = predicted.covariance.clone().cholesky()?;
         let mut phi_p = updated.covariance.clone();
@@ -258,7 +258,7 @@ impl Step {
     }
 }
 
-/// Returns the direction and the length of a vector. The direction is the gradient of the length.
+/// Returns a vector's direction, which is the gradient of its length, and its length.
 #[inline]
 pub fn toward(vector_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
     let length_m = vector_m.norm();
@@ -351,7 +351,7 @@ mod tests {
 
     #[test]
     fn a_steady_filter_has_the_covariance_of_the_riccati_equation() {
-        // The states are position, which is measured, and velocity with acceleration noise.
+        // The states are the measured position, and the velocity, which has acceleration noise.
         let (t, q, r) = (0.1, 0.04, 0.0025);
         let (transition, h) = ([(0, 1, t)], [Part::One(0, 1.0)]);
         let noise = [(0, 0, q * t * t * t / 3.0), (0, 1, q * t * t / 2.0), (1, 1, q * t)];

@@ -179,7 +179,8 @@ impl ControllerOptions {
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
 
-    /// Returns the kind of setpoint that the host sends during writing, and that checks fly with.
+    /// Returns the kind of setpoint that the host sends while the drone writes, and that checks
+    /// use.
     pub fn sends(&self) -> SetpointKind {
         match self.kind {
             ControllerKind::Pid => self.setpoints,
@@ -204,18 +205,18 @@ impl PidOptions {
 /// Control law of a controller, for analysis, tuning and exports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
-    /// Gain matrix, designed from weights or given (`controller.lqr`).
+    /// Gain matrix, which is designed from weights or given (`controller.lqr`).
     StateFeedback {
         /// True if the law integrates the position error.
         integrates: bool,
-        /// True if the thrust follows an estimated map instead.
+        /// True if the thrust follows from an estimated thrust map instead.
         by_thrust_map: bool,
     },
     /// Firmware's cascade of PID loops.
     Cascade,
     /// Firmware's geometric controller.
     Geometric,
-    /// Other law, which the firmware lacks.
+    /// Other control law, which the firmware lacks.
     Own,
 }
 
@@ -247,7 +248,7 @@ impl ControllerKind {
         }
     }
 
-    /// True if the controller follows velocity and acceleration of the reference.
+    /// True if the controller follows the reference's velocity and acceleration.
     pub fn follows_reference(self) -> bool {
         match self {
             Self::Lqr | Self::Pid => false,

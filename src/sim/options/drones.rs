@@ -1,9 +1,9 @@
-//! Drones of the presets, for tests, made from the scene files that `pipeline` ships.
+//! Drones of the presets for tests, created from the scene files that `pipeline` contains.
 
 use super::{ControllerKind, EstimatorKind, SimOptions};
 use crate::sensors::Positioning;
 
-/// Tables of a scene that the simulator reads, except the air, which is still.
+/// Tables of a scene that the simulator reads, without the table `air`, so that the air is still.
 const TABLES: [&str; 8] =
     ["rates", "vehicle", "battery", "floor", "radio", "controller", "observer", "sensors"];
 
@@ -11,7 +11,7 @@ const CF21: &str = include_str!("../../pipeline/scene/presets/cf21.toml");
 const CF_BRUSHLESS: &str = include_str!("../../pipeline/scene/presets/cf-brushless.toml");
 const BZZZ: &str = include_str!("../../pipeline/scene/presets/bzzz.toml");
 
-/// Returns the drone of a scene file that begins with the keys of another drone.
+/// Returns the drone of a scene file whose keys override those of another drone.
 fn preset(begin_toml: &str, scene_toml: &str) -> SimOptions {
     let [mut scene, keys] =
         [begin_toml, scene_toml].map(|toml| toml.parse::<toml::Table>().expect("TOML"));
@@ -20,7 +20,7 @@ fn preset(begin_toml: &str, scene_toml: &str) -> SimOptions {
     scene.try_into().expect("a preset's tables are settings")
 }
 
-/// Adds the keys of a table to another, replaces existing values, and merges nested tables.
+/// Adds the keys of a table to another table, replaces existing values, and merges nested tables.
 fn merge(into: &mut toml::Table, from: toml::Table) {
     for (key, value) in from {
         match (into.get_mut(&key), value) {

@@ -112,8 +112,8 @@ impl SimOptions {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the key as its place, or [`Error::Infeasible`] for a drone too
-    /// heavy for its motors.
+    /// Returns [`Error::Input`] with the key as its place, or [`Error::Infeasible`] for a drone
+    /// that is too heavy for its motors.
     pub fn check(&self) -> Result<()> {
         Described::check(self, "", None)?;
         self.vehicle.check_lift()?;
@@ -132,8 +132,8 @@ impl SimOptions {
         PlantOptions { vehicle, battery, air, floor }
     }
 
-    /// Returns the maximum command that the firmware gives a motor, or infinity with compensation
-    /// of the battery, which then limits the thrust.
+    /// Returns the maximum motor command of the firmware, or infinity with battery compensation,
+    /// which then limits the thrust.
     pub(crate) fn most_command(&self) -> f64 {
         if self.battery.is_compensated() { f64::INFINITY } else { self.vehicle.motor_max }
     }
@@ -147,7 +147,7 @@ impl SimOptions {
     /// sensors and radio.
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
-        // The estimator of any other positioning may not accept ideal positions.
+        // The estimator for another positioning system may not accept ideal positions.
         if options.sensors.positioning != Positioning::Position {
             options.observer.kind = EstimatorKind::Truth;
         }
@@ -159,8 +159,8 @@ impl SimOptions {
         options
     }
 
-    /// Returns [`Self::rehearsal`] with the firmware's filter on ideal sweeps of its stations,
-    /// since the filter's error due to drag is the same in every flight. Returns `None` for other
+    /// Returns [`Self::rehearsal`] with the firmware's filter and ideal sweeps from the stations,
+    /// because the filter's error due to drag is the same in every flight. Returns `None` for other
     /// estimators and sensors.
     pub fn rehearsal_by_filter(&self) -> Option<Self> {
         let positioning = self.sensors.positioning;
@@ -175,13 +175,14 @@ impl SimOptions {
 }
 
 impl RateOptions {
-    /// Returns the number of motor commands per second, which is `attitude_hz` or one per tick.
+    /// Returns the number of motor commands per second, which is `attitude_hz`, but at most one per
+    /// tick.
     pub fn attitude_hz(&self) -> u32 {
         self.attitude_hz.min(self.control_hz)
     }
 
     /// Returns the number of runs per second of the position loop, which is `position_hz`, but at
-    /// most that of motor commands.
+    /// most one per motor command.
     pub fn position_hz(&self) -> u32 {
         self.position_hz.min(self.attitude_hz())
     }
@@ -193,7 +194,7 @@ impl RateOptions {
             ("attitude_hz", self.attitude_hz(), "position_hz", self.position_hz),
             ("log_hz", self.log_hz, "control_hz", self.control_hz),
         ] {
-            // A loop that could run a whole number of times per tick runs once.
+            // A loop whose rate is a multiple of the tick rate runs once per tick.
             let is_capped = slow != "log_hz" && slow_hz.is_multiple_of(fast_hz);
             if !is_capped && !fast_hz.is_multiple_of(slow_hz) {
                 let wanted = format!("a divisor or a multiple of {fast} = {fast_hz}");
@@ -208,21 +209,21 @@ impl RateOptions {
 /// Drone that is simulated.
 #[derive(Clone, Copy, Debug)]
 pub struct Drone<'a> {
-    /// Model for which controller and estimator are designed.
+    /// Assumed drone, for which controller and estimator are designed.
     pub believed: &'a SimOptions,
-    /// True body, motors, battery, air and sensors.
+    /// Actual drone, with its body, motors, battery, air and sensors.
     pub actual: &'a SimOptions,
     /// Seed of all noise except that of the room.
     pub seed: u64,
-    /// Seed of the permanent errors of the room, which are in the poses of its stations and
-    /// anchors. The seed is the same for all drones in one room.
+    /// Seed of the room's permanent errors, such as those in the poses of stations and anchors. All
+    /// drones in one room share this seed.
     pub room_seed: u64,
-    /// Index among the drones that fly together. Each index has different noise in sensors and air.
+    /// Index among the drones that fly together. Sensor noise and gusts differ between indices.
     pub index: u64,
 }
 
 impl<'a> Drone<'a> {
-    /// Makes the drone of index 0, with a controller that is designed for it.
+    /// Creates the drone with index 0, with a controller that is designed for it.
     pub fn new(options: &'a SimOptions, seed: u64) -> Self {
         Self { believed: options, actual: options, seed, room_seed: seed, index: 0 }
     }

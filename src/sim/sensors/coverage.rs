@@ -1,13 +1,12 @@
-//! Coverage: how many Lighthouse base stations are seen from a point, and how accurate its position
-//! is.
+//! Lighthouse coverage, which is the number of base stations seen from a point, and the accuracy of
+//! a position measured there.
 //!
-//! Input: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
-//! y). Output: [`Coverage`], a grid. Each plane of light of each station that sees a level drone
+//! The input is the stations and their errors, and a rectangle in the writing plane (x-z, at one
+//! y). The output is a [`Coverage`] grid. Each light plane of each station that sees a level drone
 //! measures `hᵀ δp = δα`. The smallest error of the position is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and
-//! Rao). σ is the total error of an angle, from its white noise, its distortion, and the error of
-//! the station's pose. The error common to all stations, which is distortion, is added. People and
-//! mirrors are those of the sensors' options. Walls, the tilt of the drone, and errors from
-//! reflections are not modeled.
+//! Rao). σ is the total error of an angle, from its white noise, its distortion, and the station's
+//! pose error. The distortion common to all stations is added. People and mirrors are included.
+//! Walls, the tilt of the drone, and errors from reflections are not modeled.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -17,12 +16,12 @@ use crate::sensors::{Generation, LighthouseOptions, SensorOptions, StationPose};
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::settings::Described;
 
-/// Smallest and largest step of the grid in m.
+/// Minimum and maximum grid spacing in m.
 const STEPS_M: [f64; 2] = [0.001, 10.0];
-/// Maximum number of points of a grid.
+/// Maximum number of points in a grid.
 const MAX_POINTS: f64 = 1e6;
 
-/// Grid over a rectangle of the writing plane.
+/// Grid of visibility and accuracy over a rectangle in the writing plane.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Coverage {
     /// Coordinates of the columns in m, in ascending order.
@@ -42,16 +41,17 @@ pub struct CoveredPoint {
     pub n_stations: usize,
     /// Number of stations whose image in a mirror the drone sees.
     pub n_reflected: usize,
-    /// Expected error of the position over all three axes in m, 1 σ. The error is `None` if the
-    /// angles of the stations that see the drone leave a direction undetermined.
+    /// Expected position error (1 σ) over all three axes in m, or `None` if the angles of the
+    /// stations that see the drone leave a direction undetermined.
     pub error_m: Option<f64>,
 }
 
-/// Returns the coverage of `[left, bottom, right, top]` in the plane at `y_m`, every `step_m`.
+/// Returns the coverage of `[left, bottom, right, top]` in the plane at `y_m`, on a grid of
+/// `step_m`.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] without base stations, and if rectangle and step make no grid.
+/// Returns [`Error::Input`] without base stations, or if rectangle and step define no valid grid.
 pub fn coverage(
     options: &SensorOptions,
     bounds_m: [f64; 4],
@@ -69,7 +69,7 @@ pub fn coverage(
         let hint = "list the room's base stations";
         return Err(Error::input("sensors.lighthouse.stations", "none", "at least one", hint));
     }
-    // The rows are ordered from below, and each row from the left.
+    // The rows are ordered from bottom to top, and each row from left to right.
     let [left, bottom, right, top] = bounds_m;
     let (x_m, z_m) = (grid_m(left, right, step_m), grid_m(bottom, top, step_m));
     let points_m = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
@@ -117,7 +117,7 @@ impl Coverage {
 
 /// Returns coordinates from one end to the other, both included, at most `step_m` apart.
 fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
-    // The slack prevents an additional step from rounding, since 1.1 / 0.1 is more than 11.
+    // The tolerance prevents an additional step due to rounding, because 1.1 / 0.1 exceeds 11.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2e7")]
     let n = ((to_m - from_m) / step_m - 1e-9).ceil() as u32;
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
@@ -136,7 +136,8 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
             continue;
         }
         n_stations += 1;
-        // The errors of an angle are independent, and station offsets matter less at a distance.
+        // The errors of an angle are independent. An error in the station's position matters less
+        // at a distance.
         let distance_m = (point_m - pose.position_m).norm();
         let sigmas_rad = [
             options.sweep_noise_rad[usize::from(station.generation == Generation::V2)],
@@ -145,14 +146,14 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
             options.station_position_error_m / distance_m,
         ];
         let variance = sigmas_rad.iter().fold(0.0, |sum, sigma_rad| sum + sigma_rad * sigma_rad);
-        // The Fisher information of both planes is Σ h hᵀ / σ².
+        // The Fisher information from both planes is Σ h hᵀ / σ².
         for plane in 0..2 {
             let gradient = pose.crossing(plane, point_m).gradient_rad_m;
             information += gradient * gradient.transpose() / variance.max(f64::MIN_POSITIVE);
         }
     }
-    // The two angles of one station leave its distance undetermined, as do two stations in line
-    // with the point, so that the information has no inverse.
+    // The two angles of one station, or of two stations in line with the point, leave the distance
+    // undetermined. In that case, the information matrix has no inverse.
     let scale = information.trace() / 3.0;
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
     let common_m2 = 3.0 * (options.distortion_m * options.distortion_m);
@@ -179,9 +180,9 @@ mod tests {
 
     #[test]
     fn error_is_that_of_geometry_by_hand() {
-        // Seen along x and y from 3 m with 1 mrad, the error across each beam is 3 mm, and both
-        // determine z. The stations are 0.6 m above the point, which tilts each line of sight by
-        // atan(0.2).
+        // At 3 m, an angular error of 1 mrad causes an error of 3 mm across each beam. One beam is
+        // along x, one along y, and both determine z. The stations are 0.6 m above the point, which
+        // tilts each line of sight by atan(0.2).
         let place = covered_point(&square_stations(), &Vector3::zeros());
         assert_eq!(place.n_stations, 2);
         let level = covered_point(&square_stations(), &Vector3::new(0.0, 0.0, 0.0));

@@ -1,4 +1,5 @@
-//! Positions from crossing beams, which are the points nearest to the rays of all recent stations.
+//! Positions from crossing beams, which are the points nearest to the rays from all stations
+//! received recently.
 //!
 //! For each sensor of the deck, the point solves `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays
 //! from `o` along `d`. For two rays, this is the middle of their shortest connection, as in the
@@ -11,7 +12,8 @@ use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
 
-/// Maximum age of an angle in s, 1.5 turns of the slowest rotor (a lost sweep costs one fix).
+/// Maximum age of an angle in s, which is 1.5 turns of the slowest rotor. A lost sweep costs one
+/// fix.
 const FRESH_S: f64 = 0.03;
 
 /// Combination of sweeps to positions.
@@ -35,7 +37,7 @@ impl Heard {
 }
 
 impl CrossingBeams {
-    /// Makes the stations, before any sweep was received.
+    /// Creates the state of the stations before any sweep is received.
     pub(super) fn new(stations: &[Station]) -> Self {
         let stations = stations.iter().map(|station| Heard {
             pose: StationPose::new(station),
@@ -45,8 +47,8 @@ impl CrossingBeams {
         Self { stations: stations.collect() }
     }
 
-    /// Returns the position of the deck's middle after the sweeps of this tick, or `None` unless a
-    /// second plane passed and two stations were received with both planes.
+    /// Returns the position of the deck's center after the sweeps of this tick. Returns `None`
+    /// unless a second plane has passed and both planes of two stations have been received.
     pub(super) fn fix_m(&mut self, sweeps: &[Sweep], time_s: f64) -> Option<Vector3<f64>> {
         for sweep in sweeps {
             let heard = &mut self.stations[sweep.station];
@@ -62,7 +64,8 @@ impl CrossingBeams {
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
-            // The normal equations N p = r give the point nearest to all rays (least squares).
+            // The normal equations N p = r give the point nearest to all rays in the least-squares
+            // sense.
             let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
             for heard in fresh.clone() {
                 let [first, second] = heard.angles_rad;

@@ -1,4 +1,4 @@
-//! Noise densities of recorded series at several time scales, for the tests of the sensors.
+//! Noise densities of recorded series at several time scales, for tests of the sensors.
 
 /// Lengths in samples of the compared blocks, of which the longest is 128 times the shortest.
 const BLOCKS: [usize; 3] = [1, 16, 128];
@@ -15,7 +15,7 @@ pub(super) fn white_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
 }
 
 /// Returns the one-sided density of the derivative (unit/s/√Hz) of a random walk at three time
-/// scales, because a step over T has the variance `b² T/2`.
+/// scales, because the change over a time T has the variance `b² T/2`.
 pub(super) fn random_walk_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     BLOCKS.map(|block| {
         let length = block as f64;
@@ -24,7 +24,8 @@ pub(super) fn random_walk_density(values: &[f64], rate_hz: f64) -> [f64; 3] {
     })
 }
 
-/// Returns the variance that the integral of a series around its mean gains per second.
+/// Returns the increase per second in the variance of a series' integral, after removal of its
+/// mean.
 pub(super) fn gathered(values: &[f64], rate_hz: f64) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;

@@ -1,4 +1,4 @@
-//! Slow sensors, which are time of flight to the floor, air pressure, and satellite navigation.
+//! Slow sensors, which are the time-of-flight ranger, the barometer and satellite navigation.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,15 +7,16 @@ use super::{BarometerOptions, GnssOptions, TimeOfFlightOptions};
 use crate::vehicle::FloorOptions;
 use noctograph_core::random::Noise;
 
-/// Distance in m beyond which the ranger sees no floor (`zranger2.c` discards readings above 5 m).
+/// Distance in m beyond which the ranger does not detect the floor (`zranger2.c` discards readings
+/// above 5 m).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
 
-/// Increase of the ranger's noise at 2.5 m in m.
+/// Increase in m of the ranger's noise at a distance of 2.5 m.
 const FAR_NOISE_M: f64 = 0.0025;
 
 /// Returns the standard deviation of a ranger at a distance in m, `noise_m + 0.0025 exp(c (d −
-/// 2.5))` with `c = ln(80)/1.5`. With a noise of 2.5 mm, it is that of the firmware (`zranger2.c`),
-/// 5 mm at 2.5 m and 0.2 m at 4 m.
+/// 2.5))` with `c = ln(80)/1.5`. With a noise of 2.5 mm, the result equals the firmware's
+/// (`zranger2.c`), 5 mm at 2.5 m and 0.2 m at 4 m.
 pub(super) fn time_of_flight_sigma_m(noise_m: f64, distance_m: f64) -> f64 {
     const C_PER_M: f64 = 2.921_351_089_782_587_4;
     let growth = libm::exp(C_PER_M * (distance_m - 2.5));
@@ -45,7 +46,8 @@ impl TimeOfFlight {
         }
     }
 
-    /// Returns the distance to the floor in m, or `None` if not due, beyond reach, or looking up.
+    /// Returns the distance to the floor in m, or `None` if no reading is due or no floor is within
+    /// range.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -103,7 +105,7 @@ impl Barometer {
     }
 }
 
-/// Satellite fixes with a base station, which have white noise and periods without a fix.
+/// Satellite fixes with a base station, with white noise and periods without a fix.
 #[derive(Debug)]
 pub(super) struct Gnss {
     clock: Clock,
@@ -145,7 +147,7 @@ mod tests {
 
     const STREAMS: Streams = Streams { seed: 9, room_seed: 9, drone: 0 };
 
-    /// Returns the readings of a sensor in `n` ticks of 500 Hz.
+    /// Returns the readings of a sensor over `n` ticks at 500 Hz.
     fn series(n: u32, mut read: impl FnMut(f64) -> Option<f64>) -> Vec<f64> {
         (0..n).filter_map(|tick| read(f64::from(tick) / 500.0)).collect()
     }

@@ -1,4 +1,4 @@
-//! Gyroscope and accelerometer, with white noise, and a constant bias of the gyroscope.
+//! Gyroscope and accelerometer, with white noise and a constant gyroscope bias.
 
 use nalgebra::Vector3;
 
@@ -7,7 +7,7 @@ use super::streams::Streams;
 use noctograph_core::random::Normals;
 
 /// Both inertial sensors, read at every tick. The firmware's filters (80 Hz and 30 Hz) are not
-/// modeled, so that the noise is white up to half the rate of reading.
+/// modeled, so the noise is white up to half the sampling rate.
 #[derive(Debug)]
 pub(super) struct Imu {
     /// Standard deviations of one reading.
@@ -20,7 +20,7 @@ pub(super) struct Imu {
 }
 
 impl Imu {
-    /// Makes the inertial sensors of a drone, read `rate_hz` times per second.
+    /// Creates the inertial sensors of a drone, which are read `rate_hz` times per second.
     pub(super) fn new(options: &ImuOptions, rate_hz: u32, streams: &Streams) -> Self {
         // White noise with the one-sided density n, sampled at rate f, has σ = n √(f/2).
         let sqrt_half_rate = (0.5 * f64::from(rate_hz)).sqrt();
@@ -73,7 +73,7 @@ mod tests {
         let series = series(&ImuOptions::default(), 1 << 17);
         for (axis, (series, want)) in series.iter().zip(want).enumerate() {
             for (band, measured) in white_density(series, RATE_HZ).into_iter().enumerate() {
-                // The slowest scale has 1024 blocks, which gives 2.2 % for one sigma.
+                // The slowest scale has 1024 blocks, for a standard deviation of 2.2 %.
                 assert!(
                     (measured / want - 1.0).abs() < 0.08,
                     "axis {axis}, band {band}: {measured:e}"
@@ -87,7 +87,7 @@ mod tests {
         let measured = series(&ImuOptions::default(), 1 << 17);
         for (series, density) in [(&measured[0], 2.44e-4), (&measured[5], 1.86e-3)] {
             let rate = gathered(series, RATE_HZ) / variance_rate(density);
-            // There are 131,072 values, which gives 0.4 % for one sigma.
+            // There are 131,072 values, for a standard deviation of 0.4 %.
             assert!((rate - 1.0).abs() < 0.015, "{rate} of what a filter adds in a second");
         }
     }

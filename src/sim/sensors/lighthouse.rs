@@ -1,9 +1,9 @@
-//! Lighthouse as raw sweeps, which are planes of light that pass over the deck one after the other.
+//! Raw Lighthouse sweeps, which are planes of light that pass over the deck one after the other.
 //!
 //! A second-generation rotor turns freely at the rate of its channel, and its two planes pass a
 //! third of a turn apart. First-generation stations take turns within a cycle of 120 Hz. A sweep is
 //! available at the next tick, and all four sensors of the deck are read together, because the
-//! firmware discards a sweep that one of them missed (`pulse_processor_v2.c`).
+//! firmware discards a sweep that a sensor misses (`pulse_processor_v2.c`).
 //!
 //! The drone's motion within a tick and walls are not modeled.
 
@@ -22,8 +22,8 @@ use noctograph_core::random::{Field, Noise, Normals};
 pub(crate) const DECK_SENSORS_M: [[f64; 3]; 4] =
     [[-0.015, 0.0075, 0.0], [-0.015, -0.0075, 0.0], [0.015, 0.0075, 0.0], [0.015, -0.0075, 0.0]];
 
-/// Clock of second-generation stations in Hz, and its cycles per turn of the rotor for each channel
-/// (`pulse_processor_v2.c`), which give 50.05 to 54.1 turns per second.
+/// Clock frequency of second-generation stations in Hz, and clock cycles per rotor turn for each
+/// channel (`pulse_processor_v2.c`), which correspond to 50.05 to 54.1 turns per second.
 const V2_CLOCK_HZ: f64 = 48e6;
 const V2_PERIODS: [u32; 16] = [
     959_000, 957_000, 953_000, 949_000, 947_000, 943_000, 941_000, 939_000, 937_000, 929_000,
@@ -35,9 +35,9 @@ const V1_SWEEPS_HZ: f64 = 120.0;
 /// Interval in s at which the common distortion is computed. At 0.5 m/s, the distortion changes by
 /// 0.1 mm in this time.
 const BEND_S: f64 = 0.02;
-/// Time in s after which an unseen station counts as hidden, since five lost turns are rare.
+/// Time in s after which an unseen station counts as hidden, because five losses in a row are rare.
 const BLIND_S: f64 = 0.1;
-/// Change of direction in rad over which the error of a station's calibration changes.
+/// Correlation length, as an angle in rad, of the error of a station's calibration.
 const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
 
 /// Plane of light that passed over the deck.
@@ -47,7 +47,7 @@ pub struct Sweep {
     pub station: usize,
     /// Index of the plane, 0 or 1.
     pub plane: usize,
-    /// Angles in rad at which the sweep met each of the deck's four sensors.
+    /// Angles in rad at which the sweep hit each of the deck's four sensors.
     pub angles_rad: [f64; 4],
 }
 
@@ -58,7 +58,8 @@ pub(super) struct Lighthouse {
     /// Rotation from the room to the stations' frame, and scale of that frame.
     turn: Matrix3<f64>,
     scale: f64,
-    /// Distortion common to all stations, because their joint solution bends the room.
+    /// Distortion common to all stations, which arises because their joint solution distorts the
+    /// room.
     bend: Field<3>,
     bend_m: Vector3<f64>,
     /// Time in s at which the distortion was computed.
@@ -73,14 +74,15 @@ pub(super) struct Lighthouse {
 #[derive(Debug)]
 struct Rotor {
     truth: StationPose,
-    /// Standard deviations in rad of the noise common to the deck's sensors, and of each sensor's.
+    /// Standard deviations in rad of the noise common to the deck's sensors, and of each sensor's
+    /// noise.
     sigmas_rad: [f64; 2],
     /// Distortion of each plane as a function of the direction from the station.
     distortion: Field<2>,
     noise: Normals,
     /// Noise that determines which sweeps are lost.
     chance: Noise,
-    /// Number of turns per second (of cycles in the first generation).
+    /// Number of turns (cycles in the first generation) per second.
     turn_hz: f64,
     /// Phases in turns at which the planes pass.
     phases: [f64; 2],
@@ -90,7 +92,7 @@ struct Rotor {
 }
 
 impl Lighthouse {
-    /// Makes the stations of a room, and the deck of a drone.
+    /// Creates the stations of a room, and the deck of a drone.
     pub(super) fn new(options: &LighthouseOptions, streams: &Streams) -> Self {
         let n = options.stations.len();
         Self {
@@ -116,7 +118,7 @@ impl Lighthouse {
         fleet_m: &[Vector3<f64>],
     ) -> &[Sweep] {
         self.sweeps.clear();
-        // The position is converted to the stations' frame, with the common distortion.
+        // The position is converted to the stations' frame, including the common distortion.
         if time_s - self.bent_s >= BEND_S {
             (self.bend_m, self.bent_s) = (self.bend.value_at(position_m), time_s);
         }
@@ -124,7 +126,8 @@ impl Lighthouse {
         let bent_m = turn * position_m * self.scale + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
-                // Noise is drawn for unseen sweeps too, so that no sweep changes that of another.
+                // Noise is also drawn for unseen sweeps, so that no sweep affects the noise of
+                // another.
                 let is_lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
@@ -132,7 +135,7 @@ impl Lighthouse {
                 if is_lost || self.room.is_silent(station, time_s) {
                     continue;
                 }
-                // The deck also receives sweeps that meet its image in a mirror.
+                // The deck also receives sweeps that hit its image in a mirror.
                 let attitude = turn * world_from_body;
                 let mirrors = self.room.mirrors.iter();
                 for mirror in mirrors.filter(|m| m.shows_to(&rotor.truth, position_m, &up)) {
@@ -158,7 +161,8 @@ impl Lighthouse {
         &self.sweeps
     }
 
-    /// Returns the number of ticks at which fewer than two stations were seen in the last 0.1 s.
+    /// Returns the number of ticks for which fewer than two stations had been seen in the last 0.1
+    /// s.
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
@@ -177,9 +181,9 @@ pub(super) fn frame_turn(options: &LighthouseOptions) -> Matrix3<f64> {
 }
 
 impl Rotor {
-    /// Makes station `i` at its true pose, with its errors and noise.
+    /// Creates station `i` at its true pose, with its errors and noise.
     fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
-        // The true pose differs from the believed one by an error of the room.
+        // The true pose differs from the believed pose by a permanent error of the room.
         let station = &options.stations[i];
         let mut error = streams.room_noise(&format!("station {i} pose"));
         let mut truth = StationPose::new(station);
@@ -210,7 +214,7 @@ impl Rotor {
         }
     }
 
-    /// Returns the next plane if it passes by `time_s`, and counts it as passed. Else returns
+    /// Returns the next plane if it has passed by `time_s`, and counts it. Otherwise returns
     /// `None`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;
@@ -221,14 +225,14 @@ impl Rotor {
         })
     }
 
-    /// Draws the white noise of a sweep at each sensor.
+    /// Draws the white noise of a sweep for each sensor.
     fn errors_rad(&mut self) -> [f64; 4] {
         let [common, separate] = self.sigmas_rad;
         let common_rad = common * self.noise.next();
         std::array::from_fn(|_| common_rad + separate * self.noise.next())
     }
 
-    /// Returns the angles at which a sweep meets a deck's four sensors, with distortion and noise.
+    /// Returns the angles at which a sweep hits a deck's four sensors, with distortion and noise.
     fn angles_rad(
         &self,
         plane: usize,

@@ -1,8 +1,8 @@
-//! Sensors, which measure the drone's motion. Each sensor has a file of its own.
+//! Sensors, which measure the drone's motion. Each sensor is in a separate file.
 //!
-//! Input: the true state and the specific force at a tick. Output: readings. Every sensor has
-//! separate streams of noise and draws the same number of values at each measurement, so that no
-//! sensor changes another's noise.
+//! The input is the true state and the specific force at a tick. The output is readings. Every
+//! sensor has separate noise streams and draws the same number of values for each measurement, so
+//! that no sensor affects another's noise.
 
 mod coverage;
 mod crossing_beams;
@@ -18,7 +18,7 @@ mod room;
 mod station;
 mod streams;
 mod uwb;
-// WebAssembly in a web page has no files.
+// Web pages cannot read files.
 #[cfg(not(target_family = "wasm"))]
 mod yaml;
 
@@ -51,19 +51,19 @@ pub(crate) use self::uwb::{PeerRange, Turn, turns};
 #[cfg(not(target_family = "wasm"))]
 pub use self::yaml::{read_anchors, read_lighthouse_config};
 
-/// Readings of one tick. Inertial readings are available at each tick, others when due.
+/// Readings of one tick. Inertial readings are available at each tick, other readings when due.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings<'a> {
     /// True motion, used only by the estimator `truth`.
     pub truth: &'a RigidBody,
-    /// Mean command of the motors since the last tick, as a fraction of the maximum.
+    /// Mean motor command since the last tick, as a fraction of the maximum.
     pub throttle: f64,
     /// Angular velocity from the gyroscope in the body frame in rad/s.
     pub rate_rad_s: Vector3<f64>,
-    /// Specific force from the accelerometer in the body frame in m/s², which is acceleration minus
-    /// gravity, and `(0, 0, g)` at rest.
+    /// Specific force from the accelerometer in the body frame in m/s², which is the acceleration
+    /// minus gravity, or `(0, 0, g)` at rest.
     pub specific_force_m_s2: Vector3<f64>,
-    /// Position in the world frame in m, if the positioning measures positions.
+    /// Position in the world frame in m, if the positioning system reports positions.
     pub position_m: Option<Vector3<f64>>,
     /// Lighthouse sweeps.
     pub sweeps: &'a [Sweep],
@@ -76,7 +76,7 @@ pub struct Readings<'a> {
 }
 
 impl<'a> Readings<'a> {
-    /// Makes readings of the inertial sensors only.
+    /// Creates readings of the inertial sensors only.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -121,7 +121,7 @@ pub struct Sensors {
 #[expect(clippy::large_enum_variant, reason = "one a drone")]
 enum Locator {
     Position(PositionSensor),
-    /// Sweeps, and optionally the crossing of their beams, which gives positions.
+    /// Sweeps, and optionally the positions at which their beams cross.
     Lighthouse(Lighthouse, Option<CrossingBeams>),
     Uwb(Uwb),
     Gnss(Gnss),
@@ -136,7 +136,7 @@ enum Altimeter {
 }
 
 impl Locator {
-    /// Makes the sensor for the options' positioning.
+    /// Creates the sensor that the options select.
     fn new(options: &SensorOptions, rate_hz: u32, fleet: &Fleet, streams: &Streams) -> Self {
         let room = &options.lighthouse;
         match options.positioning {
@@ -155,7 +155,7 @@ impl Locator {
 }
 
 impl Altimeter {
-    /// Returns the kind of the sensor and its reading, or `None` if none is due.
+    /// Returns the kind of the sensor and its reading, or `None` if no reading is due.
     fn read(&mut self, body: &RigidBody, time_s: f64) -> Option<(HeightSensor, f64)> {
         let position_m = body.position_m;
         Some(match self {
@@ -171,8 +171,8 @@ impl Altimeter {
 }
 
 impl Sensors {
-    /// Makes the sensors of a drone, which are read `rate_hz` times per second, with the seeds of
-    /// the noise and of the room.
+    /// Creates the sensors of a drone, which are read `rate_hz` times per second, with the seeds
+    /// for the noise and for the room.
     pub(crate) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,
@@ -203,8 +203,8 @@ impl Sensors {
         }
     }
 
-    /// Returns the position at which the estimate of a drone at rest starts, which is the true one,
-    /// or the distorted one with the positioning `position`.
+    /// Returns the position at which the estimate of a drone at rest starts, which is the true
+    /// position or, with the positioning `position`, the distorted one.
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
@@ -223,7 +223,7 @@ impl Sensors {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
         self.ticks += 1;
         let position_m = body.position_m;
-        // The matrix is computed by a closure, because most ticks need none.
+        // A closure computes the matrix, because most ticks do not need it.
         let world_from_body = || body.matrix();
         let mut readings = Readings::inertial(
             body,
@@ -261,7 +261,7 @@ impl Sensors {
         bias_m.unwrap_or(0.0)
     }
 
-    /// Returns a warning if fewer than two base stations were seen at any time.
+    /// Returns a warning if there was a time at which fewer than two base stations were seen.
     pub fn warning(&self) -> Option<Diagnostic> {
         let Locator::Lighthouse(lighthouse, _) = &self.locator else { return None };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;

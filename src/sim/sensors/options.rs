@@ -10,7 +10,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;
 use noctograph_core::settings::{Described, Shape, joined, settings};
 
-/// Maximum number of base stations, which is that of the second generation's channels.
+/// Maximum number of base stations, which is the number of second-generation channels.
 const MAX_STATIONS: usize = 16;
 /// Maximum number of ultra-wideband anchors.
 const MAX_ANCHORS: usize = 64;
@@ -273,7 +273,7 @@ pub struct Station {
 }
 
 impl Station {
-    /// Makes a station at `position_m` that faces `target_m` with a level horizon.
+    /// Creates a station at `position_m` that faces `target_m` with a level horizon.
     ///
     /// If the station faces straight up or down, its yaw is zero.
     pub fn looking(generation: Generation, position_m: [f64; 3], target_m: [f64; 3]) -> Self {
@@ -281,7 +281,7 @@ impl Station {
         Self::facing(generation, position_m, &forward, 0.0)
     }
 
-    /// Makes a station at `position_m` that faces along `forward`, and is rolled about it.
+    /// Creates a station at `position_m` that faces along `forward`, and is rolled about that axis.
     pub(crate) fn facing(
         generation: Generation,
         position_m: [f64; 3],
@@ -333,7 +333,7 @@ impl Positioning {
         n_anchors > 0
     }
 
-    /// True if the positioning uses the angles of a Lighthouse's beams.
+    /// True if the positioning uses the angles of Lighthouse beams.
     pub(crate) fn is_by_light(self) -> bool {
         let [n_stations, _] = self.least_counts();
         n_stations > 0
@@ -382,8 +382,8 @@ impl UwbOptions {
         }
     }
 
-    /// Checks that no two anchors have the same position, and that each drone receives `least` or
-    /// more of them, each once.
+    /// Checks that no two anchors have the same position, and that each drone receives at least
+    /// `least` different anchors.
     fn check_anchors(&self, least: usize) -> Result<()> {
         for (i, anchor) in self.anchors_m.iter().enumerate() {
             if self.anchors_m[..i].contains(anchor) {
@@ -396,7 +396,7 @@ impl UwbOptions {
                 .of_item("sensors.uwb.anchors_m", i));
             }
         }
-        // For the lists of received anchors, the lengths are checked first, and then the indices.
+        // The lengths of the lists of received anchors are checked before their indices.
         let n = self.anchors_m.len();
         for (drone, heard) in self.heard.iter().enumerate() {
             let list = "sensors.uwb.heard";
@@ -425,7 +425,7 @@ pub(super) fn count_v1(stations: &[Station]) -> usize {
     stations.iter().filter(|station| station.generation == Generation::V1).count()
 }
 
-/// Checks that the number of items under a key is from `least` to `most`.
+/// Checks that the number of items under a key is between `least` and `most`.
 fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Result<()> {
     if (least..=most).contains(&n) {
         return Ok(());
@@ -469,7 +469,7 @@ impl SensorOptions {
         }
     }
 
-    /// Returns the standard deviation in m of the white noise of a height sensor at a reading.
+    /// Returns the standard deviation in m of a height sensor's white noise at a measured height.
     pub(crate) fn height_sigma_m(&self, sensor: HeightSensor, measured_m: f64) -> f64 {
         match sensor {
             HeightSensor::TimeOfFlight => {

@@ -9,25 +9,25 @@ use super::{HeightSensor, PeerOptions, SensorOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::random::Noise;
 
-/// Drones that fly together, in the order of their plans, as one of them knows them.
+/// Drones that fly together, in the order of their plans, from the point of view of one of them.
 #[derive(Clone, Debug)]
 pub(crate) struct Fleet {
     pub members: Vec<Member>,
-    /// Place of this drone in the fleet.
+    /// Position of this drone in the list.
     pub place: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Member {
-    /// Index of the drone's noise and of its anchors.
+    /// Index that selects the drone's noise and its list of anchors.
     pub index: u64,
-    /// Believed position at the start in m, which is the true one with an error.
+    /// Believed starting position in m, which is the true position plus an error.
     pub start_m: Vector3<f64>,
 }
 
 impl Member {
-    /// Makes the drone of an index that truly starts at `start_m`. With ultra-wideband ranges, the
-    /// believed start has an error.
+    /// Creates the member with an index whose true starting position is `start_m`. With
+    /// ultra-wideband ranges, the believed starting position has an error.
     pub(crate) fn new(
         sensors: &SensorOptions,
         seed: u64,
@@ -52,7 +52,7 @@ pub enum Target {
     Anchor(usize),
     /// Drone, given by its place in the fleet.
     Drone(usize),
-    /// Floor, measured by a sensor of the height.
+    /// Floor, measured by a height sensor.
     Height(HeightSensor),
 }
 
@@ -66,7 +66,7 @@ pub(crate) struct Shared {
 }
 
 /// Motion since the start according to inertial sensors. A lost message only causes a delay,
-/// because the next one contains the motion since the last message received.
+/// because the next message contains the whole motion so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Reckoning {
     pub time_s: f64,
@@ -74,12 +74,12 @@ pub(crate) struct Reckoning {
     pub position_m: Vector3<f64>,
 }
 
-/// The motion between two moments.
+/// Motion between two instants.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Segment {
     pub span_s: f64,
     pub(crate) gained_m_s: Vector3<f64>,
-    /// Displacement in m that the acceleration adds to that of the velocity at the beginning.
+    /// Displacement in m due to acceleration, in addition to that of the initial velocity.
     pub accelerated_m: Vector3<f64>,
     /// Integral of the specific force in the world frame in m/s.
     pub(crate) force_m_s: Vector3<f64>,
@@ -88,7 +88,8 @@ pub(crate) struct Segment {
 impl Reckoning {
     /// Returns the motion since `then`, over the time τ. With the position p and the velocity v,
     /// the gained velocity is v − v₀, the displacement due to acceleration is p − p₀ − v₀ τ, and
-    /// the integral of the specific force is v − v₀ + g τ, because gravity is no specific force.
+    /// the integral of the specific force is v − v₀ + g τ, because specific force does not include
+    /// gravity.
     pub(crate) fn since(&self, then: &Self) -> Segment {
         let span_s = self.time_s - then.time_s;
         let gained_m_s = self.velocity_m_s - then.velocity_m_s;
@@ -127,7 +128,7 @@ struct Transit {
 #[derive(Debug)]
 pub(crate) struct Air {
     options: PeerOptions,
-    /// Noise that determines losses, by the places of sender and receiver.
+    /// Noise that determines losses, indexed by sender and receiver.
     losses: Vec<Vec<Noise>>,
     /// Messages that were sent but have not arrived, in the order of sending.
     in_transit: VecDeque<Transit>,
@@ -135,7 +136,7 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// Makes the radio channel between drones with these indices.
+    /// Creates the radio channel between drones with these indices.
     pub(crate) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
         let losses = indices.iter().map(|from| {
             let receivers = indices.iter();
@@ -149,12 +150,12 @@ impl Air {
         }
     }
 
-    /// True if messages are due by `time_s`, which then count as sent.
+    /// True if messages are due by `time_s`. The call counts them as sent.
     pub(crate) fn is_due(&mut self, time_s: f64) -> bool {
         self.clock.due(time_s).is_some()
     }
 
-    /// Sends a message to all other drones, each of which may lose it.
+    /// Sends a message to all other drones. Each receiver may lose it.
     pub(crate) fn send(&mut self, message: &Message) {
         let arrives_s = message.motion.time_s + self.options.delay_s;
         for (receiver, loss) in self.losses[message.from].iter_mut().enumerate() {
@@ -165,8 +166,8 @@ impl Air {
         }
     }
 
-    /// Takes the next message that has arrived by `time_s`, and returns it with the place of its
-    /// receiver, or `None` if none has.
+    /// Removes the next message that has arrived by `time_s`, and returns it with its receiver's
+    /// place, or `None` if there is none.
     pub(crate) fn arrived(&mut self, time_s: f64) -> Option<(usize, Message)> {
         let has_arrived = self.in_transit.front()?.arrives_s <= time_s;
         let Transit { receiver, message, .. } =
@@ -180,7 +181,7 @@ mod tests {
     use super::*;
 
     impl Fleet {
-        /// Makes a fleet of a single drone at the origin.
+        /// Creates a fleet of a single drone at the origin.
         pub(crate) fn alone(index: u64) -> Self {
             Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
         }

@@ -1,4 +1,4 @@
-//! Position at every tick, with white jitter and a smooth distortion, without base stations.
+//! Position sensor with white jitter and a smooth distortion, without base stations.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,8 +7,8 @@ use super::lighthouse::{common_distortion, frame_turn};
 use super::streams::Streams;
 use noctograph_core::random::{Field, Normals};
 
-/// Number of fixes per second of a Lighthouse, which is one per turn of a second-generation rotor
-/// (50.05 Hz, firmware `pulse_processor_v2.c`). Only the distortion is computed at this rate.
+/// Number of Lighthouse fixes per second, one per turn of a second-generation rotor (50.05 Hz,
+/// firmware `pulse_processor_v2.c`). Only the distortion is computed at this rate.
 const FIX_RATE_HZ: u32 = 50;
 
 /// Lighthouse of the reference flight, modeled by the errors in its log.
@@ -35,7 +35,7 @@ impl PositionSensor {
         }
     }
 
-    /// Returns the measured position of a drone at rest, after the jitter has averaged out.
+    /// Returns the mean measured position of a drone at rest, which does not include the jitter.
     pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         self.frame * position_m + self.distortion.value_at(&position_m)
     }

@@ -1,15 +1,16 @@
-//! Objects in the light of the base stations, which are people, other drones, mirrors and panes.
+//! Objects that block or reflect the base stations' light: people, other drones, mirrors and panes.
 //!
-//! A person is an upright cylinder and a drone a ball, both of which block the light. A mirror
-//! shows each station a second time, because the deck also receives the sweep that meets its image
-//! behind the mirror, with the angle of that image. The estimator's filter accepts or rejects such
-//! sweeps. A pane of glass reflects visibly if the light is strong enough. A deck that receives a
-//! station from 6 m receives a fraction R of its light from 6 m times √R. Both surfaces of the pane
-//! reflect according to Fresnel's equations for unpolarized light and a refractive index of 1.52.
+//! A person is modeled as an upright cylinder and a drone as a ball, both of which block the light.
+//! With a mirror, the deck also receives the sweep that hits the deck's image behind the mirror,
+//! with the angle of that image. The estimator's filter accepts or rejects such sweeps. A pane of
+//! glass reflects visibly if the light is strong enough. If a deck can receive a station's direct
+//! light from 6 m, it can receive a fraction R of that light from 6 m times √R. Both surfaces of
+//! the pane reflect according to Fresnel's equations for unpolarized light and a refractive index
+//! of 1.52.
 //!
-//! Not modeled are edges of mirrors, light over two mirrors, light that passes a person after a
-//! mirror, and the time between a sweep and its reflection, because of which the firmware drops
-//! some sweeps.
+//! The edges of mirrors, light reflected by two mirrors, people who block reflected light, and the
+//! delay between a sweep and its reflection, because of which the firmware drops some sweeps, are
+//! not modeled.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -18,7 +19,7 @@ use super::station::{RANGE_M, StationPose};
 
 /// Height of a person in m.
 const PERSON_M: f64 = 1.8;
-/// Radius of a drone in m, half of the 92 mm from motor to motor.
+/// Radius of a drone in m, which is half the distance of 92 mm between opposite motors.
 const DRONE_M: f64 = 0.046;
 
 /// Refractive index of glass.
@@ -33,7 +34,7 @@ pub(super) struct Room {
     silent: Vec<[f64; 3]>,
 }
 
-/// Plane that reflects on the side that it faces.
+/// Plane that reflects light on one side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mirror {
     point_m: Vector3<f64>,
@@ -42,7 +43,7 @@ pub(super) struct Mirror {
 }
 
 impl Room {
-    /// Makes the room of the options. A mirror without a normal is left out.
+    /// Creates the room that the options describe. A mirror without a normal is left out.
     pub(super) fn new(options: &LighthouseOptions) -> Self {
         let perfect = options.mirrors_m.iter().map(|plane| (plane, false));
         let planes = perfect.chain(options.panes_m.iter().map(|plane| (plane, true)));
@@ -57,7 +58,7 @@ impl Room {
         }
     }
 
-    /// True if a station transmits nothing at a time.
+    /// True if a station is silent at a time.
     pub(super) fn is_silent(&self, station: usize, time_s: f64) -> bool {
         self.silent.iter().any(|[silent, from_s, to_s]| {
             *silent == station as f64 && (*from_s..*to_s).contains(&time_s)
@@ -73,8 +74,8 @@ impl Room {
         drones_m: &[Vector3<f64>],
     ) -> bool {
         let path_m = deck_m - station_m;
-        // A person blocks the light if the path's point nearest to the cylinder's axis is within
-        // the cylinder and below its top.
+        // A person blocks the light if the point of the path nearest to the cylinder's axis is
+        // within the cylinder and below its top.
         let by_person = self.people_m.iter().any(|[x, y, radius]| {
             let axis_m = (Vector3::new(*x, *y, 0.0) - station_m).xy();
             let level_m = path_m.xy();
@@ -82,7 +83,8 @@ impl Room {
             (axis_m - level_m * fraction).norm() < *radius
                 && station_m.z + path_m.z * fraction < PERSON_M
         });
-        // A drone blocks the light if the path's point nearest to the ball's center is in the ball.
+        // A drone blocks the light if the point of the path nearest to the ball's center is within
+        // the ball.
         let by_drone = drones_m.iter().any(|drone_m| {
             let to_m = drone_m - station_m;
             let fraction = to_m.dot(&path_m) / path_m.norm_squared();
@@ -130,8 +132,8 @@ impl Mirror {
 
 /// Returns the fraction of the light that a pane reflects at a cosine of the angle to its normal.
 fn reflected_frac(cosine: f64) -> f64 {
-    // Fresnel's amplitudes across and along the plane of incidence give the reflection of one
-    // surface, followed by the sum over all reflections between both surfaces.
+    // The reflectance of one surface follows from Fresnel's amplitudes for both polarizations. That
+    // of the pane is the sum over all reflections between both surfaces.
     let inside = (1.0 - (1.0 - cosine * cosine) / (GLASS * GLASS)).sqrt();
     let across = (cosine - GLASS * inside) / (cosine + GLASS * inside);
     let along = (GLASS * cosine - inside) / (GLASS * cosine + inside);
@@ -178,7 +180,8 @@ mod tests {
 
     #[test]
     fn a_mirror_shows_the_station_behind_it() {
-        // A sweep that meets the deck's image meets the deck like one from the station's image.
+        // A sweep that hits the deck's image is equivalent to a sweep from the station's image that
+        // hits the deck.
         let mirror = Mirror { point_m: Vector3::x() * 2.0, facing: -Vector3::x(), is_glass: false };
         let options = LighthouseOptions::default();
         let pose = StationPose::new(&options.stations[0]);

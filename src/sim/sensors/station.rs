@@ -1,11 +1,11 @@
 //! Lighthouse base station, with pose, field of view, and the angles at which its light planes
 //! cross a point.
 //!
-//! In a station's frame, x points forward (out of the front), y left and z up. Angles are those of
-//! the firmware after the factory calibration, so that the calibrations of a configuration file
-//! have no effect. The remaining error is the sensors' `sweep_distortion`. The model is that of the
-//! firmware's `lighthouse_position_est.c` and `lighthouse_geometry.c`. The fields of view are from
-//! Bitcraze's documentation of the Lighthouse deck.
+//! In a station's frame, x points forward (out of the front), y left and z up. Angles are those
+//! that the firmware computes with the factory calibration, so the calibrations in a configuration
+//! file have no effect. The remaining error is modeled by `sweep_distortion_rad`. The model is that
+//! of the firmware's `lighthouse_position_est.c` and `lighthouse_geometry.c`. The fields of view
+//! are from Bitcraze's documentation of the Lighthouse deck.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,17 +14,18 @@ use noctograph_core::geometry::Attitude;
 
 /// Tangent of the slant of a second-generation station's planes, tan(π/6).
 const TAN_TILT: f64 = 0.577_350_269_189_625_8;
-/// Tangents of half the width and half the height of the field of view, which are 60° and 60°, and
-/// 75° and 55°, respectively.
+/// Tangents of half the width and half the height of the field of view, which are 60° and 60° in
+/// the first generation, and 75° and 55° in the second.
 const TAN_HALF_VIEW_V1: [f64; 2] = [1.732_050_807_568_877_2, 1.732_050_807_568_877_2];
 const TAN_HALF_VIEW_V2: [f64; 2] = [3.732_050_807_568_877, 1.428_148_006_742_114_7];
-/// Distance in m beyond which the deck no longer sees a sweep, as documented.
+/// Documented distance in m beyond which the deck no longer detects a sweep.
 pub(super) const RANGE_M: f64 = 6.0;
 /// Sine of the lowest elevation of a station above the deck's plane at which the deck's sensors,
-/// which look up, still see it. The elevation of 6° is an assumption. Bitcraze recommends half a
-/// meter above the drone.
+/// which look up, still see it. The elevation of 6° is an assumption. Bitcraze recommends at least
+/// half a meter of height above the drone.
 const LOWEST_SINE: f64 = 0.1;
-/// Largest sine of a slanted plane's lead. A station sees nothing that high above it.
+/// Maximum sine of a slanted plane's lead, which is reached only outside the station's field of
+/// view.
 const LARGEST_LEAD: f64 = 0.99;
 
 /// Pose of a base station, prepared for computation.
@@ -35,7 +36,7 @@ pub(crate) struct StationPose {
     pub(crate) world_from_station: Matrix3<f64>,
 }
 
-/// Crossing of a plane of light with a point.
+/// Crossing of a light plane with a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crossing {
     /// Angle of the rotor in rad, which is 0 straight ahead.
@@ -47,7 +48,7 @@ pub(crate) struct Crossing {
 }
 
 impl StationPose {
-    /// Makes the pose of a station, with its rotation as a matrix.
+    /// Creates the pose of a station, with its rotation as a matrix.
     pub(crate) fn new(station: &Station) -> Self {
         let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
         Self {
@@ -63,8 +64,8 @@ impl StationPose {
     }
 
     /// True if a deck at `deck_m` that faces `up` sees this station's sweeps, which requires that
-    /// it is within range and field of view, and that the station is above the deck. Walls are not
-    /// modeled.
+    /// the deck is within range and field of view, and that the station is above the deck. Walls
+    /// are not modeled.
     pub(crate) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
         let distance_m = u.norm();
@@ -93,7 +94,8 @@ impl StationPose {
         Crossing { gradient_rad_m, ..crossing }
     }
 
-    /// Returns the unit vector in the world frame along which both planes cross at these angles.
+    /// Returns the unit vector in the world frame along which both planes intersect at these
+    /// angles.
     pub(crate) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),
@@ -121,8 +123,8 @@ fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
 
 /// Returns the crossing of a point with a slanted plane, in the station's frame.
 fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
-    // The gradient follows from d asin(s) = ds / √(1 − s²) with the sine s = z tan t / r, which
-    // decreases with the radius r.
+    // The gradient follows from d asin(s) = ds / √(1 − s²) with the sine s = z tan t / r, which is
+    // inversely proportional to the radius r.
     let square = u.x * u.x + u.y * u.y;
     let radius = square.sqrt();
     let lead = (u.z * tan_tilt / radius).clamp(-LARGEST_LEAD, LARGEST_LEAD);
@@ -160,14 +162,14 @@ mod tests {
     fn angles_are_those_of_geometry_by_hand() {
         let [v1, v2] = [Generation::V1, Generation::V2]
             .map(|generation| looking(generation, [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]));
-        // A point 2 m ahead and 2 m to the left at the same height is at 45° on each plane of both
+        // A point 2 m ahead and 2 m to the left at the same height is at 45° for each plane of both
         // generations.
         let point = Vector3::new(2.0, 2.0, 1.0);
         for plane in [0, 1] {
             let angle_rad = v2.crossing(plane, &point).angle_rad;
             assert!((angle_rad - PI / 4.0).abs() < 1e-15, "plane {plane}: {angle_rad}");
         }
-        // For a point 1 m ahead and √3/2 m up, a 30° plane leads by asin(√3/2 / √3) = 30°.
+        // At a point 1 m ahead and √3/2 m up, a 30° plane leads by asin(√3/2 / √3) = 30°.
         let above = Vector3::new(1.0, 0.0, 1.0 + 0.75_f64.sqrt());
         for (plane, want) in [(0, -PI / 6.0), (1, PI / 6.0)] {
             let angle_rad = v2.crossing(plane, &above).angle_rad;

@@ -2,10 +2,10 @@
 
 use noctograph_core::random::Noise;
 
-/// Streams of one drone's sensors, by name, so that no sensor changes another's stream.
+/// Noise streams of one drone's sensors, by name, so that no sensor affects another's stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Streams {
-    /// Seed of this flight.
+    /// Seed of the noise in this flight.
     pub(super) seed: u64,
     /// Seed of the room's errors.
     pub(super) room_seed: u64,
@@ -19,13 +19,13 @@ impl Streams {
         self.noise_of(self.drone, sensor)
     }
 
-    /// Returns the noise of a sensor of the drone with an index.
+    /// Returns the noise of a sensor on the drone with this index.
     pub(super) fn noise_of(&self, drone: u64, sensor: &str) -> Noise {
         Noise::new(self.seed, drone, sensor)
     }
 
-    /// Returns the errors of a room, which are the same for all drones and flights in it, such as
-    /// the poses of stations and anchors, and the distortion by their joint solution.
+    /// Returns the noise from which a room's errors are drawn, such as pose errors of stations and
+    /// anchors. These errors are the same for all drones and flights in the room.
     pub(super) fn room_noise(&self, sensor: &str) -> Noise {
         Noise::new(self.room_seed, 0, sensor)
     }
@@ -39,7 +39,7 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// Makes a schedule whose first event is due at time 0.
+    /// Creates a schedule whose first event is due at time 0.
     pub(crate) fn new(rate_hz: f64) -> Self {
         Self { rate_hz, n: 0 }
     }

@@ -1,10 +1,10 @@
-//! Ultra-wideband ranges, which are two-way ranges, or differences between two anchors.
+//! Ultra-wideband ranges, which are either two-way ranges or differences between two anchors.
 //!
 //! The errors of ranges are white noise, a bias of each link that depends on the drone's position,
-//! and outliers. Anchors are measured in turn, and a difference is that between an anchor and the
-//! next one that is received. In a fleet, all links take turns, beginning with the links of each
-//! drone to its anchors, followed by the pairs of drones. Both drones of a pair receive the same
-//! range. Walls, antenna patterns and collisions of packets are not modeled.
+//! and outliers. Anchors take turns, and a difference is between an anchor and the next one
+//! received. In a fleet, all links take turns, beginning with the links of each drone to its
+//! anchors, followed by the pairs of drones. Both drones of a pair receive the same range. Walls,
+//! antenna patterns and collisions of packets are not modeled.
 
 use nalgebra::Vector3;
 
@@ -13,9 +13,10 @@ use super::{Fleet, Positioning, SensorOptions, UwbOptions};
 use noctograph_core::error::Result;
 use noctograph_core::random::{Field, Noise};
 
-/// Distance in m over which a link's bias changes, assumed to be the size of furniture.
+/// Correlation length in m of a link's bias, assumed to be the size of furniture.
 const BIAS_LENGTH_M: f64 = 1.5;
-/// Mean error of an outlier in m, which is positive for two-way ranging, else of either sign.
+/// Mean magnitude in m of an outlier's error, which is positive for two-way ranges and has either
+/// sign for differences.
 const OUTLIER_M: f64 = 1.0;
 
 /// Measured distance to an anchor, or difference of two distances.
@@ -37,10 +38,10 @@ pub(crate) struct PeerRange {
     pub distance_m: f64,
 }
 
-/// Link that takes its turn, whose drones are given by their places in the fleet.
+/// Link that is measured in one turn. Drones are given by their places in the fleet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Turn {
-    /// Link to an anchor, and for differences also to another anchor whose distance is subtracted.
+    /// Link to an anchor and, for a difference, to another anchor whose distance is subtracted.
     Anchor {
         drone: usize,
         anchor: usize,
@@ -49,11 +50,11 @@ pub(crate) enum Turn {
     Drones(usize, usize),
 }
 
-/// Returns the links of drones with these indices in the order in which they take turns, which are
-/// those of each drone to its anchors, followed by the pairs of drones.
+/// Returns the links of drones with these indices in the order of their turns. The links of each
+/// drone to its anchors are followed by the pairs of drones.
 pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
     let differences = options.positioning == Positioning::UwbTdoa;
-    // The order is that of the indices, so that the order of the drones has no effect.
+    // The links are ordered by index, so that the order of the drones has no effect.
     let mut drones: Vec<usize> = (0..indices.len()).collect();
     drones.sort_by_key(|drone| indices[*drone]);
     let mut turns = Vec::new();
@@ -79,11 +80,12 @@ struct Errors {
 }
 
 impl Errors {
-    /// Returns a distance with its errors added. Outliers are exponentially distributed, and for
-    /// differences of either sign.
+    /// Returns a distance with its errors added. Outliers are exponentially distributed, with
+    /// either sign for differences.
     fn add_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
-        // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q instead of
-        // 2 q, which is equally distributed and never zero. Both numbers are drawn for each range.
+        // A Laplace distribution is drawn from its quantile. The lower half uses 1 − 2 q, which has
+        // the same distribution as 2 q but is never zero. Both random numbers are drawn for each
+        // range.
         let white_m = self.noise.normal() * options.noise_m;
         let [chance, uniform] = [self.outliers.uniform(), self.outliers.uniform()];
         let quantile = if differences { uniform } else { 0.5 + 0.5 * uniform };
@@ -108,7 +110,7 @@ pub(super) struct Uwb {
     anchors_m: Vec<Vector3<f64>>,
     turns: Vec<Turn>,
     clock: Clock,
-    /// Bias of each link to an anchor, or to the pair that begins with it.
+    /// Bias of each link to an anchor, or to the pair of anchors that begins with it.
     biases: Vec<Field<1>>,
     errors: Errors,
     /// Bias and errors of the link to each drone of the fleet.
@@ -118,12 +120,12 @@ pub(super) struct Uwb {
 }
 
 impl Uwb {
-    /// Makes the tag of a drone in a fleet, before its first reading.
+    /// Creates the tag of a drone in a fleet, before its first reading.
     pub(super) fn new(options: &SensorOptions, fleet: &Fleet, streams: &Streams) -> Self {
         let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
         let uwb = &options.uwb;
         let bias = |mut noise: Noise| Field::new(&mut noise, uwb.bias_m, BIAS_LENGTH_M);
-        // Both drones of a pair draw from the same streams, so that their readings are equal.
+        // Both drones of a pair draw from the same streams, so their readings are equal.
         let index = indices[fleet.place];
         let peers = indices.iter().map(|other| {
             let (first, second) = (index.min(*other), index.max(*other));
@@ -144,7 +146,7 @@ impl Uwb {
                 outliers: streams.drone_noise("uwb strays"),
             },
             peers: peers.collect(),
-            // The capacity suffices for a rate of 2 kHz with a control loop of 50 Hz.
+            // This capacity suffices for 2000 ranges per second with a control loop of 50 Hz.
             ranges: Vec::with_capacity(64),
             peer_ranges: Vec::new(),
             anchors_m,
@@ -173,7 +175,8 @@ impl Uwb {
                 Turn::Drones(i, j) if i == self.place || j == self.place => {
                     let drone = if i == self.place { j } else { i };
                     let (bias, errors) = &mut self.peers[drone];
-                    // The bias is that at the midpoint, so that both ends read the same range.
+                    // The bias is evaluated at the midpoint, so that both drones measure the same
+                    // range.
                     let middle_m = (position_m + fleet_m[drone]) * 0.5;
                     let true_m = (position_m - fleet_m[drone]).norm();
                     let biased_m = true_m + bias.component(0, &middle_m);

@@ -1,4 +1,4 @@
-//! YAML of Bitcraze's programs, parsed into plain structs.
+//! Parsing of Bitcraze's YAML files into plain structs.
 
 mod anchors;
 mod lighthouse;
@@ -10,12 +10,12 @@ use noctograph_core::error::{Error, Result};
 pub use self::anchors::read_anchors;
 pub use self::lighthouse::read_lighthouse_config;
 
-/// Maximum number of characters of a line that a message shows.
+/// Maximum number of characters of a line that are shown in a message.
 const MOST_SHOWN: usize = 60;
 
 /// Parses a YAML text with one document. An error contains the line, and `file` as the text's name.
 fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
-    // The library rejects duplicate keys, anchors that multiply, and deep nesting.
+    // The library rejects duplicate keys, excessive alias expansion, and deep nesting.
     serde_saphyr::from_str(text).map_err(|error| {
         let line = error.location().map_or(1, |location| location.line()).max(1);
         let faulty = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));

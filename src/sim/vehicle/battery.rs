@@ -1,4 +1,4 @@
-//! Lithium-polymer battery, whose voltage sags with charge and current and limits the thrust.
+//! Lithium-polymer battery, whose voltage depends on charge and current, and limits the thrust.
 
 use nalgebra::Vector4;
 
@@ -6,15 +6,15 @@ use super::{BatteryOptions, Compensation};
 
 const SECONDS_PER_HOUR: f64 = 3600.0;
 /// Time in s below the cut-off after which the motors stop (`PM_BAT_CRITICAL_LOW_TIMEOUT`,
-/// `pm_stm32f4.c` of firmware 2026.08), so that a sag at take-off does not stop them.
+/// `pm_stm32f4.c` of firmware 2026.08), so that a voltage sag at take-off does not stop them.
 const CUT_OFF_S: f64 = 5.0;
 
-/// Upper end of the bisection of a motor's voltage, in battery voltages, and number of its steps,
-/// which give 1e-9 V.
+/// Upper end of the bisection for a motor's voltage, as a multiple of the battery's voltage, and
+/// number of steps, for a resolution of 1e-9 V.
 const HIGHEST_V: f64 = 8.0;
 const BISECTIONS: u32 = 36;
 
-/// Battery in use.
+/// State of a battery in use.
 #[derive(Clone, Debug)]
 pub(super) struct Battery {
     options: BatteryOptions,
@@ -31,19 +31,19 @@ pub(super) struct Battery {
 /// Limits of one motor at the present voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limit {
-    /// Delivered thrust per commanded thrust.
+    /// Ratio of delivered to commanded thrust.
     pub(super) gain: f64,
     /// Maximum thrust in N.
     pub(super) max_n: f64,
-    /// Thrust in N below which a motor stops, or idles.
+    /// Thrust in N below which a motor stops or idles.
     pub(super) least_n: f64,
     /// Thrust of an idling motor in N.
     pub(super) idle_n: f64,
 }
 
 impl Battery {
-    /// Makes a battery under its idle current. Returns `None` without a capacity, because the
-    /// voltage then never sags.
+    /// Creates a battery that supplies its idle current. Returns `None` without a capacity, in
+    /// which case the voltage never sags.
     pub(super) fn new(options: &BatteryOptions) -> Option<Self> {
         let mut battery = Self {
             options: options.clone(),
@@ -57,12 +57,12 @@ impl Battery {
         (options.capacity_ah > 0.0).then_some(battery)
     }
 
-    /// True once the voltage was below the cut-off for too long. After that, the motors stay off.
+    /// True once the voltage has been below the cut-off for too long. The motors then stay off.
     pub(super) fn is_cut_off(&self) -> bool {
         self.low_s >= CUT_OFF_S
     }
 
-    /// Supplies a total thrust of all rotors for `dt_s`.
+    /// Supplies the current for a total thrust of all rotors for `dt_s`.
     #[inline(always)]
     pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
         // The voltage is U = U₀(charge) − R I, with a current that is linear in the thrust.
@@ -99,12 +99,12 @@ impl Battery {
         }
     }
 
-    /// Returns the thrusts that the motors provide if the battery cannot provide those wanted.
-    /// `max_n` is the maximum thrust of a motor at the present voltage.
+    /// Returns the thrusts that the motors provide if the battery cannot provide the wanted
+    /// thrusts. `max_n` is the maximum thrust of a motor at the present voltage.
     #[inline(never)]
     pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
-        // Without compensation, each motor is limited separately. With it, the duty cycles of all
-        // four are lowered by the excess of the largest one, but not below idling.
+        // Without compensation, each motor is limited separately. With compensation, the duty
+        // cycles of all four are lowered by the excess of the largest one, but not below idle.
         if self.is_cut_off() || self.options.compensation == Compensation::None {
             return wanted_n.map(|wanted_n| wanted_n.min(max_n));
         }
@@ -198,7 +198,8 @@ mod tests {
         (battery.options.open_circuit_v, battery.options.resistance_ohm) = ([4.0; 11], 0.5);
         (battery.options.idle_current_a, battery.options.current_a_per_n) = (0.2, 6.0);
         (0..1000).for_each(|_| battery.drain(0.3, 0.002));
-        // A current of 0.2 + 6 · 0.3 = 2 A leaves 4 − 0.5 · 2 = 3 V, which is 6 W for 2 s.
+        // At a current of 0.2 + 6 · 0.3 = 2 A, the voltage is 4 − 0.5 · 2 = 3 V, and the power is 6
+        // W for 2 s.
         assert!((battery.energy_j - 12.0).abs() < 1e-9, "{} J", battery.energy_j);
     }
 
@@ -249,7 +250,7 @@ mod tests {
         let mut battery = Battery::new(&options.battery).unwrap();
         battery.voltage_v = 4.0;
         let limit = battery.limit(0.2);
-        // The idle voltage is 7000 of 65,535 of 4 V.
+        // The idle voltage is 7000/65,535 of 4 V.
         assert!((limit.idle_n - 0.00466).abs() < 1e-4, "{} N", limit.idle_n);
         let given_n = battery.lowered(&Vector4::new(0.4, 0.1, 0.001, 0.0), limit.max_n);
         assert_eq!((given_n[2], given_n[3]), (limit.idle_n, limit.idle_n));

@@ -1,4 +1,4 @@
-//! Rigid body, with its state and one step of its motion.
+//! Rigid body, with its state and the integration of its motion.
 
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
@@ -9,7 +9,7 @@ use crate::kalman::rotation;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::Attitude;
 
-/// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
+/// Position, velocity, quaternion (w x y z) and body rate in one vector, for the integrator.
 pub(super) type Row = SVector<f64, 13>;
 
 /// Pose and motion of a rigid body.
@@ -26,7 +26,7 @@ pub struct RigidBody {
 }
 
 impl RigidBody {
-    /// Makes a level body at rest whose nose points along world x.
+    /// Creates a level body at rest whose nose points along world x.
     pub fn resting_at(position_m: Vector3<f64>) -> Self {
         Self {
             position_m,
@@ -36,7 +36,7 @@ impl RigidBody {
         }
     }
 
-    /// Returns a body at the same place, level and at rest, with its nose turned from x toward y.
+    /// Returns a body at the same position, level and at rest, with a heading from x toward y.
     pub fn facing(&self, yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));
@@ -44,7 +44,7 @@ impl RigidBody {
         Self { world_from_body, ..Self::resting_at(self.position_m) }
     }
 
-    /// True if pitch or roll has reached a quarter turn, at which the thrust does not lift.
+    /// True if pitch or roll has reached a quarter turn, at which the thrust provides no lift.
     pub(crate) fn is_on_its_back(&self) -> bool {
         // The cosine of the tilt is the product of the cosines of roll and pitch.
         let q = &self.world_from_body;
@@ -89,7 +89,7 @@ impl RigidBody {
         self.world_from_body.inverse_transform_vector(&self.velocity_m_s)
     }
 
-    /// Returns the body as a row for the integrator.
+    /// Returns the body as a vector for the integrator.
     #[inline(always)]
     pub(super) fn row(&self) -> Row {
         let (p, v, w) = (&self.position_m, &self.velocity_m_s, &self.rate_rad_s);
@@ -97,7 +97,7 @@ impl RigidBody {
         Row::from([p.x, p.y, p.z, v.x, v.y, v.z, q.w, q.i, q.j, q.k, w.x, w.y, w.z])
     }
 
-    /// Makes a body from a row with a unit quaternion.
+    /// Creates a body from an integrator's vector with a unit quaternion.
     #[inline(always)]
     pub(super) fn from_row(s: &Row) -> Self {
         Self {
@@ -113,11 +113,11 @@ impl RigidBody {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inertia {
     pub(super) weight_n: f64,
-    /// Force per airspeed along body x, y, z in N/(m/s).
+    /// Drag force per unit airspeed along body x, y, z in N/(m/s).
     drag_n_s_m: [f64; 3],
-    /// Moment per airspeed in N m/(m/s), which turns the body away from its motion.
+    /// Moment per unit airspeed in N m/(m/s), which pitches the body up against its motion.
     airspeed_moment_n_s: f64,
-    /// Inverse of the mass, because a division takes as long as ten products.
+    /// Inverse of the mass, because a division takes as long as ten multiplications.
     per_mass: f64,
     per_moment: [f64; 3],
     /// Inertia ratio `(J_y − J_z) / J_x` and its cyclic permutations.
@@ -137,7 +137,7 @@ impl Inertia {
         }
     }
 
-    /// Returns the reading of an accelerometer in the air in the body frame (thrust and drag per
+    /// Returns an accelerometer's reading in flight, in the body frame (thrust and drag per unit
     /// mass).
     #[inline(always)]
     pub(super) fn specific_force_m_s2(
@@ -153,7 +153,7 @@ impl Inertia {
         force_n * self.per_mass
     }
 
-    /// Returns the drag along the body axes at an airspeed in the body frame.
+    /// Returns the drag along the body axes for an airspeed in the body frame.
     #[inline(always)]
     fn drag_n(&self, airspeed_m_s: &Vector3<f64>, load: &Load) -> Vector3<f64> {
         let [x, y, z] = self.drag_n_s_m;
@@ -176,7 +176,7 @@ impl Inertia {
         let k3 = self.derivative(&(s + k2 * (0.5 * dt_s)), &loads[1], wind_m_s);
         let k4 = self.derivative(&(s + k3 * dt_s), &loads[2], wind_m_s);
         let mut end = s + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0);
-        // The step deviates slightly from the unit sphere of quaternions.
+        // The quaternion after a step deviates slightly from unit length.
         let [w, x, y, z] = [end[6], end[7], end[8], end[9]];
         let size = ((x * x + z * z) + (y * y + w * w)).sqrt();
         (6..10).for_each(|i| end[i] /= size);
@@ -186,12 +186,12 @@ impl Inertia {
     /// Returns the derivative of the body's state under a load and wind.
     #[inline(always)]
     fn derivative(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
-        // The velocity through the air is rotated to the body frame by the quaternion's matrix.
+        // The quaternion's matrix rotates the airspeed to the body frame.
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
         let world_from_body = rotation([w, x, y, z]);
         let air = world_from_body.tr_mul(&(Vector3::new(s[3], s[4], s[5]) - wind_m_s));
-        // The force consists of thrust along z and drag. The torque is that of the rotors and of
-        // the air across them.
+        // The force consists of thrust along z and drag. The torque is due to the rotors and to the
+        // air that flows across them.
         let mut force = self.drag_n(&air, load);
         force.z += load.thrust_n;
         let acceleration = world_from_body * force * self.per_mass;
@@ -211,8 +211,7 @@ impl Inertia {
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
             (w * o + x * q - y * p) * 0.5,
-            // The angular momentum of the rotors turns with the body, and makes a gyroscopic
-            // torque.
+            // The rotors' angular momentum rotates with the body, which causes a gyroscopic torque.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
             c[2] * p * q + torque.z * per_j[2],
@@ -229,7 +228,7 @@ mod tests {
     use crate::vehicle::{attitude, rate, velocity};
 
     impl RigidBody {
-        /// Makes the body for a state of the design model.
+        /// Creates the body for a state of the design model.
         pub(crate) fn from_state(state: &State) -> Self {
             let turn = Rotation3::from_matrix_unchecked(attitude(state).world_from_body());
             let world_from_body = UnitQuaternion::from_rotation_matrix(&turn);
@@ -373,7 +372,7 @@ mod tests {
         let wind_m_s = velocity_m_s * 0.5;
         let change = Inertia::new(&options).derivative(&body.row(), &Load::default(), &wind_m_s);
         // Nose up is a negative pitch, and left side up a positive roll. The wind has half the
-        // speed.
+        // body's speed.
         let torque = Vector3::from_fn(|i, _| change[10 + i] * options.inertia_kg_m2[i]);
         let want = Vector3::new(4.7e-4 * 0.05, -4.7e-4 * 0.1, 0.0);
         assert!((torque - want).norm() < 1e-18, "{torque}");

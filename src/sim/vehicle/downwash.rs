@@ -1,8 +1,8 @@
 //! Downwash, the stream of air below a drone, and the thrust that another drone loses in it.
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
-//! A rotor in the jet lifts less, depending on the speeds of the stream and of the rotor. Unequal
-//! losses rotate the drone. The speeds are proportional to the square root of a thrust, so that the
+//! A rotor in the jet provides less lift, depending on the speeds of the stream and of the rotor.
+//! Unequal losses tilt the drone. Each speed is proportional to the square root of a thrust, so the
 //! loss is `√(T T')` times a function of the position relative to the drone's size.
 //!
 //! Two models of a Crazyflie's loss on the axis are published:
@@ -14,17 +14,18 @@
 //! | here, mN | 98 | 75 | 53 | 41 | 34 | 20 |
 //!
 //! The first is `_downwash()` of `BaseAviary.py` with the coefficients 2267.18, 0.16 and −0.11 of
-//! `cf2x.urdf`. This model takes three times the weight at 0.3 m, although Crazyflies have hovered
-//! above each other at that distance (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69
-//! m. The second is figure 3 of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured
-//! in flight with drones of 34 g. `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads that
-//! figure as 10, 8, 6 and 4 g up to 0.5 m and a straight line to 0 beyond. This program uses the
-//! second model up to 0.5 m, and beyond that the decay of a round jet, `1/(z − z₀)` (Pope,
-//! "Turbulent Flows", 2000, section 5.1). At 0.6 m, drones with a good controller still hover, and
-//! at 1 m some with the stock controller did not (USC-ACTLab/crazyswarm issue 97).
+//! `cf2x.urdf`. At 0.3 m, this model predicts a loss of three times the weight, although Crazyflies
+//! have hovered above each other at that distance (Neural-Swarm). The model's width 0.16 z − 0.11
+//! vanishes at 0.69 m. The second is figure 3 of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv
+//! 2003.02992), measured in flight with drones of 34 g.
+//! `gym_art/quadrotor_multi/aerodynamics/downwash.py` approximates that figure by 10, 8, 6 and 4 g
+//! up to 0.5 m and a straight line to 0 beyond. This program uses the second model up to 0.5 m, and
+//! beyond that the decay of a round jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1).
+//! According to USC-ACTLab/crazyswarm issue 97, drones with a good controller still hover at 0.6 m,
+//! whereas some with the stock controller could not hover at 1 m.
 //!
 //! Turbulence and delay of the stream, its deflection by the floor and by other streams (losses add
-//! up), and drag of the body in it are not modeled.
+//! up), and drag of a body in the stream are not modeled.
 
 use nalgebra::{Vector3, Vector4};
 
@@ -33,25 +34,26 @@ use noctograph_core::crazyflie::MOTOR_SIGNS;
 
 /// Largest fraction of the thrust that is lost, 10 g of 34 g in the nearest measurement (0.2 m).
 const MOST_LOST: f64 = 10.0 / 34.0;
-/// Product of the lost fraction and the distance from [`ORIGIN`] in sizes, since a drone of 34 g
-/// and 46 mm loses 1.9 g m. The loss is within 10 % of the measurements from 0.3 to 0.5 m.
+/// Product of the lost fraction and the distance from [`ORIGIN`] in arm lengths, from a product of
+/// 1.9 g m for a drone of 34 g with an arm of 46 mm. The loss is within 10 % of the measurements
+/// from 0.3 to 0.5 m.
 const LOSS_SIZES: f64 = 1.9 / 34.0 / CRAZYFLIE_M;
-/// Virtual origin of the jet below the drone in sizes, which is 50 mm.
+/// Distance of the jet's virtual origin below the drone in arm lengths, which corresponds to 50 mm.
 const ORIGIN: f64 = 0.05 / CRAZYFLIE_M;
-/// Distance in m from the middle to a rotor of the drones that were measured (`ARM_LENGTH`).
+/// Distance in m from the center to a rotor of the measured drones (`ARM_LENGTH`).
 const CRAZYFLIE_M: f64 = 0.046;
-/// Increase of the jet's standard deviation with the distance. The radius at half the axial speed
-/// is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1, quoted, because the book was not
-/// available), which is 1.177 σ.
+/// Increase of the jet's standard deviation per unit distance. The radius at half the axial speed
+/// is 0.094 z (Hussein, Capp, George 1994, cited from a quotation of Pope's table 5.1), which is
+/// 1.177 σ.
 const SPREAD: f64 = 0.094 / 1.177;
-/// Reach of the jet from its axis in standard deviations, beyond which 0.03 % is left.
+/// Reach of the jet from its axis in standard deviations, beyond which 0.03 % of the speed remains.
 const REACH: f64 = 4.0;
 
 /// Stream of air below a drone.
 #[derive(Clone, Copy, Debug)]
 pub struct Jet {
     from_m: Vector3<f64>,
-    /// Unit vector along which the air blows, which is the drone's body z reversed.
+    /// Unit vector along which the air flows, opposite to the drone's body z axis.
     along: Vector3<f64>,
     thrust_n: f64,
     /// Distance from the drone's middle to its rotors in m.
@@ -59,7 +61,8 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// Makes the stream of a drone whose rotors, `size_m` from its middle, lift `thrust_n` in all.
+    /// Creates the stream below a drone whose rotors, `size_m` from its center, provide a total of
+    /// `thrust_n`.
     pub(super) fn new(body: &RigidBody, thrust_n: f64, size_m: f64) -> Self {
         let along = body.world_from_body * -Vector3::z();
         Self { from_m: body.position_m, along, thrust_n, size_m }
@@ -79,8 +82,8 @@ impl Jet {
         let lost_frac =
             if from_origin > 0.0 { (LOSS_SIZES / from_origin).min(MOST_LOST) } else { MOST_LOST };
         let each_n = 0.25 * lost_frac * (self.thrust_n * thrust_n).max(0.0).sqrt();
-        // Across the axis, the speed is a Gaussian. The fraction is that of a drone on the axis,
-        // whose rotors are all an arm's diagonal away from it.
+        // Across the axis, the speed has a Gaussian profile. The fraction is for a drone on the
+        // axis, with each rotor an arm's diagonal away from it.
         Vector4::from_fn(|motor, _| {
             let [left, back] = [MOTOR_SIGNS[(0, motor)], MOTOR_SIGNS[(1, motor)]];
             let rotor_m = body.world_from_body * Vector3::new(-back * arm_m, left * arm_m, 0.0);

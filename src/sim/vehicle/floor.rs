@@ -1,4 +1,4 @@
-//! Settings of the floor below the flight, which are the section `floor` of a scene.
+//! Settings of the floor below the flight, in the section `floor` of a scene.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ settings! {
     }
 }
 
-/// Step of the floor, which is a box on it, such as a table.
+/// Step of the floor, modeled as a box such as a table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FloorStep {
@@ -28,13 +28,13 @@ pub struct FloorStep {
 }
 
 impl FloorStep {
-    /// True if a point is above the step's extent.
+    /// True if a point is within the step's horizontal extent.
     fn is_below(&self, x_m: f64, y_m: f64) -> bool {
         let ([left, right], [near, far]) = (self.x_m, self.y_m);
         (left..=right).contains(&x_m) && (near..=far).contains(&y_m)
     }
 
-    /// True if both steps cover a common area.
+    /// True if the steps overlap in area.
     fn overlaps(&self, other: &Self) -> bool {
         let extents = [(self.x_m, other.x_m), (self.y_m, other.y_m)];
         extents.iter().all(|(a, b)| a[0] < b[1] && b[0] < a[1])
@@ -110,7 +110,7 @@ mod tests {
         let seen =
             |x_m: f64, down: &Vector3<f64>| table().distance_m(&Vector3::new(x_m, 0.0, 1.5), down);
         assert_eq!((seen(0.9, &straight), seen(1.5, &straight)), (1.5, 1.0));
-        // When the drone leans forward, the beam meets the table before the drone is above it.
+        // When the drone leans forward, the beam hits the table before the drone is above it.
         let forward = Vector3::new(0.6, 0.0, -0.8);
         assert_eq!(seen(0.5, &forward), 1.0 / 0.8);
         assert_eq!(seen(0.0, &forward), 1.5 / 0.8);

@@ -2,11 +2,11 @@
 
 use super::{GroundEffect, VehicleOptions};
 
-/// Lowest height of the rotors in the models, in radii, because there are no measurements below it,
-/// and Cheeseman and Bennett's model diverges at a quarter.
+/// Minimum rotor height in the models, in rotor radii. There are no measurements below it, and
+/// Cheeseman and Bennett's model diverges at a quarter radius.
 const MIN_HEIGHT_RADII: f64 = 0.5;
 
-/// Ground effect of one drone.
+/// Ground effect on one drone.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Floor {
     model: GroundEffect,
@@ -26,8 +26,8 @@ impl Floor {
     }
 
     /// Returns the ratio of thrust near the floor to thrust far from it at the same rotor speed,
-    /// for a level drone whose origin is `height_m` above the floor. [`GroundEffect`] gives the
-    /// formulas.
+    /// for a level drone whose origin is `height_m` above the floor, by the formulas in
+    /// [`GroundEffect`].
     #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
         // The images are those of the rotor itself, of its two neighbors and of the opposite rotor.
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn the_other_rotors_images_add_to_it() {
-        // By hand for z = 0.1 and d = 0.3, the sum is 1/16 + 0.01·0.1·(0.13^-1.5 + 0.22^-1.5 / 2).
+        // For z = 0.1 and d = 0.3, the sum is 1/16 + 0.01·0.1·(0.13^-1.5 + 0.22^-1.5 / 2), by hand.
         let sum = 0.0625 + 0.001 * (libm::pow(0.13, -1.5) + 0.5 * libm::pow(0.22, -1.5));
         let ratio = floor(GroundEffect::SanchezCuevas).thrust_ratio(0.08);
         assert!((ratio - 1.0 / (1.0 - sum)).abs() < 1e-14, "{ratio}");

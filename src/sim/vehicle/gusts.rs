@@ -7,14 +7,13 @@ use noctograph_core::random::{Noise, Normals};
 
 /// Meters per foot, because the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;
-/// Correlation time in s of the torque of uneven air, which is that of the reference flight
+/// Correlation time in s of the torque from uneven air, as in the reference flight
 /// ([`super::GustOptions`]).
 pub const TORQUE_TIME_S: f64 = 1.5;
-/// Lowest height in feet of the low-altitude model. The model's values at this height are used for
-/// flights below it.
+/// Minimum height in feet of the low-altitude model, whose values are also used below this height.
 const LOWEST_FT: f64 = 10.0;
 
-/// Wind at the drone, advanced step by step.
+/// Wind at the drone, which is advanced step by step.
 #[derive(Debug)]
 pub(super) struct Wind {
     mean_m_s: Vector3<f64>,
@@ -24,7 +23,7 @@ pub(super) struct Wind {
     torques: Option<Filtered>,
 }
 
-/// Three components of filtered noise, stationary from the start.
+/// Three components of filtered noise, which is stationary from the start.
 #[derive(Debug)]
 struct Filtered {
     filters: [Filter; 3],
@@ -32,7 +31,7 @@ struct Filtered {
 }
 
 impl Filtered {
-    /// Makes components whose stages are drawn from the stationary distribution.
+    /// Creates components whose stages are drawn from the stationary distribution.
     fn new(filters: [Filter; 3], noise: Noise) -> Self {
         let mut filtered = Self { filters, noise: Normals::new(noise) };
         filtered.filters.iter_mut().for_each(|filter| filter.settle(&mut filtered.noise));
@@ -56,7 +55,7 @@ pub(super) struct Gust {
 }
 
 impl Wind {
-    /// Makes the air around the drone with index `drone`, advanced in steps of `dt_s`.
+    /// Creates the wind at the drone with index `drone`, which is advanced in steps of `dt_s`.
     pub(super) fn new(options: &AirOptions, dt_s: f64, seed: u64, drone: u64) -> Self {
         let mean_m_s = Vector3::from(options.wind_m_s);
         let level_m_s = libm::hypot(mean_m_s.x, mean_m_s.y);
@@ -106,8 +105,8 @@ impl Wind {
     }
 }
 
-/// Returns filters for Dryden's spectra, as MIL-F-8785C gives them below 1000 ft, in air that
-/// drifts past the drone with the wind, one along the wind and two across it.
+/// Returns filters for Dryden's spectra below 1000 ft (MIL-F-8785C), for air that drifts past the
+/// drone with the wind. One filter is for gusts along the wind, and two are for gusts across it.
 fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     // The formulas are σ_w = 0.1 u, σ_u = σ_w / (0.177 + 0.000823 h)^0.4, L_w = h, L_u = h /
     // (…)^1.2, with h in feet.
@@ -116,7 +115,8 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
     let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
     let across = [(level_m_s, level_m), (vertical_m_s, vertical_m)];
-    // Across the wind, σ/√2 (1 + √3 τ s) / (1 + τ s)² is a part with one stage and one with two.
+    // Across the wind, σ/√2 (1 + √3 τ s) / (1 + τ s)² is the sum of a one-stage and a two-stage
+    // part.
     let [level, vertical] = across.map(|(sigma_m_s, length_m)| {
         let sigma = sigma_m_s / f64::sqrt(2.0);
         let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
@@ -140,7 +140,8 @@ struct Filter {
 }
 
 impl Filter {
-    /// Makes a filter with the time constant `time_s` in steps of `dt_s`, with both stages at zero.
+    /// Creates a filter with the time constant `time_s` and steps of `dt_s`, with both stages at
+    /// zero.
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
         // The rows of F are (decay 0, coupling decay), and Q = P − F P Fᵀ has these entries.
         let decay = libm::exp(-dt_s / time_s);
@@ -163,7 +164,7 @@ impl Filter {
 
     /// Advances the filter by a step, and returns its output.
     fn advance(&mut self, noise: &mut Normals) -> f64 {
-        // A filter with one stage draws one number per step, and one with two stages draws two.
+        // A one-stage filter draws one random number per step, and a two-stage filter draws two.
         let [first, second] = self.stages;
         let draw = noise.next();
         let [l11, l21, l22] = self.noise_factor;
@@ -187,7 +188,7 @@ mod tests {
     const DT_S: f64 = 0.02;
     const N: usize = 2048;
     const SEGMENTS: usize = 400;
-    /// Number of periods in a segment.
+    /// Frequencies, as numbers of periods per segment.
     const BINS: [f64; 5] = [4.0, 10.0, 30.0, 80.0, 200.0];
 
     fn indoors(room: GustOptions) -> AirOptions {
@@ -227,7 +228,8 @@ mod tests {
         density
     }
 
-    /// Checks densities, each of which is estimated from 400 segments with σ of 5 %.
+    /// Checks densities, each of which is estimated from 400 segments with a standard deviation of
+    /// 5 %.
     fn assert_density(densities: &[f64; BINS.len()], want: impl Fn(f64) -> f64) {
         for (bin, density) in BINS.iter().zip(densities) {
             let ratio = density / want(TAU * bin / (N as f64 * DT_S));

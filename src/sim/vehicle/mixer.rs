@@ -15,11 +15,11 @@ pub struct Mixer {
 }
 
 impl Mixer {
-    /// Makes the mixer of a drone.
+    /// Creates the mixer of a drone.
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // MOTOR_SIGNS has orthogonal rows of length 2, so that its inverse is its transpose / 4.
+        // MOTOR_SIGNS has orthogonal rows of length 2, so its inverse is its transpose / 4.
         Self {
             wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
             motors_from_wrench: MOTOR_SIGNS.transpose()
@@ -33,7 +33,8 @@ impl Mixer {
         self.motors_from_wrench
     }
 
-    /// Returns the commands m1…m4 of a wrench, clamped to the motors' range, and true if any was.
+    /// Returns the commands m1…m4 for a wrench, clamped to the motors' range, and true if any was
+    /// clamped.
     pub fn motors(&self, wrench: &Wrench) -> (Vector4<f64>, bool) {
         let wanted = self.unbounded_motors(wrench);
         let motors = wanted.map(|m| m.clamp(0.0, self.motor_max));
@@ -57,7 +58,7 @@ impl Mixer {
         capped(&(MOTOR_SIGNS.transpose() * commands), most)
     }
 
-    /// Returns the wrench of four commands, with immediate motors and a centered mass.
+    /// Returns the wrench of four commands, for instantaneous motors and a centered mass.
     pub(crate) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }
@@ -66,8 +67,8 @@ impl Mixer {
 /// Returns the wanted commands limited to zero and `most`, and true if any was changed.
 ///
 /// If a motor would exceed `most`, all four are lowered by the excess, which gives attitude
-/// priority over thrust (`powerDistributionCap`). With compensation of the battery, which limits
-/// the thrust later, `most` is infinite (`stabilizer.c`, `controlMotors`).
+/// priority over thrust (`powerDistributionCap`). With battery compensation, which limits the
+/// thrust later, `most` is infinite (`stabilizer.c`, `controlMotors`).
 fn capped(wanted: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
     let excess = (wanted.max() - most).max(0.0);
     let motors = wanted.map(|m| (m - excess).max(0.0));

@@ -1,11 +1,11 @@
-//! Vehicle, which consists of rotors, body and battery, and the air and floor around them.
+//! Vehicle with rotors, body and battery, and the air and floor around it.
 //!
-//! Input: four motor commands and the time step. Output: the drone's motion. [`Plant`] is the
-//! simulated drone. The private model of twelve states is for gain design and for tests.
+//! The input is four motor commands and the time step. The output is the drone's motion. [`Plant`]
+//! is the simulated drone. A private model with twelve states serves gain design and tests.
 //!
-//! Rotor speeds follow their commands by the exact exponential. Position, velocity, unit quaternion
-//! and body rate take one classical Runge–Kutta step of order 4. Slow quantities (voltage, ground
-//! effect, gust) are constant during a step.
+//! Rotor speeds approach their commands along the exact exponential. Position, velocity, unit
+//! quaternion and body rate are advanced by one classical fourth-order Runge–Kutta step. Slow
+//! quantities (voltage, ground effect, gust) are constant during a step.
 //!
 //! The equations are those of the reference flight (AE483, 2022). Each option names its source.
 //!

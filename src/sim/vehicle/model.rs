@@ -1,5 +1,5 @@
-//! Design model, which is the reference team's nonlinear motion with 12 states and 4 inputs, for
-//! the design of gains. The model has immediate motors, no drag and no floor.
+//! Design model for gains, which is the reference team's nonlinear model with 12 states and 4
+//! inputs. The model has instantaneous motors, no drag and no floor.
 
 use nalgebra::{SVector, Vector3, Vector4};
 
@@ -16,7 +16,7 @@ pub type Motion = SVector<f64, 9>;
 pub(crate) type Wrench = Vector4<f64>;
 
 impl VehicleOptions {
-    /// Returns the wrench at hover, which is the thrust that carries the drone, without torque.
+    /// Returns the wrench at hover, which is a thrust equal to the weight, without torque.
     pub(crate) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
@@ -35,9 +35,8 @@ impl VehicleOptions {
     }
 }
 
-/// Returns the derivative of the motion, which is the first nine rows of `ṡ`, given the body rate
-/// and the specific force along body z (thrust per mass, which is also the accelerometer's
-/// reading).
+/// Returns the derivative of the motion (the first nine rows of `ṡ`) for a body rate and a specific
+/// force along body z (thrust per unit mass, which is also the accelerometer's reading).
 pub(crate) fn motion_derivative(
     motion: &Motion,
     rate: &Vector3<f64>,
@@ -47,11 +46,12 @@ pub(crate) fn motion_derivative(
     let (sin_pitch, cos_pitch) = libm::sincos(motion[4]);
     let (sin_roll, cos_roll) = libm::sincos(motion[5]);
     let v = Vector3::new(motion[6], motion[7], motion[8]);
-    // The velocity is rotated by roll, pitch and yaw in turn, which costs less than the matrix.
+    // The velocity is rotated by roll, pitch and yaw in turn, which takes less time than the
+    // matrix.
     let across = cos_roll * v.y - sin_roll * v.z;
     let down = sin_roll * v.y + cos_roll * v.z;
     let ahead = cos_pitch * v.x + sin_pitch * down;
-    // The rates of the Euler angles follow from the body rate, by which the velocity rotates too.
+    // The rates of the Euler angles follow from the body rate, which also rotates the velocity.
     let yaw_rate = (rate.y * sin_roll + rate.z * cos_roll) / cos_pitch;
     let coriolis = v.cross(rate);
     Motion::from([
@@ -110,7 +110,8 @@ mod tests {
     use super::*;
 
     impl VehicleOptions {
-        /// Returns the motors' wrench about the center of mass, from which thrust is at `−(x, y)`.
+        /// Returns the motors' wrench about the center of mass, relative to which the thrust acts
+        /// at `−(x, y)`.
         pub(crate) fn about_center_of_mass(&self, motors: &Wrench) -> Wrench {
             let ([x, y], f) = (self.center_of_mass_m, motors[3]);
             motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
@@ -144,7 +145,7 @@ mod tests {
 
     #[test]
     fn attitude_turns_with_the_body_rate() {
-        // The test checks Ṙ = R [w]× by a difference of world_from_body along the angles'
+        // The test checks Ṙ = R [w]× with a finite difference of world_from_body along the angles'
         // derivative.
         let state = tumbling();
         let slope = VehicleOptions::default().derivative(&state, &Wrench::zeros());

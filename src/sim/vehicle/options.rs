@@ -7,7 +7,7 @@ use noctograph_core::settings::settings;
 
 pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Steps of charge in which the time of a battery is measured.
+/// Number of charge steps over which a battery's duration is summed.
 const EMPTY_STEPS: u16 = 1000;
 
 settings! {
@@ -228,7 +228,7 @@ settings! {
 }
 
 impl GustOptions {
-    /// Returns the strength relative to the gusts of a default room.
+    /// Returns the strength of the gusts relative to those of the default room.
     pub(crate) fn relative_strength(&self) -> f64 {
         let room = Self::default();
         Vector3::from(self.sigma_m_s).norm() / Vector3::from(room.sigma_m_s).norm()
@@ -248,7 +248,7 @@ impl VehicleOptions {
         ))
     }
 
-    /// Returns the fraction of the motors' maximum command that carries the drone.
+    /// Returns the fraction of the motors' maximum command at which the drone hovers.
     pub fn hover_throttle(&self) -> f64 {
         self.mass_kg * GRAVITY_M_S2 / (4.0 * self.full_thrust_n())
     }
@@ -284,8 +284,8 @@ impl BatteryOptions {
         low + (high - low) * fraction
     }
 
-    /// Returns the time in s until the battery's voltage falls to the cut-off under a constant
-    /// total thrust of all rotors. Returns `None` without a battery.
+    /// Returns the time in s until the battery's voltage falls to the cut-off at a constant total
+    /// thrust of all rotors. Returns `None` without a battery.
     pub fn lasts_s(&self, thrust_n: f64) -> Option<f64> {
         let current_a = self.idle_current_a + self.current_a_per_n * thrust_n;
         let least_v = self.cut_off_v + self.resistance_ohm * current_a;

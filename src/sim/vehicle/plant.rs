@@ -1,4 +1,4 @@
-//! Plant, which combines rotors, battery, body, air and floor, and is advanced step by step.
+//! Plant, which combines rotors, battery, body, air and floor, and advances step by step.
 
 use nalgebra::{Vector3, Vector4};
 
@@ -13,7 +13,7 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::warning;
 
-/// Options of a plant, which are those of the drone, its battery, and the air and floor around it.
+/// Options of a plant, for the drone, its battery, and the air and floor around it.
 #[derive(Clone, Copy, Debug)]
 pub struct PlantOptions<'a> {
     /// Options of the drone.
@@ -52,18 +52,18 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
-    /// Fraction of its thrust that each motor provides, which is less than 1 for a damaged motor.
+    /// Fraction of the nominal thrust that each motor provides, less than 1 for a damaged motor.
     thrust_frac: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
     arm_m: f64,
-    /// Loss of the rotors in the downwash of other drones, if there is any.
+    /// Loss of thrust and torque in the downwash of other drones, if there is any.
     lost: Option<Load>,
 }
 
 impl Plant {
-    /// Makes a level drone at rest, with the noise of `seed` and the index `drone`. In the air, the
-    /// rotors already carry the drone, and on the floor, they do not turn.
+    /// Creates a level drone at rest, with noise from `seed` and the index `drone`. In the air, the
+    /// rotors turn at hover speed, and on the floor, they do not turn.
     ///
     /// `dt_s` is the duration of a step. A duration of up to 2 ms hardly affects the result.
     pub fn new(
@@ -95,7 +95,7 @@ impl Plant {
         }
     }
 
-    /// Makes the drone level and at rest, with its nose turned from world x toward y.
+    /// Returns the drone level and at rest, with a heading from world x toward y.
     #[must_use]
     pub fn facing(self, yaw_rad: f64) -> Self {
         Self { row: self.body().facing(yaw_rad).row(), ..self }
@@ -120,7 +120,8 @@ impl Plant {
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; 4]) {
         let thrusts_n = self.thrusts_n(commands);
-        // The ground effect changes slowly, and is constant during the step, at middle height.
+        // The ground effect changes slowly. It is constant during the step, at the height in
+        // mid-step.
         let floor_m = self.floor_m(self.row[0], self.row[1]);
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
         let ground = self.floor.thrust_ratio(middle_m - floor_m);
@@ -137,7 +138,7 @@ impl Plant {
         if let Some(battery) = &mut self.battery {
             battery.drain(self.rotors.thrust_n(), self.dt_s);
         }
-        // Contact is computed only for a drone that begins or ends the step on the floor.
+        // Contact is computed only if the drone begins or ends the step on the floor.
         let next = self.inertia.step(&self.row, &loads, &self.wind_m_s, self.dt_s);
         if self.row[2] <= floor_m || next[2] < self.floor_m(next[0], next[1]) {
             self.touch(next, &loads[2]);
@@ -163,8 +164,8 @@ impl Plant {
         self.short_steps
     }
 
-    /// Returns the reading of an ideal accelerometer in the body frame, all forces but gravity per
-    /// mass.
+    /// Returns an ideal accelerometer's reading in the body frame (all forces except gravity, per
+    /// unit mass).
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
@@ -178,7 +179,8 @@ impl Plant {
         self.inertia.specific_force_m_s2(&self.body(), &load, &self.wind_m_s)
     }
 
-    /// Returns the vertical acceleration at full throttle and present voltage, far from a floor.
+    /// Returns the vertical acceleration due to full throttle at the present voltage, far from a
+    /// floor.
     pub fn gain_m_s2(&self) -> f64 {
         let battery_gain = self.battery.as_ref().map_or(1.0, |b| b.limit(self.full_thrust_n).gain);
         4.0 * self.full_thrust_n * battery_gain * GRAVITY_M_S2 / self.inertia.weight_n
@@ -192,7 +194,7 @@ impl Plant {
         weak.into_iter().chain(is_empty.then(warning::battery_empty)).collect()
     }
 
-    /// Returns the thrust toward which a command drives each motor, within the battery's limits.
+    /// Returns the thrust that each motor approaches under a command, within the battery's limits.
     #[inline(always)]
     pub(crate) fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
@@ -200,8 +202,8 @@ impl Plant {
             let full_n = thrusts_n.map(|thrust_n| thrust_n.min(self.full_thrust_n));
             return full_n.component_mul(&self.thrust_frac);
         };
-        // With the firmware's compensation, a command stands for a thrust. A motor below the
-        // minimum idles, and a motor beyond the voltage lowers all four.
+        // With the firmware's compensation, a command represents a thrust. A motor below the
+        // minimum idles, and if the voltage is too low for one motor, all four are lowered.
         let limit = battery.limit(self.full_thrust_n);
         let mut wanted_n =
             (thrusts_n * limit.gain).map(|n| if n < limit.least_n { limit.idle_n } else { n });
@@ -218,8 +220,8 @@ impl Plant {
         self.steps.height_m(x_m, y_m)
     }
 
-    /// Sets the state after a step with contact. A drone that rests on the floor stays, one that
-    /// rises goes to `next`, and one that comes down is stopped on the floor.
+    /// Sets the state after a step with contact. A drone that rests on the floor stays there, a
+    /// rising drone moves to `next`, and a descending drone stops on the floor.
     #[inline(never)]
     fn touch(&mut self, next: Row, load: &Load) {
         let rests = self.rests(load);
@@ -354,7 +356,7 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_bits() {
         let mut options = SimOptions::cf21();
-        // Without a controller, the torque of the air in a room would turn the drone over.
+        // Without a controller, the torque from the air in a room would flip the drone over.
         let gusts = GustOptions { torque_sigma_n_m: [1e-7; 3], ..GustOptions::default() };
         options.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
         let end = |seed| {

@@ -1,18 +1,18 @@
-//! Four rotors, whose speeds follow the commands and cause forces and torques.
+//! Four rotors, whose speeds follow the commands and determine forces and torques.
 
 use nalgebra::{Vector3, Vector4};
 
 use super::VehicleOptions;
 use noctograph_core::crazyflie::MOTOR_SIGNS;
 
-/// Action of the rotors on the body at one instant.
+/// Forces and torques of the rotors on the body at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Load {
     /// Thrust along body z in N.
     pub(super) thrust_n: f64,
     /// Torque about the center of mass in the body frame in N m, without the gyroscopic part.
     pub(super) torque_n_m: Vector3<f64>,
-    /// Rotor drag per airspeed across the rotors' axes in N/(m/s).
+    /// Rotor drag per unit airspeed across the rotors' axes in N/(m/s).
     pub(super) drag_n_s_m: f64,
     /// Angular momentum of the rotors' spin along body z in N m s.
     pub(super) spin_n_m_s: f64,
@@ -55,7 +55,7 @@ struct Lag {
 }
 
 impl Lag {
-    /// Makes a lag in steps of `dt_s`. A time constant of 0 means no lag.
+    /// Creates a lag with steps of `dt_s`. A time constant of 0 means no lag.
     fn new(time_constant_s: f64, dt_s: f64) -> Self {
         if time_constant_s > 0.0 {
             let remaining = [0.0, 0.5, 1.0].map(|step| libm::exp(-step * dt_s / time_constant_s));
@@ -67,7 +67,7 @@ impl Lag {
 }
 
 impl Rotors {
-    /// Makes rotors that each provide `thrust_n`, advanced in steps of `dt_s`.
+    /// Creates rotors that each provide `thrust_n`, and are advanced in steps of `dt_s`.
     pub(super) fn new(options: &VehicleOptions, thrust_n: f64, dt_s: f64) -> Self {
         Self {
             speed_rad_s: Vector4::repeat((thrust_n / options.rotor_thrust_n_s2).sqrt()),
@@ -100,7 +100,8 @@ impl Rotors {
     /// step's start, middle and end.
     #[inline(always)]
     pub(super) fn advance(&mut self, command_n: &Vector4<f64>, ground: f64) -> [Load; 3] {
-        // Each speed approaches its target exponentially, with one time constant up and one down.
+        // Each speed approaches its target exponentially, with separate time constants for rise and
+        // fall.
         let start = self.speed_rad_s;
         let target = command_n.map(|thrust_n| (thrust_n * self.per_thrust).sqrt());
         let mut loads = [Load::default(); 3];
@@ -137,7 +138,7 @@ impl Rotors {
     }
 
     /// Returns the load to subtract when the rotors lose thrust at unchanged speeds. The torque
-    /// about z depends on the speeds, and is therefore unchanged.
+    /// about z depends only on the speeds, and is therefore not included.
     pub(super) fn lost_load(&self, lost_n: &Vector4<f64>) -> Load {
         let [roll, pitch, _, thrust_n] = (MOTOR_SIGNS * lost_n).into();
         let [about_x, about_y] = self.horizontal_torque_n_m(roll, pitch, thrust_n);
@@ -145,8 +146,8 @@ impl Rotors {
         Load { thrust_n, torque_n_m, ..Load::default() }
     }
 
-    /// Returns the torque about body x and y, relative to the center of mass, of the rotors'
-    /// thrusts, whose sums with the signs of [`MOTOR_SIGNS`] are `roll` and `pitch`.
+    /// Returns the torque of the rotors' thrusts about body x and y, relative to the center of
+    /// mass. `roll` and `pitch` are the sums of the thrusts with the signs of [`MOTOR_SIGNS`].
     #[inline(always)]
     fn horizontal_torque_n_m(&self, roll: f64, pitch: f64, thrust_n: f64) -> [f64; 2] {
         let [x, y] = self.center_of_mass_m;
@@ -213,8 +214,8 @@ mod tests {
     fn a_rotor_that_speeds_up_turns_the_body_the_other_way() {
         let options = VehicleOptions { rotor_inertia_kg_m2: 2.7e-8, ..lagging() };
         let mut rotors = Rotors::new(&options, 0.08, 0.002);
-        // Rotor m1 turns counter-clockwise, so that it pushes the body clockwise, more so while it
-        // speeds up.
+        // Rotor m1 turns counter-clockwise, so it turns the body clockwise, more so while it speeds
+        // up.
         let load = rotors.advance(&Vector4::new(0.1, 0.08, 0.08, 0.08), 1.0)[0];
         let rise = ((0.1_f64 / options.rotor_thrust_n_s2).sqrt()
             - (0.08_f64 / options.rotor_thrust_n_s2).sqrt())

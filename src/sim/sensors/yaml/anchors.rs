@@ -31,8 +31,8 @@ struct Anchor {
 /// # Errors
 ///
 /// Returns [`Error::Io`](noctograph_core::error::Error::Io) if the file cannot be read. Returns
-/// [`Error::Input`](noctograph_core::error::Error::Input) with the line of a fault, and for indices
-/// that do not count from 0.
+/// [`Error::Input`](noctograph_core::error::Error::Input) with the line of an error, or if the
+/// indices do not count up from 0.
 pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }

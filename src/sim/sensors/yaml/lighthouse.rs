@@ -1,13 +1,12 @@
-//! Base stations from a Lighthouse configuration file, as cfclient and cflib write it.
+//! Base stations from a Lighthouse configuration file, as written by cfclient and cflib.
 //!
 //! cflib's `lighthouse_config_manager.py` writes YAML in block or in flow style, depending on the
-//! release of its YAML library. The world and station frames are those of this program.
+//! release of its YAML library. Its world and station frames are the same as this program's.
 //!
 //! The factory calibrations (`calibs`, which contain phase, tilt, curve and other values of each
-//! sweep) have no effect, and a warning says so. The firmware corrects for them before it uses an
-//! angle (`lighthouse_calibration.c`), and angles here are those after the correction. A
-//! calibration's tilt of up to 0.05 rad would change the slant of second-generation planes by a
-//! tenth of the height's noise.
+//! sweep) have no effect, and a warning says so. The firmware corrects each angle with them
+//! (`lighthouse_calibration.c`), and this program's angles are already corrected. A calibrated tilt
+//! of up to 0.05 rad would change the height from second-generation planes by a tenth of its noise.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -25,7 +24,7 @@ use noctograph_core::files::Limit;
 
 /// Maximum size of a file. Sixteen stations take about 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
-/// Largest error of a rotation matrix, because files have single precision or are rounded.
+/// Maximum error of a rotation matrix, which allows for single precision and rounding in files.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
 const HINT: &str = "estimate the base stations' geometry in cfclient's Lighthouse tab, and save \
@@ -71,14 +70,14 @@ struct Geometries {
 /// # Errors
 ///
 /// Returns [`Error::Io`] if the file cannot be read. Returns [`Error::Input`] with the line for a
-/// file of another form, or for an impossible position or rotation of a station.
+/// file in another format, or for a station with an impossible position or rotation.
 pub fn read_lighthouse_config(path: &Path) -> Result<Warned<Vec<Station>>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
 /// Reads the text of a configuration. `file` is the file's name in messages.
 fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
-    // All keys are read first, so that unknown keys are always reported. The known keys follow.
+    // All keys are read first, so that unknown keys are always reported, and then the known keys.
     let keys: Keys = from_yaml(yaml, file, HINT)?;
     let mut unknown = unknown_keys(&keys, &KEYS);
     let config: Config = from_yaml(yaml, file, HINT)?;
@@ -119,7 +118,7 @@ fn check_value(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) 
     Err(error.in_file(file, value.referenced.line()))
 }
 
-/// Makes a station from its geometry. Returns an error for an impossible position or rotation.
+/// Creates a station from its geometry. Returns an error for an impossible position or rotation.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
     let refused = |line: u64, key: &str, value: String, wanted: &str| {
         Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).in_file(file, line))
@@ -139,7 +138,7 @@ fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> R
     Ok(station_from_rotation(generation, position_m, &rotation))
 }
 
-/// Makes a station from the rotation from its frame to the world frame.
+/// Creates a station from the rotation from its frame to the world frame.
 fn station_from_rotation(
     generation: Generation,
     position_m: [f64; 3],
@@ -156,7 +155,7 @@ fn unknown_keys(keys: &Keys, known: &[&str]) -> Vec<String> {
     unknown.map(|(key, value)| format!("{key} (line {})", value.referenced.line())).collect()
 }
 
-/// Returns warnings that calibrations have no effect, for stations with a geometry and without.
+/// Returns warnings that calibrations have no effect, for stations with and without a geometry.
 fn calibration_warnings(config: &Config) -> Vec<String> {
     let [calibrated, unplaced] = [true, false].map(|has_geometry| {
         let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == has_geometry);
