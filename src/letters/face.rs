@@ -6,8 +6,8 @@ use super::shape::{Fit, Shape};
 use super::shaping::Unset;
 use noctograph_core::error::Result;
 
-/// Letters that touch, as one shape: the byte of the first character in the line, the left edge,
-/// and the strokes, in cap heights.
+/// Touching letters as one shape: byte index of the first character in the line, left edge, and
+/// strokes, both in cap heights.
 pub(super) type Joined = (usize, f64, Arc<Shape>);
 
 /// The letters of a line, or the reason why it cannot be set.

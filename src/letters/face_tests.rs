@@ -23,7 +23,7 @@ pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
 }
 
 /// Returns a face with 1000 units per em and these glyphs, numbered from 1, each with its character
-/// (or none) and advance, and with tables of rules.
+/// (or none) and advance, and with additional tables.
 pub(super) fn face(
     glyphs: &[(Option<char>, Contours<'_>)],
     advance: u16,

@@ -1,4 +1,4 @@
-//! Font: draws characters with a font of the program or from a file.
+//! Draws characters with a built-in font or with a font from a file.
 
 use std::fmt;
 use std::path::Path;
@@ -89,11 +89,11 @@ impl Font {
         }
     }
 
-    /// Checks that the characters so far were drawn within the budget of a face.
+    /// Checks that the characters so far were drawn within the face's budget.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the limit.
+    /// Returns [`Error::Input`], which names the limit.
     pub fn check_work(&self) -> Result<()> {
         self.face.check_work()
     }

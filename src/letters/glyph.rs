@@ -1,7 +1,7 @@
 //! Glyphs of a TrueType or OpenType face as Bézier paths, within a budget.
 //!
-//! read-fonts stops endless composite glyphs and charstrings. The code of a CFF or CFF2 face is
-//! counted here as well, because a kilobyte of subroutines can mean much work without a point.
+//! read-fonts stops endlessly nested glyphs and charstrings. The code that a CFF or CFF2 face runs
+//! is counted here, because a kilobyte of subroutines can do much work without drawing a point.
 
 use std::cell::Cell;
 
@@ -102,7 +102,7 @@ impl CharstringContext for Subroutines<'_> {
         CharstringKind::Type2
     }
 
-    /// Letters composed by the obsolete `endchar` with four numbers have no outline.
+    /// Fails, because letters composed by the obsolete `endchar` with four numbers are not drawn.
     fn seac_components(&self, _base: i32, _accent: i32) -> Result<[&[u8]; 2], Error> {
         Err(Error::InvalidOperation)
     }
@@ -134,7 +134,7 @@ mod tests {
     use super::super::face_tests::{face_of, words};
     use super::*;
 
-    /// A face with A, which calls subroutines without end, H made of lines, and O made of curves.
+    /// A face with A, which calls subroutines endlessly, H made of lines, and O made of curves.
     const CALLS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/calls.otf");
     const POINTS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/points.otf");
 
@@ -159,7 +159,7 @@ mod tests {
         }
     }
 
-    /// A face of 12 composite glyphs, each with ten of the next, and a glyph of three points.
+    /// Tests a face of 12 composite glyphs, each with ten copies of the next, and a simple glyph.
     #[test]
     fn composites_within_composites_end() {
         let mut glyf: Vec<u8> = Vec::new();

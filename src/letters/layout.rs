@@ -19,7 +19,7 @@ const MAX_LETTERS: usize = 256;
 /// Maximum number of a font's characters that an error lists.
 const MOST_LISTED: usize = 40;
 
-/// The font that writes the most scripts in single lines.
+/// The built-in font that supports the most scripts with single-line letters.
 const SINGLE_LINE: &str = "simplex";
 
 /// Advance of a space in cap heights for a font that has none, taken from Hershey's fonts.
@@ -51,8 +51,8 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     }
     // The text is composed (NFC), because fonts contain composed characters.
     let drawn = drawable(&word.nfc().collect::<String>(), &fonts);
-    // If the budget is spent, characters seem to be missing. The error must name the budget then,
-    // not the character.
+    // If the budget is spent, characters seem to be missing. In that case, the error must name the
+    // budget, not the character.
     fonts.check_work()?;
     let word = drawn?;
     Ok(match options.canvas_m {
@@ -142,7 +142,7 @@ fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     lines.join("\n")
 }
 
-/// Returns the text with capitals in place of letters that no font has, which may be missing, too.
+/// Returns the text with capitals in place of letters that no font has. Fails if both are missing.
 fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     let mut drawn = String::new();
     for (index, line) in word.split('\n').enumerate() {
@@ -156,7 +156,7 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
 }
 
 /// Returns a part of a line with capitals in place of letters that its font lacks. `n_before` is
-/// the number of characters before it in the text, which errors need for positions.
+/// the number of characters before it in the text, which error messages need for positions.
 fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
     // A typeface shapes the part as a whole, so no character is replaced by its capital.
     if is_shaped(part)
@@ -469,7 +469,7 @@ mod tests {
         let [n, o] = [&strokes.glyphs[0].cell, &strokes.glyphs[1].cell];
         assert!((n.left_m).abs() < 1e-12 && (n.width_m - 14.0 * unit_m).abs() < 1e-12, "{n:?}");
         let wanted_m = (22.0 - 4.0 + 3.0) * unit_m;
-        // Between its points, the O bulges by a little.
+        // The O bulges slightly between its points.
         assert!((o.left_m - wanted_m).abs() < 0.3 * unit_m, "{o:?}, {wanted_m}");
         assert!((0.0..0.6 * unit_m).contains(&(o.width_m - 16.0 * unit_m)), "{o:?}");
         let wide = write("NO", &LetterOptions { spacing_m: 0.1, ..options }).unwrap();

@@ -105,7 +105,7 @@ impl<'a> Filled<'a> {
         self.bin(from[1].min(to[1]))..=self.bin(from[1].max(to[1]))
     }
 
-    /// Returns the index of the bin at a height, or the nearest bin outside of the outline.
+    /// Returns the index of the bin at a height, or of the nearest bin if outside the outline.
     #[expect(clippy::cast_possible_truncation, reason = "bins are few")]
     fn bin(&self, y: f64) -> usize {
         (((y - self.bottom) / self.bin_height).max(0.0) as usize).min(self.bins.len() - 1)
@@ -158,7 +158,7 @@ fn sampled(contour: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     pieces.collect()
 }
 
-/// True if there is ink on only one side of an edge's middle, at a hundredth of its length.
+/// True if only one side of an edge has ink, a hundredth of its length away from its middle.
 fn has_ink_on_one_side([a, b]: [[f64; 2]; 2], ink: &Filled<'_>) -> bool {
     let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
     let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));

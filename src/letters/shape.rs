@@ -32,7 +32,7 @@ pub(super) struct Run {
 pub(super) struct Shape {
     /// Distance between the pen's positions before and after the character.
     pub(super) advance: f64,
-    /// Runs of the pen, of which a space has none.
+    /// Runs of the pen. A space has no runs.
     pub(super) runs: Vec<Run>,
     /// Length in cap heights of a stroke of the face that the center lines lost, or 0.
     pub(super) lost_length: f64,

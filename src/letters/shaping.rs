@@ -54,8 +54,8 @@ pub(super) enum Unset {
     Missing(usize),
     /// The rules of the face expand the rest of the word beyond the shaper's limits.
     Unshaped(usize),
-    /// The number of glyphs (second value) from there on that touch, and have too many points as
-    /// one outline.
+    /// Touching glyphs from there on, whose number is the second value, have too many points as one
+    /// outline.
     TooLarge(usize, usize),
 }
 
@@ -65,7 +65,7 @@ pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Plac
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
-        // The words from left to right, each with its first byte.
+        // Lists the words from left to right, each with the index of its first byte.
         let mut next_start = run.start;
         let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
             let start = next_start;

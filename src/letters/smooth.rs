@@ -128,8 +128,8 @@ impl Banded {
     }
 }
 
-/// Returns the smooth line through closed points. Two rounds of the points are solved, and the
-/// middle half is kept, because the ends hardly affect that.
+/// Returns the smooth line through closed points. The loop is solved as two rounds, of which the
+/// middle half is kept because the ends hardly affect it.
 fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

@@ -5,8 +5,8 @@
 //! are one cap height apart, with the lower one on the baseline.
 //!
 //! Glyphs that touch are traced together, so that joined letters become one line. A glyph that is
-//! an area, such as a heart, becomes its outline. Variations are not supported. In text that is not
-//! shaped, ligatures and kerning outside the table `kern` are not supported either.
+//! an area, such as a heart, becomes its outline. Font variations are not supported. In text that
+//! is not shaped, ligatures and kerning outside the table `kern` are not supported either.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -47,7 +47,7 @@ const MAX_COORDINATE: f64 = 100.0;
 const FLATNESS: f64 = 2e-4;
 
 /// Minimum thickness of an area relative to the face's letters, and maximum length of its center
-/// lines relative to its own thickness. A bold I has 4, but is only as thick as a letter.
+/// lines relative to its own thickness. A bold I has a length of 4, but not this thickness.
 const AREA_THICKNESS: f64 = 2.5;
 const AREA_LENGTH: f64 = 6.0;
 
@@ -73,7 +73,7 @@ pub(super) struct Typeface {
     cap: f64,
     /// Half the width of the strokes in cap heights, or 0 if outlines are traced.
     half_width: f64,
-    /// True if the width is that of known letters.
+    /// True if the width was measured on known letters.
     has_stems: bool,
     /// True if the face's contours are strokes.
     is_stored: bool,
@@ -90,7 +90,7 @@ struct Traced {
 type Part = (GlyphId, [i32; 2]);
 
 impl Typeface {
-    /// Reads a face. Of a collection, the first face is read.
+    /// Reads a face. In a collection, the first face is read.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let budget = Budget::new(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
@@ -171,7 +171,7 @@ impl Typeface {
             let bounds = outline(&self.face, placed.glyph, &self.traced().budget)?.control_box();
             Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
         }));
-        // The boxes go from left to right, so that only the last group can touch the next one.
+        // The boxes are sorted from left to right, so only the last group can touch the next box.
         boxes.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<Vec<Placed>> = Vec::new();
         let mut group_right = f64::NEG_INFINITY;
@@ -240,8 +240,8 @@ impl Typeface {
     }
 
     /// Returns the center lines or outlines of glyphs in reading order, in cap heights between
-    /// center lines, and a lost stroke's length. Returns `None` without an outline or beyond the
-    /// budget.
+    /// center lines, and a lost stroke's length. Returns `None` if there is no outline or the
+    /// budget is spent.
     fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Lines, f64)> {
         let contours = self.contours(parts, budget)?;
         let center = match self.trace {
@@ -274,8 +274,8 @@ impl Typeface {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// Returns the contours of glyphs in cap heights. Returns `None` for no contours or too many
-    /// points.
+    /// Returns the contours of glyphs in cap heights. Returns `None` if there are none or they have
+    /// too many points.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
         let mut contours = pairs(polylines(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?);
         for contour in &mut contours {

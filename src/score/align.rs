@@ -1,8 +1,8 @@
-//! Alignment: the shift, scale and rotation at which the intended word correlates best with a
-//! photo.
+//! Aligns the intended word with a photo: finds the shift, scale and rotation with the highest
+//! correlation.
 //!
-//! Within limits the position of a word costs nothing, because a viewer does not care about it.
-//! Shear and perspective are not modeled, because the camera is known.
+//! Within limits, a displaced word is not penalized, because viewers do not mind. Shear and
+//! perspective are not modeled, because the camera is known.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,14 +16,14 @@ use noctograph_core::strokes::Strokes;
 /// Number of scales in the coarse search.
 const N_SCALES: i32 = 7;
 
-/// First step of the rotation search. Together with its repeated halves it covers twice as much.
+/// Initial step of the rotation search. All steps, each half the last one, add up to twice as much.
 const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 
-/// Blur of both pictures: 0.1 H, with which a coarse grid of shifts hits the peak, and then 0.05 H,
-/// the reader's blur. With more blur, a wrong letter could pull the word toward the next letter.
+/// Blur of both pictures: first 0.1 H, so that a coarse grid of shifts hits the peak, and then 0.05
+/// H, the reader's blur. A larger blur could let the next letter attract the word.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
-/// Maximum size of the cache of drawn words, in pixels: 1 MB, enough for dozens of a short word.
+/// Maximum size of the cache of drawn words, in pixels. 1 MB holds dozens of short words.
 const MAX_CACHED_PX: usize = 1 << 18;
 
 /// Width of the pen, in pixels.
@@ -32,17 +32,17 @@ const PEN_PX: f32 = PEN_H as f32 * PX_PER_H as f32;
 
 /// A search for one word.
 pub(super) struct Finder {
-    /// The grid that a searched picture must have.
+    /// Pixel grid of every picture that is searched.
     pub(super) grid: Grid,
     strokes: Strokes,
     home: Placed,
     /// The word at each scale of the coarse search, at quarter resolution.
     coarse: Vec<(f64, Raster)>,
-    /// Drawings of the word by scale and rotation, which are kept because most photos try the same.
+    /// Cache of drawings by scale and rotation, because most photos need the same ones.
     cache: Mutex<Vec<([f64; 2], Arc<Raster>)>>,
 }
 
-/// A picture in which the word is searched.
+/// A picture that is searched for the word.
 pub(super) struct Target {
     /// The picture after its mean was subtracted.
     raster: Raster,
@@ -187,7 +187,7 @@ impl Target {
                 beside[axis] += step;
                 self.sum_of_products(word, beside) * inverse_norms
             });
-            // `slope` is twice the first difference at the best shift, and `bend` minus the second.
+            // `slope` is twice the central difference at the best shift, `bend` the negated second.
             let (slope, bend) = (beside[1] - beside[0], 2.0 * similarity - beside[0] - beside[1]);
             if bend <= 0.0 {
                 return 0.0;
@@ -209,7 +209,7 @@ impl Target {
         if norm > 0.0 { 1.0 / norm } else { 0.0 }
     }
 
-    /// Returns the sum of the products of the picture and the moved word where they overlap.
+    /// Returns the sum of the products of the picture and the shifted word where they overlap.
     fn sum_of_products(&self, word: &Raster, [right, down]: [isize; 2]) -> f32 {
         // For each axis: first pixel of the picture, first pixel of the word, and number of pixels.
         let width = word.width;

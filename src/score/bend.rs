@@ -1,7 +1,7 @@
 //! Moves each intended stroke sideways onto its light, so that it does not count as missing when
 //! the drone flew beside its path. Parts of the moved strokes without light are then gaps, and
-//! lines of light without a stroke are extra. Strokes only move sideways, since light may be
-//! missing along them.
+//! lines of light without a stroke are extra. Strokes move only sideways, because part of their
+//! length may be dark.
 
 use std::ops::Range;
 
@@ -29,14 +29,14 @@ const AROUND: usize = 6;
 /// Maximum distance between a stroke and its light: 0.10 H.
 const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
 
-/// Maximum distance between a neighbor's stroke, which is not moved onto its light, and that light.
+/// Maximum distance between light and an unmoved stroke of a neighboring letter it belongs to.
 const BESIDE_PX: f64 = 1.5 * TOLERANCE_PX;
 
-/// Minimum length of a gap without `CLOSE_PX` at each end: 0.12 H. A cut corner leaves a shorter
-/// gap.
+/// Minimum length of a gap, excluding `CLOSE_PX` at each end: 0.12 H. Cut corners leave shorter
+/// gaps.
 const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
 
-/// Maximum distance that the gap of a cut corner extends from the corner: 0.2 H.
+/// Maximum extent of a cut corner's gap from the corner: 0.2 H.
 const CUT_PX: usize = 6;
 
 /// Minimum length of a line of extra light: 0.1 H.
@@ -104,11 +104,11 @@ impl Run {
 
     /// Returns the gap at a dark stretch, extended at each end by the tolerance.
     fn gap(&self, stroke: usize, dark: Range<usize>) -> Gap {
-        // Points near the last light count as lit, so the light ends before the dark points.
+        // Points up to `CLOSE_PX` from light count as lit, so the gap exceeds the dark stretch.
         let reach = whole(CLOSE_PX);
         let from = dark.start.saturating_sub(reach);
         let to = (dark.end + reach).min(self.on_light.len());
-        // The gap is drawn with the sideways offset of the light before it, or else after it.
+        // The gap is drawn with the sideways offset of the light before it, if any, or after it.
         let neighbor = if from > 0 { from - 1 } else { to.min(self.on_light.len() - 1) };
         let offset = self.on_light[neighbor] - self.intended[neighbor];
         let points = self.intended[from..to].iter().map(|point| *point + offset).collect();
@@ -168,7 +168,7 @@ impl LightLines {
         nearest
     }
 
-    /// Points outside the page count as dark.
+    /// True if a point is lit. Points outside the page are dark.
     fn is_lit(&self, Point { x, y }: Point) -> bool {
         let height = self.lit.len() / self.width;
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < height as f64;

@@ -1,6 +1,6 @@
 //! Explanation of a verdict: the faults of each letter, and the gain from mending each fault.
 //!
-//! The photo is read again without each fault. The difference from the first reading is the gain.
+//! The photo is read again with each fault removed. The gain is the change from the first reading.
 
 use kurbo::Point;
 
@@ -20,17 +20,17 @@ use noctograph_core::photo::Photo;
 /// Cap height in the photo, in pixels, below which the letters have too few pixels.
 const FEW_PX: f64 = 30.0;
 
-/// Ratio of full light to the lowest visible light below which a photo is dim.
+/// Ratio of the fully lit level to the lowest visible level below which a photo counts as dim.
 const DIM: f32 = 2.0;
 
-/// Probability below which a letter, drawn without fault, is a flaw of its font.
+/// Probability below which a faultlessly drawn letter counts as a flaw in its font.
 const STRANGE: f64 = 0.5;
 
-/// Minimum probability of another letter in a faultless drawing for the font to be the cause when
-/// the photo is read as that letter. For example, the team's J has a small hook and is read as T.
+/// Minimum probability of another letter in a faultless drawing at which the font is blamed if the
+/// photo is read as that letter. For example, the team's J has a small hook and is read as T.
 const AMBIGUOUS: f64 = 0.01;
 
-/// Probability above which mending a letter gains nothing.
+/// Probability of a letter above which mending it is not tried.
 const SURE: f64 = 0.97;
 
 /// Minimum gain in readability for a sentence of advice.
@@ -40,8 +40,8 @@ const LEAST_GAIN: f64 = 0.005;
 /// costs one more reading.
 const MOST_MENDED: usize = 12;
 
-/// Maximum number of letters in a word whose faults are mended. In longer words, causes have no
-/// gains.
+/// Maximum number of letters in a word whose faults are mended. In longer words, causes do not
+/// report gains.
 const LONGEST_MENDED: usize = 32;
 
 /// Maximum number of sentences of advice.
@@ -54,9 +54,9 @@ pub struct Marks {
     pub intended: Vec<Vec<[f64; 2]>>,
     /// Parts of the intended strokes that have no light.
     pub missing: Vec<Vec<[f64; 2]>>,
-    /// Points of light where none was intended.
+    /// Points at which there is light but no intended stroke.
     pub stray: Vec<Vec<[f64; 2]>>,
-    /// Corners of the cells of letters with light, clockwise from the upper left.
+    /// Corners of each lit letter's cell, clockwise from the upper left.
     pub cells: Vec<Vec<[f64; 2]>>,
 }
 
@@ -72,7 +72,7 @@ impl Reader {
         let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        // Only faults of letters have gains, since those of font and photo cannot be mended.
+        // Only letter faults have gains, because faults of the font or the photo cannot be mended.
         let mut faults = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         let in_place = self.gains(seen, &sketches, &mut faults);
         self.flaws_of_design(&verdict, &mut faults);
@@ -88,8 +88,8 @@ impl Reader {
         Ok((verdict, marks))
     }
 
-    /// Sets the gain of each fault by reading its letter again without the fault. Faults of letters
-    /// that are not read again lose their mending. Returns the judgment with all faults.
+    /// Sets the gain of each fault by reading its letter again without the fault. Removes the
+    /// mendings of letters that are not read again. Returns the judgment without any mending.
     fn gains(&self, seen: &Seen, sketches: &[Sketch], faults: &mut [Fault]) -> Judgment {
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
@@ -104,7 +104,7 @@ impl Reader {
                 continue;
             };
             let place = self.expected.indices.iter().position(|judged| *judged == index);
-            // Punctuation has no choice, but is mended together with the letters for the advice.
+            // Punctuation is not judged, but advice mends it together with the letters.
             let Some(place) = place else { continue };
             if !worst.contains(&place) {
                 *mending = None;
@@ -133,8 +133,8 @@ impl Reader {
     ) -> Vec<Fault> {
         let placed = &seen.placed;
         let mut faults: Vec<Fault> = Vec::new();
-        // Number of stroke segments, and the same number weighted by the recall and by the
-        // precision of each letter.
+        // Number of stroke segments, and that number weighted by each letter's recall and
+        // precision, respectively.
         let [mut length, mut recalled, mut precise] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
@@ -197,7 +197,7 @@ impl Reader {
                 continue;
             }
             kinds.push(*kind);
-            // All faults of a kind are mended together, since one change to the flight does so.
+            // All faults of a kind are mended together, because one change of the flight does so.
             let same_kind = faults.iter().filter(|(cause, _)| cause.kind == *kind);
             let (causes, mendings): (Vec<&Cause>, Vec<_>) = same_kind
                 .map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref())))

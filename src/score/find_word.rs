@@ -1,8 +1,8 @@
 //! Locates a word in a photo without a known camera.
 //!
 //! The letters that [`read`](super::read) finds are matched with the word's cells: one by one if
-//! their numbers agree, and otherwise only the first and the last. The plane is assumed to be seen
-//! square on, with separate horizontal and vertical scales and a sloping line.
+//! their counts agree, and otherwise only the first and the last. The camera is assumed to face the
+//! plane, with separate horizontal and vertical scales and a sloping line.
 
 use super::reader::lit_bounds_m;
 use super::reading::Reading;
@@ -26,7 +26,7 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
     let letters = &reading.letters;
     let [first_box, last_box] = [boxes.first()?, boxes.last()?];
     let [first, last] = [letters.first()?, letters.last()?];
-    // Horizontally, the edges of letters in the photo are a linear function of those in the plane.
+    // Horizontally, letter edges in the photo are fitted by a linear function of the intended ones.
     let mut edges: Vec<[f64; 2]> = Vec::new();
     if letters.len() == boxes.len() {
         for (plane, letter) in boxes.iter().zip(letters) {
@@ -62,7 +62,7 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
         [x, line_y_px + slope * x - 0.5 * above * letter_height_px]
     });
     let size_px = [photo.width_px, photo.height_px];
-    // The corners of a single I have no area, so they give no view.
+    // The corners of a single I enclose no area, so they determine no view.
     Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 

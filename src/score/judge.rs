@@ -20,7 +20,7 @@ const LEAST_CONFUSION: f64 = 0.001;
 /// Maximum number of rivals in the verdict on a letter.
 const N_RIVALS: usize = 3;
 
-/// Minimum probability of a class in an untrained letter's drawing for it to count as that letter.
+/// Minimum probability of a class in an untrained letter's drawing to count as that letter.
 const LEAST_TAKEN: f64 = 0.02;
 
 /// Number of letters on each side that influence the choice for a letter.
@@ -215,8 +215,8 @@ impl Expected {
         columns.middles(&self.classes)
     }
 
-    /// Returns all letters and digits with their classes. In a number, ambiguous classes are
-    /// digits.
+    /// Returns all letters and digits with their classes. If the word is a number, ambiguous
+    /// classes count as digits.
     fn names(&self) -> Vec<(char, Classes)> {
         names(0, self.characters.iter().all(char::is_ascii_digit))
     }

@@ -13,7 +13,7 @@ use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
 
-/// Minimum probability of a class at a column. Lower values of the net are noise from its training.
+/// Minimum probability of a class at a column. Lower outputs of the net are training noise.
 const LEAST: f64 = 1e-6;
 
 /// Probabilities of the classes at each column.
@@ -47,7 +47,7 @@ impl Columns {
         }
     }
 
-    /// Counts unexplained light as blank, because trails to the floor pass beside every word.
+    /// Counts unexplained light as blank, because every word has trails to the floor beside it.
     pub(super) fn unexplained_as_dark(mut self) -> Self {
         for column in &mut self.0 {
             column[0] += std::mem::replace(&mut column[N_CLASSES - 1], LEAST) - LEAST;
@@ -119,8 +119,8 @@ fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     weights.map(|weight| (weight / sum).max(LEAST))
 }
 
-/// Probabilities of what one position shows if all other letters are right. These probabilities add
-/// up to 1.
+/// Probabilities of the possible readings of one position if all other letters are right. Their sum
+/// is 1.
 pub(super) struct Choice {
     /// Probability of the expected letter.
     pub(super) p: f64,
@@ -138,7 +138,7 @@ impl Choice {
         Self { p: self.p * second.p, none: worse.none, others: worse.others.clone() }
     }
 
-    /// Returns the likeliest letter, or `None` if none is likelier, and its probability.
+    /// Returns the likeliest letter, or `None` if "no letter" is likelier, and its probability.
     pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
         let other = self.others.first().filter(|(_, p)| *p > self.p);
         let (letter, most) =
@@ -184,7 +184,7 @@ impl<'a> Lattice<'a> {
         Self { word, forward, backward, scales }
     }
 
-    /// Returns the probability of the word, in the unit that [`Self::ln_scale`] gives.
+    /// Returns the probability of the word, in the unit whose logarithm is [`Self::ln_scale`].
     pub(super) fn total(&self) -> f64 {
         self.ends(2 * self.word.len())
     }
@@ -203,8 +203,8 @@ impl<'a> Lattice<'a> {
         let [from_letter, to_letter] = [index.checked_sub(1), Some(index + 1)].map(|near| {
             near.and_then(|near| self.word.get(near)).is_some_and(|letter| letter & set == 0)
         });
-        // A path that is in the letter at a column was there before, or comes from the blank or the
-        // letter before it. A path is counted when it leaves the letter, and thus only once.
+        // At a column, a path in the letter was already there, or comes from the blank or letter
+        // before it. Each path is counted only once, when it leaves the letter.
         let (mut letter, mut total) = (0.0, 0.0);
         for column in 0..self.scales.len() {
             let paths = match column.checked_sub(1).map(|before| &self.forward[before]) {
@@ -228,7 +228,7 @@ impl<'a> Lattice<'a> {
         let blank = 2 * index;
         let Some(next) = self.word.get(index + 1) else { return self.ends(blank) };
         // A path enters the next letter from the blank before the missing letter or from the letter
-        // before that blank. A missing first letter also lets it start there.
+        // before that blank. If the first letter is missing, a path may also start there.
         let from_letter = index > 0 && self.word[index - 1] & next == 0;
         let first = if index == 0 { self.backward[0][blank + 3] } else { 0.0 };
         let later = self.forward.iter().zip(&self.backward[1..]).map(|(left, right)| {

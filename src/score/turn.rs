@@ -3,18 +3,18 @@
 use super::reading::{Reading, read};
 use noctograph_core::photo::{Photo, PhotoData};
 
-/// Minimum mean probability of letters that are upright. NOOR upside down reads HOON with 0.87.
+/// Minimum mean probability of upright letters. NOOR upside down is read as HOON with 0.87.
 const UPRIGHT: f64 = 0.92;
 
-/// Minimum gain in mean probability if the photo is upside down. A poor MOON has 0.9, upside down
-/// it reads NOOW with 0.98.
+/// Minimum gain in mean probability if the photo is upside down. An upright, unclear MOON has 0.9,
+/// but is read as NOOW with 0.98 upside down.
 const LEAD: f64 = 0.1;
 
 /// Minimum level of white paper in daylight, and minimum ratio of bright to dark pixels at an edge.
 const BRIGHT: u8 = 190;
 const BRIGHT_PER_DARK: usize = 9;
 
-/// Minimum number of letters that show the orientation. A turned heart or arrow may read as two.
+/// Minimum number of letters that determine the orientation. A turned heart may be read as two.
 const LEAST_LETTERS: usize = 3;
 
 /// Reads a photo, and turns it by quarters if only a turned photo reads clearly. Returns the
@@ -37,7 +37,7 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
 }
 
 /// Reads the mirrored photo in the same way as [`read_any_way_up`]. Returns `None` if the original,
-/// whose reading is `upright`, is as clear.
+/// whose reading is `upright`, is at least as clear.
 pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
     if is_right(upright, word) {
         return None;
@@ -55,12 +55,12 @@ fn is_clear(reading: &Reading) -> bool {
     reading.letters.len() >= LEAST_LETTERS && reading.mean_p() >= UPRIGHT
 }
 
-/// True if a photo reads as the word, or if it reads clearly and `word` is empty.
+/// True if a photo is read as the word, or if it is read clearly and `word` is empty.
 fn is_right(upright: &Reading, word: &str) -> bool {
     upright.text.eq_ignore_ascii_case(word) || is_clear(upright) && word.is_empty()
 }
 
-/// True if a turned photo reads clearly, and more clearly than the original.
+/// True if a turned photo is read clearly, and more clearly than the original by `lead`.
 fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
     let lead = if is_word { 0.0 } else { lead };

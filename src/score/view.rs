@@ -1,4 +1,4 @@
-//! View of the plane of the word: by a known camera, or by four corners in the photo.
+//! Views of the word's plane: through a known camera, or from four corners in the photo.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -33,8 +33,8 @@ impl From<&Camera> for View {
 }
 
 impl View {
-    /// Projects a point of the plane. Returns pixels from the left and the upper edge, or `None` if
-    /// the photo cannot show the point.
+    /// Projects a point of the plane. Returns the position in pixels from the upper left, or `None`
+    /// if the photo cannot show the point.
     pub fn image_from_plane(&self, [x_m, height_m]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = match self {
             Self::Camera(camera) => {
@@ -52,8 +52,8 @@ impl View {
         (x.is_finite() && y.is_finite()).then_some([x, y])
     }
 
-    /// Renders a part of the plane (`[left, bottom, right, top]`) as seen square on, by nearest
-    /// pixels.
+    /// Renders a part of the plane (`[left, bottom, right, top]`) as seen square on, using the
+    /// nearest pixels.
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
         #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
@@ -95,7 +95,7 @@ impl View {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] if the camera does not see the plane in all of its picture.
+    /// Returns [`Error::Input`] if part of the camera's picture does not show the plane.
     pub fn rectified_by_camera(photo: &Photo, camera: &Camera) -> Result<Photo> {
         let bounds_m = camera.plane_bounds_m().ok_or_else(|| {
             let wanted = "a camera whose whole picture shows the plane of the word";
@@ -116,7 +116,7 @@ impl View {
     }
 }
 
-/// Margin around a box given by its corners, in heights of that box.
+/// Margin around a box given by its corners, in units of the box's height.
 const CORNERS_MARGIN: f64 = 0.5;
 
 /// Maximum side of a picture seen square on, in pixels.

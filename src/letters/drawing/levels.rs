@@ -33,7 +33,7 @@ pub(super) fn extremes(
     let mut values = values.to_vec();
     let height = values.len() / width;
     let (mut line, mut to_block_end) = (Vec::new(), vec![0.0; width.max(height)]);
-    // Goes along rows and then along columns, whose pixels are `step` apart.
+    // Processes rows and then columns, in which neighboring pixels are `step` apart.
     for (step, n, n_lines) in [(1, width, height), (width, height, width)] {
         for first in (0..n_lines).map(|line| line * if step == 1 { width } else { 1 }) {
             line.clear();

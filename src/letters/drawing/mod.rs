@@ -1,8 +1,8 @@
 //! Drawings: an SVG file, a bitmap, or handwriting as JSON becomes strokes.
 //!
 //! A drawing fills its canvas as far as its proportions allow. The drawing is placed on the
-//! baseline and aligned like a line of text. Having no word, it is a single glyph, or one glyph for
-//! each color, with the character [`DRAWING`].
+//! baseline and aligned like a line of text. A drawing has no letters, so it becomes a single
+//! glyph, or one glyph for each color, with the character [`DRAWING`].
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ mod visibility;
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';
 
-/// Maximum size of a file that is read.
+/// Maximum size of a drawing's file.
 pub const LIMIT: Limit = Limit {
     bytes: 8 << 20,
     what: "a drawing",
@@ -65,7 +65,7 @@ const ROUNDING: f64 = 1e-9;
 /// Height of a horizontal line's cell, or width of a vertical line's cell, relative to its length.
 const FLAT: f64 = 1e-3;
 
-/// Error codes of a drawing without strokes and of a drawing with too many.
+/// Error codes for a drawing without strokes and for a drawing with too many.
 const EMPTY: &str = "drawing-empty";
 const LARGE: &str = "drawing-large";
 
@@ -168,7 +168,7 @@ fn foreign(kind: &str, file: &str) -> Error {
     Error::input(file, content, wanted, hint)
 }
 
-/// A drawing in the wanted detail.
+/// A drawing at the requested level of detail.
 struct Detailed {
     /// The chosen lines.
     lines: Numbered<ColoredLine>,
@@ -178,7 +178,7 @@ struct Detailed {
 }
 
 impl Detailed {
-    /// Reduces the lines of a drawing whose larger side is `size`, and chooses those that the
+    /// Reduces the lines of a drawing whose larger side is `size`, and selects those that the
     /// options name. `in_file` maps points with y down to the file.
     fn new(
         lines: Vec<ColoredLine>,
@@ -202,7 +202,7 @@ fn by_color(
     ink: Ink,
     file: &str,
 ) -> Result<StrokesData> {
-    // The runs of each color, in the order of the colors' first lines.
+    // Groups runs by color, in the order of the colors' first lines.
     let mut inks: Vec<(Color, Vec<Run>)> = Vec::new();
     for (_, (line, color)) in lines {
         match inks.iter_mut().find(|(other, _)| ink == Ink::Alike || other == color) {
@@ -231,7 +231,7 @@ fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
     bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
 }
 
-/// Adds warnings to the hint of an empty drawing's error, because they may be the reason.
+/// Adds warnings to the hint of an empty drawing's error, because they may name the reason.
 fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
     let mut hint = error.hint().to_owned();
     for warning in warnings {
@@ -286,7 +286,7 @@ impl Placing {
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
-    /// Returns a line's number, and the position of its label in the plan's picture, halfway along.
+    /// Returns a line's number, and the position of its label in the plan's picture: its midpoint.
     fn label(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
         let along = arc_lengths(line);
         let half = 0.5 * along[along.len() - 1];

@@ -1,4 +1,4 @@
-//! Styles: the declarations of an SVG file's elements as usvg reads them, and the work of doing so.
+//! Styles: the declarations of an SVG file's elements as usvg reads them, and the work of reading.
 //!
 //! usvg resolves style sheets with simplecss, which silently skips parts that it does not know.
 //! simplecss runs here before usvg, so that skipped parts are named and the work is bounded.
@@ -21,8 +21,8 @@ const STEPS_PER_ENTITY: usize = 200;
 const STEPS_PER_MATCH: usize = 50;
 const MAX_MATCH_STEPS: usize = 2_000_000_000;
 
-/// Maximum number of entities that the parser expands for one reference, and maximum size of all of
-/// them in bytes.
+/// Maximum number of entities that the parser expands for one reference, and maximum total size of
+/// their text in bytes.
 const MOST_WITHIN: usize = 256;
 const MAX_ENTITY_BYTES: usize = 16 << 20;
 
@@ -38,7 +38,7 @@ const WITHOUT_EFFECT: [&str; 6] =
 const MAX_NAMES: usize = 20;
 const MAX_NAME_LENGTH: usize = 80;
 
-/// Help for an unsupported feature.
+/// Help text for an unsupported feature.
 const HELP: &str = "convert it to plain paths in the editor of the drawing";
 
 /// Unsupported features by name and treatment, with the number of elements and the first one's
@@ -95,7 +95,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         budget
             .spend_steps(references.saturating_mul(STEPS_PER_ENTITY + STEPS_PER_NAME * n_entities));
     }
-    // Attributes of a tag are compared with each other, prefixes with the namespaces around.
+    // A tag's attributes are compared with each other, and prefixes with surrounding namespaces.
     let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
@@ -111,8 +111,8 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// Declarations of an element: name, value, and true if it comes from CSS. If a name occurs several
-/// times, the last one is in force.
+/// Declarations of an element: name, value, and whether it comes from CSS. If a name occurs several
+/// times, its last value is in force.
 pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 
 /// The declarations of all elements, and the number of steps to compute them.
@@ -178,7 +178,7 @@ impl<'a, 'input> Styles<'a, 'input> {
         first.is_none_or(|first| first.id() == node.id())
     }
 
-    /// True if a style sheet may have a rule for an id.
+    /// True if a style sheet may contain a rule for an id.
     pub(super) fn has_rule_of(&self, id: &str) -> bool {
         let is_name = |sign: char| sign.is_alphanumeric() || sign == '-' || sign == '_';
         let name = format!("#{id}");
@@ -231,7 +231,7 @@ fn declarations<'a>(
     Ok((declared, n_steps.get()))
 }
 
-/// True if quotation marks of a style sheet may be escaped. A sheet with escapes is not passed to
+/// True if a style sheet may contain escaped quotation marks. A sheet with escapes is not passed to
 /// usvg.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
@@ -244,10 +244,10 @@ fn tokenizing_steps(css: &str) -> usize {
 }
 
 /// Names the unsupported parts of a style sheet, and charges its work and memory to a budget. Each
-/// selector of a list has the declarations of its rule.
+/// selector in a list gets the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
     budget.steps(tokenizing_steps(sheet))?;
-    // The head of a block has its selectors, preceded by rules that start with @.
+    // The part before a block contains its selectors, preceded by rules that start with @.
     for block in without_strings(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
         for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {
@@ -301,8 +301,8 @@ struct Matched<'a, 'input, 's> {
 }
 
 impl<'a, 'input> Matched<'a, 'input, '_> {
-    /// Returns a related element, counted as one match. Returns `None` for none, or after too many
-    /// steps.
+    /// Returns a related element, which counts as one match. Returns `None` if there is none, or
+    /// after too many steps.
     fn related(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
         let n_steps = self.n_steps;
         n_steps.set(n_steps.get() + STEPS_PER_MATCH);

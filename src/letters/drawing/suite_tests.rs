@@ -3,11 +3,11 @@
 //! `crates/resvg/tests/tests`).
 //!
 //! `NOCTOGRAPH_DRAWINGS=FOLDER cargo test --profile work -p noctograph-letters suite -- --ignored
-//! --nocapture`. A stroke is wrong if it is neither on an edge of the picture nor in ink like the
-//! center of a line. A file counts as named if it is refused or a warning names what is not
-//! followed. Edges without a stroke near them are listed for inspection. Fills have strokes at
-//! their edge, center lines at half the line's width, and a thick or transparent border has two
-//! more edges.
+//! --nocapture`. A stroke is wrong if it is neither on an edge of the picture nor inside ink like a
+//! center line. A file counts as named if it is refused or a warning names what is not followed.
+//! Edges without a stroke near them are listed for inspection. Strokes of fills lie on edges,
+//! center lines half the line's width from edges, and a thick or transparent border has two more
+//! edges.
 
 use std::path::{Path, PathBuf};
 
@@ -23,10 +23,10 @@ const EDGE: i32 = 24;
 /// Minimum difference between ink and the color of the paper.
 const INK: i32 = 12;
 
-/// Fractions of the strokes and edges in question that corners of miters and caps explain.
+/// Maximum fractions of unmatched strokes and edges that corners of miters and caps explain.
 const CORNERS: [f32; 2] = [0.02, 0.04];
 
-/// Number of pixels in question that noise explains.
+/// Maximum number of unmatched pixels that noise explains.
 const FEW_PX: f32 = 6.0;
 
 /// A reference picture on paper.
@@ -83,7 +83,7 @@ fn difference(a: [i32; 3], b: [i32; 3]) -> i32 {
 fn distances(marked: &[bool], [width, height]: [usize; 2]) -> Vec<f32> {
     let mut far: Vec<f32> = marked.iter().map(|mark| if *mark { 0.0 } else { 1e9 }).collect();
     let n = far.len();
-    // Goes forward and then backward, since a pixel has neighbors before it and after it.
+    // Goes forward and then backward, because a pixel has neighbors before and after it.
     for (order, sign) in [((0..n).collect::<Vec<_>>(), -1), ((0..n).rev().collect(), 1)] {
         for index in order {
             for (dx, dy) in [(sign, 0), (sign, sign), (0, sign), (-sign, sign)] {
@@ -111,8 +111,8 @@ fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// Returns how many points of strokes are on nothing, out of how many, and how many edges have no
-/// stroke, out of how many.
+/// Returns the number of stroke points on neither edge nor ink with their total, and the number of
+/// edge pixels without a stroke with their total.
 fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
     let mut bare = picture.is_edge.clone();
     let mut stray = 0.0;

@@ -1,8 +1,8 @@
-//! Reads an SVG file as lines, as a browser shows it.
+//! Converts an SVG file to the lines that a browser would show.
 //!
 //! usvg resolves styles, `use`, basic shapes, nested viewports and paints, and kurbo applies
 //! dashes. Clips, masks, the page's edge and occlusion are handled in [`visibility`]. Warnings name
-//! unsupported features ([`notes`]), and text is refused.
+//! unsupported features ([`notes`]), and files with text are rejected.
 //!
 //! [`visibility`]: super::visibility
 //! [`notes`]: super::notes
@@ -35,10 +35,10 @@ const MAX_NODES: u32 = 200_000;
 /// Length of the line that represents a point of light, relative to the page's larger side.
 const POINT: f64 = 2e-5;
 
-/// Length of a dash of zero length, which may be a point, relative to the period of its pattern.
+/// Length given to zero-length dashes, which may be points, relative to their pattern's period.
 const DASH: f64 = 1e-5;
 
-/// Opacity of a gradient: it covers what is beneath it, but is not one of its colors everywhere.
+/// Opacity of a gradient, which covers what is beneath it but does not have a single color.
 const GRADIENT: f64 = 0.95;
 
 /// Hint for a file that contains text.
@@ -71,8 +71,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
             named.add("another file (`xml-stylesheet`)", "not followed", node);
         }
     }
-    // usvg repeats elements that are used again, so their work is counted as well. Features that it
-    // does not follow are removed.
+    // Counts the work of all elements, including repetitions by usvg, and removes features that
+    // usvg does not support.
     let styles = Styles::new(&document, &budget, &mut named)?;
     let too_large = |cause| refused(file, cause).coded(super::LARGE);
     size::check(root, &styles, &budget).map_err(too_large)?;
@@ -186,7 +186,7 @@ fn visible(
         let (visible_part, is_alike) = page.visible(index, item, &line);
         scale.budget.check()?;
         n_alike += usize::from(is_alike);
-        // The part that clips, masks and later elements leave visible.
+        // Keeps the part that clips, masks and later elements leave visible.
         let parts = match visible_part {
             Visible::Stroke(color) => vec![Item::Whole(line, color)],
             Visible::Outline(color) => vec![Item::Whole(item.closed(), color)],
@@ -307,12 +307,12 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(value[1..].split_once(quote)?.0.to_owned())
 }
 
-/// Decodes the text of a file by the encoding of its first bytes or its declaration, or as UTF-8.
+/// Decodes a file by the encoding that its first bytes or its declaration indicate, or as UTF-8.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
     }
-    // A web page decodes texts of all encodings and passes on UTF-8, so its module needs no tables.
+    // Browsers decode all encodings and pass on UTF-8, so the web module needs no tables.
     #[cfg(not(target_family = "wasm"))]
     if let Some(encoding) = foreign_encoding(bytes)? {
         let (text, _, is_broken) = encoding.decode(bytes);
@@ -339,7 +339,7 @@ fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encodin
             (Some((encoding, _)), _) => encoding,
             (None, None) => UTF_8,
             (None, Some(name)) => match Encoding::for_label(name.as_bytes()) {
-                // The bytes themselves would show UTF-16, so the declaration is wrong.
+                // UTF-16 would be evident from the bytes, so this declaration is wrong.
                 Some(encoding) if encoding == UTF_16LE || encoding == UTF_16BE => UTF_8,
                 Some(encoding) => encoding,
                 None => return Err(format!("a drawing in the encoding {name}")),
@@ -390,7 +390,7 @@ impl<'a> Walk<'a> {
         if alpha <= 0.0 {
             return;
         }
-        // The group's clips and masks, and those of these, cut everything in the group.
+        // The group's clips and masks, including nested ones, cut everything in the group.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
@@ -415,7 +415,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Returns a mask of a group with a transform. Unlike in a clip, strokes count in a mask.
+    /// Returns the mask of a transformed group. Unlike in clips, strokes count in masks.
     fn mask(&mut self, mask: &usvg::Mask, placed: Affine) -> Cut<'a> {
         let scale = self.scale;
         let mut parts = Vec::new();
@@ -472,7 +472,7 @@ impl<'a> Walk<'a> {
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
-            // A pattern is dense enough to be visible, but transparent.
+            // A pattern is treated as visible but half transparent.
             usvg::Paint::Pattern(_) => return ([0; 3], 0.5),
             usvg::Paint::LinearGradient(gradient) => gradient.stops(),
             usvg::Paint::RadialGradient(gradient) => gradient.stops(),
@@ -550,7 +550,7 @@ fn dashed(
     if style.dash_pattern.is_empty() {
         return Ok((drawn, 0.0));
     }
-    // A point becomes a dash of length `least`, by which the gap after it gets shorter.
+    // A point becomes a dash of length `least`, and the gap after it is shortened accordingly.
     let scale = placed.determinant().abs().sqrt();
     let mut dashes: Vec<f64> = style.dash_pattern.iter().map(|dash| scale * dash).collect();
     let period: f64 = dashes.iter().sum();

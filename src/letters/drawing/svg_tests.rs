@@ -1,4 +1,4 @@
-//! Tests that what a browser shows of an SVG file is drawn, and that what is not followed is named.
+//! Tests that SVG files are drawn as in a browser, and that unsupported features are named.
 
 use super::tests::drawn_in;
 use super::*;
@@ -248,7 +248,7 @@ fn fills_are_closed_by_the_rule_of_painting() {
     assert_eq!(ends(&stroked.replace("red", "none")), [[10, 10, 10, 90]]);
     let again = "<path d='M10 10H40V40ZV50H20'/>";
     assert_eq!(ends(again), [[10, 10, 10, 10], [10, 10, 10, 10]], "after it was closed");
-    // Traced flags have hundreds of fills that go back along the same line (iso-flags: aw.svg).
+    // Traced flags contain hundreds of fills that go back along the same line (iso-flags: aw.svg).
     let flat = "<path d='m48.333 12 1.3 1-1.3-1m70 9 1 1zM10 10H40V40ZM60 60C70 70 80 80 90 90Z'/>";
     assert_eq!(ends(flat), [[10, 10, 10, 10]], "what encloses nothing is not painted");
 }

@@ -62,7 +62,7 @@ pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
 /// Returns the end row (exclusive) of each band. All bands have about the same amount of work.
 fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     let [width, height] = size_px;
-    // Counts the box pixels on each row: first as differences between rows, and then summed up.
+    // Counts the box pixels on each row, as cumulative sums of differences between rows.
     let mut pixels = vec![0_i64; height as usize + 1];
     for record in tints.iter().flat_map(|tint| &tint.records) {
         let [columns, rows] = record.inside(width, &(0..height));
@@ -135,7 +135,7 @@ fn add<const N: usize>(
         let mut dither: [u32; LANES] = std::array::from_fn(|lane| {
             dither.wrapping_add(DITHER[0].wrapping_mul((c + lane) as u32))
         });
-        // Goes down the rows, and rounds the product of the curves by the dither.
+        // Goes down the rows, and rounds the product of the curves at the dither's threshold.
         for (j, row) in pixels.chunks_exact_mut(tiles.stride).enumerate() {
             let counts: &mut [u32; LANES] =
                 row[x..].first_chunk_mut().expect("rows are as long as whole lanes");
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn any_number_of_bands_leaves_the_same_bits() {
         for (name, mut latent) in scenes() {
-            // Enough records for several bands are added.
+            // Repeats records until there are enough for several bands.
             for tint in &mut latent.tints {
                 tint.records = tint.records.iter().cycle().take(40_000).copied().collect();
             }

@@ -7,7 +7,7 @@
 //! pixels and after rounding.
 //!
 //! The curves are computed in f32 with `+ - ×`, for rectangles also in f64 with `÷`, then in
-//! integers. Eight lanes are added up in a fixed order, so that every machine gives the same bits.
+//! integers. Eight lanes are added in a fixed order, so the bits are the same on every machine.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ use crate::narrow;
 /// Number of pixels that are computed at once: those of a 256-bit register.
 pub(super) const LANES: usize = 8;
 
-/// Peak of the curve along. Steps of 1.5e-5 of the peak cause an error of 7.6e-6.
+/// Peak of the curve along a row. Its steps, 1.5e-5 of the peak, cause an error of 7.6e-6.
 const ALONG: f32 = 65_535.0;
 
 /// Number of bits in the lower part of a curve across. Four products of either part with a curve
@@ -96,7 +96,7 @@ impl Curves {
     #[inline(always)]
     fn draw_across(&mut self, record: &Record, counts_per_lx_s: f64, n_along: usize) {
         let strides = self.strides;
-        // The finest scale at which the sum of a pixel fits into its bits.
+        // Selects the finest scale at which the sum of a pixel fits into its bits.
         let exponent = exponent(record.peak_lx_s() * counts_per_lx_s);
         self.shift = (SUM_BITS - exponent).clamp(1, SUM_BITS).cast_unsigned();
         let in_sums = f64::from(1_u32 << self.shift) * f64::from(1_u32 << LOW_BITS);
@@ -182,7 +182,7 @@ fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     }
 }
 
-/// Returns twice the part within `half_px` of x of a Gaussian about 0 of σ = 1 / (√2 `per_px`).
+/// Returns twice the integral, within `half_px` of x, of a Gaussian with σ = 1 / (√2 `per_px`).
 #[inline(always)]
 fn between(x: f64, per_px: f64, half_px: f64) -> f64 {
     error_function((x + half_px) * per_px) - error_function((x - half_px) * per_px)

@@ -23,7 +23,7 @@ const PEAK_BITS: i32 = 30;
 /// Number of bits of the glow of the floor, in counts.
 const GLOW_BITS: i32 = 30;
 
-/// Finest scale, which is fine enough for any light and far from underflow.
+/// Finest scale, sufficient for any light and far from underflow.
 const MIN_SCALE_LOG2: i32 = -128;
 
 /// Coarsest scale, at which the largest count is still far below the largest `f32`.

@@ -2,7 +2,7 @@
 //!
 //! A matte surface of albedo ρ that receives E lx s has a luminance, integrated over time, of `ρ E
 //! / π` cd s/m² in every direction, and leaves `ρ τ E cos⁴ / (4 N²)` lx s on the sensor. E is the
-//! sum of `I(θ) cos / d²` over all lamps and moments (Lambert's law and the inverse square law).
+//! sum of `I(θ) cos / d²` over all lamps and times (Lambert's law and the inverse square law).
 //!
 //! 1. The lamps become point sources (see `sources`). For the walls, the floor becomes a grid of
 //!    point sources as well, which emit the light that it reflects.
@@ -10,7 +10,7 @@
 //!    long as its center differs from the mean of its corners, or a lamp is low above it.
 //! 3. The light is interpolated bilinearly within each square, and counted with the film's dither.
 //!
-//! Light that a wall throws back and the drone's shadow are not modeled.
+//! Light that walls reflect back, and the drone's shadow, are not modeled.
 
 use std::sync::Arc;
 
@@ -29,8 +29,8 @@ use noctograph_core::camera::Camera;
 const SIDE_PX: u32 = 32;
 
 /// Maximum difference between the center of an undivided square and the mean of its corners:
-/// relative to itself (one level of 8 bits), and to saturation (a fifth of the light that the
-/// camera tone shows as black).
+/// relative to the center (one 8-bit level), and relative to saturation (a fifth of the light that
+/// the camera tone maps to black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
 /// The light of the room in a picture, as squares.
@@ -54,7 +54,7 @@ struct Square {
     corner_px: [u32; 2],
     side_px: u32,
     corners_lx_s: [Rgb; 4],
-    /// The corners on the floor's texture. `None` on a wall, at edges and in the dark.
+    /// The corners in texture coordinates of the floor. `None` on a wall, at edges and in the dark.
     on_texture: Option<[[f32; 2]; 4]>,
 }
 
@@ -89,7 +89,8 @@ impl Glow {
         }
         let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
-        // Exposure at the corners of the coarse grid, where up to four squares meet.
+        // Computes the exposure at the corners of the coarse grid, at which up to four squares
+        // meet.
         let corners = (0..=rows).into_par_iter().map(|j| {
             let points_px = (0..=columns).map(|i| [[i * SIDE_PX, j * SIDE_PX]]);
             points_px.flat_map(|point_px| floor.exposures_lx_s(point_px)).collect()
@@ -134,7 +135,7 @@ impl Glow {
         let [red, green, blue] = planes;
         let bands = (red, green, blue).into_par_iter().zip(&self.bands);
         bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
-            // The band's rows in the planes of the film and of the photographed room.
+            // Selects the band's rows in the planes of the film and of the photographed room.
             let mut planes = [red, green, blue];
             let first = band * SIDE_PX as usize * width;
             let room = self.reflectance.as_ref();
@@ -155,8 +156,8 @@ impl Square {
     }
 
     /// Adds the light, given in counts at the corners, to the square's band in the film's planes.
-    /// The light is multiplied by the relative albedo, which is `reflected` at each pixel of the
-    /// band, or the floor's texture.
+    /// The light is multiplied by the relative albedo, which `reflected` gives for each pixel of
+    /// the band, or else the floor's texture.
     #[inline(always)]
     fn add_to(
         &self,
@@ -177,7 +178,7 @@ impl Square {
         let rows = (planes[0].len() / width).saturating_sub(top as usize);
         let mut albedo = [1.0; SIDE_PX as usize];
         for row in (0..self.side_px).take(rows) {
-            // Relative albedo at the row's pixels, by the floor's texture or the photographed room.
+            // Computes the row's relative albedo from the floor's texture or the photographed room.
             let down = (row as f32 + 0.5) * step;
             if let (Some(points), None) = (self.on_texture, reflected[0]) {
                 let points = along(points, down, step);
@@ -216,8 +217,8 @@ impl Square {
     }
 }
 
-/// Returns the values at the pixel centers in one row of a square, bilinear between its corners.
-/// `down` is the fraction of the square above the row's center, and `step` that of one pixel.
+/// Interpolates bilinearly between a square's corners at the pixel centers of one row. `down` is
+/// the fraction of the square above the row's center, and `step` that of one pixel.
 #[inline(always)]
 fn along<const N: usize>(
     [nw, ne, sw, se]: [[f32; N]; 4],
@@ -238,7 +239,7 @@ impl<'a> Floor<'a> {
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
-        // Points below sources that are so low that their light varies within a square.
+        // Lists the points below sources so low that their light varies within a square.
         let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;

@@ -81,8 +81,8 @@ impl Gpu {
         Ok(Self { device, queue, pipeline, adapter, max_tiles_bytes, is_processor, first_error })
     }
 
-    /// Opens a device and runs the shader once. A driver compiles a shader at its first use, which
-    /// takes longer than most films.
+    /// Opens a device and runs the shader once. Drivers compile a shader at its first use, which
+    /// takes longer than exposing most films.
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
         let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
@@ -107,7 +107,7 @@ impl Gpu {
         let mut counts = dark_counts(latent);
         let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
         for tint in &latent.tints {
-            // For each color, adds up its light on the device, and then its counts in the film.
+            // Sums the light of each color on the device, and then adds its counts to the film.
             let (across, lit) = lit_tiles(tint, latent.size_px);
             for lit in lit.chunks(max_tiles) {
                 let tiles = self.dark_tiles(lit.len());

@@ -60,8 +60,8 @@ fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// Calls `send` with the records of a color in chunks. A chunk has the curves of its records, and
-/// their parts on the tiles in `lit`.
+/// Calls `send` with the records of a color in chunks. A chunk contains the curves of its records,
+/// and their parts on the tiles in `lit`.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,
@@ -70,7 +70,7 @@ pub(super) fn chunks(
 ) {
     let [width, height] = latent.size_px;
     let across = width.div_ceil(TILE_PX) as usize;
-    // Index among the lit tiles of each tile of the picture.
+    // Maps each tile of the picture to its index among the lit tiles.
     let mut slots = vec![None; across * height.div_ceil(TILE_PX) as usize];
     lit.iter().enumerate().for_each(|(slot, &tile)| slots[tile] = Some(slot));
 
@@ -179,7 +179,7 @@ impl Chunk {
 impl Part {
     /// Returns an upper bound on the iterations of the shader's loops, including their exits.
     fn iterations(&self) -> u32 {
-        // The threads of a workgroup cover two columns each per iteration.
+        // Each thread of a workgroup covers two columns per iteration.
         3 + (self.columns / 16 + 1) * (self.rows + 3)
     }
 }

@@ -1,9 +1,9 @@
 //! A film that grows with its light, for example while a flight is still in progress.
 //!
 //! A film is a sum of integers, for which the order of the records does not matter. When an image
-//! has grown, only records that differ from those before are drawn. If a lamp's last segment has
-//! become longer, its old records are drawn again and subtracted. The film has the same bits as one
-//! that is exposed all at once.
+//! has grown, only records that differ from the earlier ones are drawn. If a lamp's last segment
+//! has become longer, its old records are drawn again and subtracted. The film has the same bits as
+//! one that is exposed all at once.
 
 use super::record::Record;
 use super::tile::{ALL, count};
@@ -57,7 +57,7 @@ impl GrowingFilm {
             return plane_of(tint.records.clone(), latent);
         };
         let [removed, added] = changes(&before, tint);
-        // Adding and subtracting more records than there are takes longer than drawing all.
+        // If more records have changed than the image contains, drawing all of them is faster.
         if removed.len() + added.len() > tint.records.len() {
             return self.draw(None, tint, latent);
         }

@@ -6,10 +6,10 @@
 //!    its spot. The width combines lens blur, diffraction, the lamp's disc and the pixel into one
 //!    Gaussian. Intervals that run straight and evenly are merged into segments.
 //! 2. Each segment becomes records. A record is `∫ (1 + r s) g(u - s) g(v) ds`, the image of a
-//!    Gaussian spot that moves evenly along a line while it fades. Quadrature makes it a sum of up
-//!    to four spots at rest (to 6e-6 of the peak), each a curve along x times a curve along y. The
-//!    spots are added to the pixels in integers, with the same bits on the CPU and on a graphics
-//!    device.
+//!    Gaussian spot that moves evenly along a line while it fades. Quadrature turns it into a sum
+//!    of up to four spots at rest (to within 6e-6 of the peak), each a curve along x times a curve
+//!    along y. The spots are added to the pixels in integers, with the same bits on the CPU and on
+//!    a graphics device.
 //! 3. Lamps of one color are added up in one plane, which is then distributed to the three planes
 //!    of the film. The glow of the floor is added last.
 //!
@@ -106,7 +106,7 @@ struct Tint {
 }
 
 settings! {
-    /// Where a film is exposed. Both backends leave the same bits.
+    /// Device on which a film is exposed. Both backends produce the same bits.
     pub enum Backend {
         /// A graphics device.
         "wgpu" => Wgpu,
@@ -341,7 +341,7 @@ impl Drop for Developer {
     }
 }
 
-/// Refuses camera and option numbers out of range, and traces with too many samples.
+/// Checks that the camera and the options are in range and that a trace is not too long.
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
     check_size(camera.width_px, camera.height_px)?;
     let ranges = [
@@ -371,7 +371,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     Ok(())
 }
 
-/// Returns the records of all lamps, grouped by color. Refuses more than [`MAX_SAMPLES`] segments.
+/// Returns the records of all lamps, grouped by color. Fails above [`MAX_SAMPLES`] segments.
 fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
     let mut tints: Vec<Tint> = Vec::new();
     let (mut segments, mut n) = (Vec::new(), 0);

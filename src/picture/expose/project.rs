@@ -2,11 +2,11 @@
 //!
 //! A lamp of intensity `I` cd gives `I(θ) cosα / d²` lx at the entrance pupil (θ from the beam
 //! axis, α from the optical axis). A pupil of diameter `f/N` passes `π (f/2N)² τ` times that in
-//! lumens, all of which fall into the spot. "Light" here means lumens per area of a pixel, summed
-//! over the pixels of the spot, in lx px².
+//! lumens, all of which fall into the spot. "Light" here means lumens per pixel area, summed over
+//! the pixels of the spot, in lx px².
 //!
 //! A small lamp is a disc that faces the camera and widens the Gaussian of the lens. A cylinder,
-//! such as a diffuser, is a blurred rectangle with the width and height of the box around it.
+//! such as a diffuser, becomes a blurred rectangle with the width and height of its bounding box.
 
 use glam::DVec2;
 use nalgebra::Vector3;
@@ -20,11 +20,11 @@ pub(super) type Px = DVec2;
 /// nearer points.
 pub(super) const NEAREST_M: f64 = 0.1;
 
-/// Width of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width
-/// varies by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), so curves are divided by their sums.
+/// σ of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width varies by
+/// 1.4 % with its position (`2 exp(-2 π² σ²)`), so curves are divided by their sums.
 pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
-/// Width of the widest spot. Wider spots are drawn with this width and all of their light.
+/// σ of the widest spot. Wider spots are drawn with this σ and all of their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;
 
 /// Maximum distance of a spot from the corner of the picture, which keeps differences precise.
@@ -85,7 +85,7 @@ pub(super) fn intervals<'a>(
         }
         let first = if a.time_s < open { a.toward(&b, open) } else { a };
         let second = if b.time_s > close { a.toward(&b, close) } else { b };
-        // The start usually is the end of the previous interval, which was already projected.
+        // The start is usually the end of the previous interval, which was already projected.
         let from = match last {
             Some((sample, spot)) if sample == first => spot,
             _ => lens.spot(&first),

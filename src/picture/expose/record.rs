@@ -2,9 +2,9 @@
 //!
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature turns it
 //! into a sum of up to [`SPOTS`] spots, each the product of a curve along x and a curve along y.
-//! The backends add up these products. A blurred rectangle is handled in the same way. A ramp of
-//! the brightness only changes the weights of the spots, so a fade costs no time. f64 becomes f32
-//! here.
+//! The backends add up these products. A blurred rectangle is handled in the same way. A brightness
+//! ramp changes only the weights of the spots, so a fade takes no extra time. Values are converted
+//! from f64 to f32 here.
 
 use std::ops::Range;
 
@@ -15,8 +15,8 @@ use noctograph_core::random::{GOLDEN, split_mix};
 
 pub(super) const SPOTS: usize = 4;
 
-/// Radius of a spot. The spot there has 3.7e-6 of its peak, and 3.7e-6 of its light is beyond. That
-/// light is added to the rest of the spot.
+/// Radius of a spot. At this radius, the spot has 3.7e-6 of its peak. The 3.7e-6 of its light
+/// beyond the radius is added to the rest.
 const REACH_SIGMA: f64 = 5.0;
 
 /// Upper bound on the peak of a spot relative to its Gaussian, after the correction of the sum: for
@@ -24,13 +24,13 @@ const REACH_SIGMA: f64 = 5.0;
 const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 const NARROW_SIGMA_PX: f64 = 0.85;
 
-/// Maximum length, in σ, of a segment that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak, by
-/// the error term of the quadrature with the derivative of order 2n in the middle of the Gaussian.
-/// Longer segments are split.
+/// Maximum length, in σ, of a segment that 1, 2, 3 and 4 spots, respectively, represent to within
+/// 6e-6 of its peak, by the error term of n-point quadrature with the derivative of order 2n at the
+/// Gaussian's center. Longer segments are split.
 const LONGEST_SIGMA: [f64; SPOTS] = [0.011, 0.3, 0.95, 1.8];
 
-/// Factor on [`LONGEST_SIGMA`] for a rectangle wider and higher than 2 σ, which is drawn to within
-/// 4e-5 of its peak, by the same error term with the derivative of order 2n - 1 at its edge.
+/// Multiple of [`LONGEST_SIGMA`] for a rectangle wider and higher than 2 σ, which is drawn to
+/// within 4e-5 of its peak, by the same error term with the derivative of order 2n - 1 at its edge.
 const LONGER_FLAT: f64 = 1.6;
 
 /// Nodes from -1 to 1 and weights for 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and
@@ -95,7 +95,7 @@ impl Record {
     pub(super) fn peak_lx_s(&self) -> f64 {
         let per_px = f64::from(self.per_px);
         let margin = PEAK_MARGINS[usize::from(per_px < 1.0 / NARROW_SIGMA_PX)];
-        // The peak of a two-dimensional Gaussian, reduced by the rectangle on each axis.
+        // Computes the peak of a two-dimensional Gaussian, reduced by the rectangle on each axis.
         let gaussian = per_px * per_px * (margin / std::f64::consts::TAU);
         let flat = self.half_px.map(|half| {
             let half_sigma = f64::from(half) * per_px;

@@ -19,7 +19,7 @@ const NORMAL_REFLECTANCE: f64 = 0.04;
 /// Maximum light close to a gap, relative to that on a wall at the depth of the room.
 const MAX_GAP_LIGHT: f64 = 30.0;
 
-/// Minimum cosine at which a ray meets a surface, and a lower limit that prevents division by zero.
+/// Minimum cosine at which a ray meets a surface, and lower limit of cosines in divisors.
 const MIN_RAY_COS: f64 = 1e-9;
 const MIN_COS: f64 = 1e-6;
 
@@ -79,7 +79,7 @@ impl Room {
         Some((i, self.camera_m + ray * distance))
     }
 
-    /// Returns the point of the texture at a point on surface `on`.
+    /// Returns the texture coordinates of a point on surface `on`.
     pub(super) fn on_texture(&self, on: usize, point_m: Vector3<f64>) -> [f32; 2] {
         let normal = self.surfaces[on].normal;
         texture::on_tile(match (normal.x != 0.0, normal.y != 0.0) {

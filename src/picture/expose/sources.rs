@@ -1,8 +1,8 @@
 //! The lamps as point sources of the light on floor and walls, sorted into trees.
 //!
 //! Each lamp becomes point sources along its path. Sources with the same beam shape and nearly the
-//! same axis form a tree (Barnes and Hut 1986). A branch that is small for its distance counts as
-//! one source.
+//! same axis form a tree (Barnes and Hut 1986). A branch that is small relative to its distance
+//! counts as one source.
 
 use std::sync::LazyLock;
 
@@ -123,7 +123,7 @@ fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Light
 /// Appends the branch that contains all `sources`, followed by its children.
 fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let Some(first) = sources.first() else { return };
-    // The branch as one source has the sum of the light, at the mean position weighted by light.
+    // The branch's combined source has the sum of the light, at the light-weighted mean position.
     let (mut low, mut high) = (first.position_m, first.position_m);
     let (mut sum, mut total) = (Source::default(), 0.0);
     for source in &sources {
@@ -174,7 +174,7 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
 /// Returns the sources of the light that the floor of a room reflects, one for each square.
 ///
 /// The exposure of a square is computed at the point one side length below its center. A lamp close
-/// to the floor then neither lights one square too much nor falls between two squares.
+/// to the floor then neither illuminates a single square too much nor is missed between squares.
 pub(super) fn reflected(
     trees: &[Tree<'_>],
     [width_m, depth_m]: [f64; 2],
@@ -293,9 +293,9 @@ pub(super) fn exposures_lx_s<const N: usize>(
     std::array::from_fn(|n| sums.map(|sums| sums[n]))
 }
 
-/// Returns the intensity of a branch toward points, relative to the axis, by the cosines off it. At
-/// the edge of the body's shadow, where the intensity is `edge`, only a part of the branch's
-/// sources is visible. `angles` is the branch's radius over each distance.
+/// Returns the intensity of a branch toward points, relative to the axis, given the cosines of the
+/// angles to it. At the edge of the body's shadow, where the intensity is `edge`, only a part of
+/// the branch's sources is visible. `angles` is the branch's radius over each distance.
 #[inline(always)]
 fn beams<const N: usize>(
     emitter: &Emitter,
@@ -306,7 +306,7 @@ fn beams<const N: usize>(
 ) -> [f64; N] {
     let Emitter { isotropic_fraction, visible_cos, .. } = *emitter;
     let beams: [f64; N] = if emitter.beam_exponent == 1.0 {
-        // As below, for all points at once.
+        // Computes [`Emitter::relative_intensity`] for all points at once.
         std::array::from_fn(|n| {
             let beam = cos_beam[n].max(0.0).min(1.0);
             let intensity = isotropic_fraction + (1.0 - isotropic_fraction) * beam;
@@ -315,7 +315,7 @@ fn beams<const N: usize>(
     } else {
         cos_beam.map(|cos| emitter.relative_intensity(cos))
     };
-    // The fraction of the branch's sources that the body does not hide, instead of all or none.
+    // At the shadow's edge, the visible fraction of the branch's sources replaces all or none.
     std::array::from_fn(|n| {
         let beyond_edge = cos_beam[n] - visible_cos;
         let visible = 0.5 + 0.5 * beyond_edge / angles[n];

@@ -1,7 +1,7 @@
 //! Texture: how unevenly floor and walls reflect light, from worn spots to stains.
 //!
-//! Fractal noise (Perlin, "An image synthesizer", 1985) whose octaves, from 4 cm to 1.28 m, all
-//! have the same variance. One tile repeats. Boards, tiles and seams are not modeled.
+//! The texture is fractal noise (Perlin, "An image synthesizer", 1985), with equal variance in all
+//! octaves from 4 cm to 1.28 m. A single tile repeats. Boards, tiles and seams are not modeled.
 
 use std::sync::LazyLock;
 

@@ -34,7 +34,7 @@ impl Tiles {
         Self { rows, stride, counts, width, lit: vec![false; tiles] }
     }
 
-    /// Marks all tiles as lit that columns and rows of the picture touch.
+    /// Marks all tiles as lit that the given columns and rows touch.
     #[inline(always)]
     pub(super) fn light(&mut self, columns: &Range<u32>, rows: &Range<u32>) {
         let [first_column, last_column] =

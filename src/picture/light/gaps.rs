@@ -1,8 +1,8 @@
-//! Gaps in a log: lamps shine across a gap if the motion there is known well enough, else are dark.
+//! Gaps in a log. Lamps are lit across a gap only if the motion during it is known well enough.
 //!
-//! In a gap of T seconds the position follows the cubic through both ends with the velocities
-//! there, and the attitude changes at a constant rate. A drone with an acceleration of `a` deviates
-//! from that path by at most about `a T² / 8`. The flight has less than `a` in 95 % of its time.
+//! In a gap of T seconds the position follows a cubic that matches positions and velocities at both
+//! ends, and the attitude changes at a constant rate. With an acceleration of `a`, the deviation is
+//! at most about `a T² / 8`. The flight's acceleration is below `a` for 95 % of its time.
 
 use std::borrow::Cow;
 
@@ -16,7 +16,7 @@ use noctograph_core::statistics::weighted_quantile;
 /// draw strokes that were not flown, and a smaller limit would leave dashes.
 const BRIDGE_M: f64 = 0.02;
 
-/// Minimum acceleration that is assumed for a flight in m/s², that of the reference flight.
+/// Minimum assumed acceleration of a flight, in m/s²: that of the reference flight.
 const LEAST_M_S2: f64 = 0.4;
 
 /// Time over which velocities are measured: ten samples of the firmware's position loop.
@@ -62,7 +62,7 @@ pub fn gaps(flight: &Flight) -> Vec<Gap> {
     }))
 }
 
-/// Returns the gaps that are not bridged, each with the longest possible path in m of a lamp in it.
+/// Returns the gaps that are not bridged, each with a lamp's longest possible path in it, in m.
 pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     if flight.gaps.is_empty() {
         return Vec::new();

@@ -23,7 +23,7 @@ pub(super) struct Pose {
 /// millimeter. A smaller distance takes more samples without a visible gain.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// Maximum distance for a lamp that cycles through several colors, such as an LED of a spinner.
+/// Maximum distance from its path of a lamp that cycles through colors, such as a spinner's LED.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances from the center along the three axes.
@@ -114,7 +114,7 @@ pub(super) fn shine(
 ) -> Vec<LightSample> {
     let knots = knots(changes);
     let mut samples = Vec::new();
-    // Knots before index `next` are in the past.
+    // Knots before index `next` are in the past, and need not be searched again.
     let mut next = 0;
     for poses in stretches {
         let start = samples.len();

@@ -1,9 +1,9 @@
-//! Light: from the commands to the drone's lamps to the light that these emit.
+//! Light: computes the light that a drone's lamps emit from the commands that they receive.
 //!
-//! Input: [`Flight`]. Output: [`LightTrace`], which has lamps moving through the world. This module
-//! knows neither pixels nor cameras.
+//! Input: [`Flight`]. Output: [`LightTrace`], whose lamps move through the world. This module is
+//! independent of pixels and cameras.
 //!
-//! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, the power
+//! 1. Each row of the emitter table ([`Fixture`]) is driven by a channel of the plan, the power
 //!    supply, a sequence of the firmware, or the effect of the LED ring. Commands are delayed by
 //!    the radio and wait for the timer of the firmware, which has a period of 50 ms.
 //! 2. The dies of a row have levels over time. Each color that they produce together becomes a
@@ -83,7 +83,7 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
     Ok(())
 }
 
-/// Maximum level of a sample. Levels above 1 are not expected, but a film can hold them.
+/// Maximum level of a sample. Levels above 1 are not expected, but a film can store them.
 const MAX_LEVEL: f64 = 1e3;
 
 /// Checks that an emitter's numbers are within range.
@@ -147,7 +147,7 @@ pub struct Lamp {
     /// The constant properties of the lamp.
     pub emitter: Emitter,
     /// The path, sorted by time. Position, axis and level are linear between samples. Two samples
-    /// at the same time make a step.
+    /// at the same time form a step.
     pub samples: Vec<LightSample>,
 }
 
@@ -284,7 +284,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     LightTrace::new(trace)
 }
 
-/// Refuses a flight that has none of the channels that the lamps follow.
+/// Returns an error for a flight that has none of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     let mut drives = fixtures.iter().map(|fixture| &fixture.drive);
     let commanded = drives.find(|drive| matches!(drive, Drive::Command(_)));
@@ -315,10 +315,10 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
 const MAX_COLORS: usize = 8;
 
 /// Returns the emitters of a row and the changes of their levels. There is one emitter per color
-/// that the row ever has, or per primary color. `dies` has the changes of each die's level.
+/// that the row ever has, or per primary color. `dies` contains the changes of each die's level.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let states = states(dies);
-    // Every color that the row ever has, as levels relative to the highest one.
+    // Lists every color that the row ever has, as levels relative to the highest one.
     let mut colors: Vec<Vec<f64>> = Vec::new();
     for (_, levels) in &states {
         let color = relative_levels(levels);
@@ -342,7 +342,7 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
 /// converted to sRGB as a whole, because single dies are outside sRGB and would lose more
 /// saturation.
 fn by_primary(fixture: &Fixture, states: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
-    // Luminous intensity of each primary color at each change.
+    // Computes the luminous intensity of each primary color at each change.
     let intensities = states.iter().map(|(time_s, levels)| {
         let Emitter { intensity_cd, rgb, .. } = emitter(fixture, levels);
         (*time_s, std::array::from_fn(|k| intensity_cd * rgb[k] * LUMINANCE[k]))

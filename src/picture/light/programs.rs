@@ -28,7 +28,7 @@ pub(super) struct Programs<'a> {
     ring: OnceCell<Vec<(f64, Frame)>>,
 }
 
-/// Bit of `led.bitmask` by which it takes control of the board's LEDs.
+/// Bit of `led.bitmask` with which it takes control of the board's LEDs.
 const BITMASK_ENABLED: u8 = 0x80;
 
 /// Time over which flicker is averaged, in s.
@@ -172,10 +172,10 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Twice the deck's value overexposes a word of seven letters at f/22, and half of it leaves 8
-/// steps of green. An LED of the ring can emit 1 cd. Screen colors that differ only in brightness
-/// become one color, whose strongest channel is as bright as that of white, so that one exposure
-/// suits all.
+/// Intensity of white from the color LED deck and from an LED of the ring, which can emit 1 cd.
+/// Twice the deck's value overexposes a seven-letter word at f/22, and half of it leaves 8 steps of
+/// green. Screen colors that differ only in brightness become one color, whose strongest channel is
+/// as bright as white's.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
 /// Factors on the intensity that are tried to find the best bytes. The first factor is preferred.
@@ -212,7 +212,7 @@ fn closest_bytes(
     white_cd: f64,
     cd: impl Fn(usize, u8) -> f64,
 ) -> [u8; 3] {
-    // The color as a mixture of the dies, and as displayed on a screen.
+    // Computes the color as a mixture of the dies, and as displayed on a screen.
     let chromaticities: [_; 3] = std::array::from_fn(|die| dies[die].chromaticity);
     let color = mixture(chromaticities, srgb);
     let wanted = at_full_scale(match srgb {
@@ -268,7 +268,7 @@ pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4
             ColorLedLevels::Corrected => {
                 #[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
                 let scaled = (f32::from(wrgb[die]) * COLOR_LED_SCALE[die]) as u8;
-                // A square from 3 to 255, except that 0 stays dark.
+                // The level follows a square from 3 to 255, except that 0 stays dark.
                 match f64::from(scaled) / 255.0 {
                     0.0 => 0.0,
                     level => (3.0 + 252.0 * level * level).round(),

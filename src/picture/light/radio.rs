@@ -1,5 +1,5 @@
 //! Radio: the times at which the commands of a plan reach the firmware, and the firmware's timer.
-//! The lamps' random numbers are here as well: named streams of one seed, with numbers addressed by
+//! This file also contains the lamps' random numbers: named streams from one seed, addressed by
 //! index.
 
 use super::LightOptions;

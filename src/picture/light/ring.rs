@@ -149,7 +149,7 @@ impl Ring {
             RingEffect::Off => DARK,
             RingEffect::DoubleSpin => double_spin(self.calls),
             RingEffect::Solid(_) => {
-                // As in the firmware, rounded steps may exceed 1 for one call.
+                // As in the firmware, the sum of rounded steps may exceed 1 for one call.
                 if self.brightness < 1.0 {
                     self.brightness += BRIGHTNESS_STEP;
                 } else {

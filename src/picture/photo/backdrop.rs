@@ -30,7 +30,7 @@ pub(super) struct Backdrop {
     gap_m: Option<Vector3<f64>>,
 }
 
-/// Distance in pixels between columns, between which the light of a surface is linear.
+/// Distance in pixels between columns, between which a surface's light is interpolated.
 const STEP_PX: usize = 8;
 
 /// A background picture, scaled to the photo.
@@ -174,7 +174,7 @@ pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Ref
     Ok(Some(Arc::new(planes)))
 }
 
-/// Minimum level of a background that is used as it is.
+/// Minimum level of a background. Darker pixels are raised to this level.
 const DARKEST_LEVEL: usize = 4;
 
 /// Maximum light of a surface, relative to the median.

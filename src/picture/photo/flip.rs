@@ -55,7 +55,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Returns the mean error over the pixels for whose index `mask` is true, or 0 without any.
+    /// Returns the mean error over the pixels for whose index `mask` is true, or 0 if none.
     #[must_use]
     pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
         let masked = self.values.iter().enumerate().filter(|(index, _)| mask(*index));

@@ -1,10 +1,10 @@
 //! Veiling glare and halo: the lens scatters a fraction of all light, computed in integers.
 //!
 //! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves, which are bell-shaped
-//! blurs with σ = 4, 8, 16 … px. Each octave has the light that the scatter puts into its ring of
-//! radii. A pyramid computes an octave as sums over cells as wide as its σ, which are blurred and
-//! spread back to pixels. Light scattered by less than 4 px stays in its pixel. No count of the
-//! light is lost.
+//! blurs with σ = 4, 8, 16 … px. Each octave contains the light scattered into its ring of radii. A
+//! pyramid computes an octave as sums over cells as wide as its σ, which are blurred and spread
+//! back to pixels. Light scattered by less than 4 px stays in its pixel. No count of the light is
+//! lost.
 //!
 //! Ghost images of bright lights are not modeled. Light that would cross the border of the picture
 //! is mirrored.
@@ -50,7 +50,7 @@ impl Glare {
     }
 
     /// Writes the counts of row `y` of a channel after scattering to `out`. `pixels` are the counts
-    /// before it, and `cells` is a buffer.
+    /// before scattering, and `cells` is a buffer.
     pub(super) fn row(
         &self,
         channel: usize,
@@ -149,7 +149,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Goes to coarser octaves. Each octave takes its part of the light that finer octaves left.
+    // Goes to coarser octaves. Each one takes its part of the light that finer octaves left over.
     let mut remaining_fraction: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut remaining = cells;
     let mut parts = Vec::with_capacity(octaves.len());
@@ -165,7 +165,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
         remaining = remaining.halved();
         parts.push(part);
     }
-    // Goes back to finer octaves: blurs the light and spreads it to cells of half the width.
+    // Then goes back to finer octaves, blurring the light and spreading it to half-width cells.
     let mut halo = remaining.blurred();
     for mut part in parts.into_iter().rev() {
         halo.spread_into(&DOUBLE, &mut part);

@@ -25,14 +25,14 @@ pub(super) struct Kernel<const PARTS: usize> {
     shift: u32,
 }
 
-/// Blurs cells by 1-2-1.
+/// Kernel that blurs cells by 1-2-1.
 pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
-/// Spreads cells to cells of half the width by 1-3-3-1.
+/// Kernel that spreads cells to cells of half the width by 1-3-3-1.
 pub(super) const DOUBLE: Kernel<4> =
     Kernel { step: 2, first: -1, cumulative: [1, 4, 7, 8], shift: 3 };
 
-/// Spreads cells four pixels wide to pixels by 1-3-5-7-7-5-3-1.
+/// Kernel that spreads cells four pixels wide to pixels by 1-3-5-7-7-5-3-1.
 pub(super) const QUADRUPLE: Kernel<8> =
     Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 

@@ -107,14 +107,14 @@ impl Metadata {
 /// Number of bytes that each checksum of [`unique_id`] covers.
 const BLOCK: usize = 4096;
 
-/// Returns 128 bits of the SHA-256 of all blocks' CRC-32. The SHA-256 of the whole picture took a
-/// quarter of the time from light trace to photo.
+/// Returns 128 bits of the SHA-256 of all blocks' CRC-32. A SHA-256 of the whole picture would take
+/// a quarter of the time from light trace to photo.
 fn unique_id(picture: &[u8]) -> String {
     let sums = picture.chunks(BLOCK).flat_map(|block| crc32fast::hash(block).to_le_bytes());
     sha256(&sums.collect::<Vec<_>>())[..32].to_owned()
 }
 
-/// Returns a rational number in millionths, or if it is too large in thousandths or whole numbers.
+/// Returns a rational number in millionths, or in thousandths or whole numbers if it is large.
 fn rational(value: f64) -> Value {
     let mut denoms = [1_000_000_u32, 1000, 1].into_iter();
     let denom = denoms.find(|denom| value * f64::from(*denom) < f64::from(u32::MAX)).unwrap_or(1);

@@ -68,7 +68,7 @@ pub struct Readout {
     /// Red, green and blue of each pixel, row by row from the top left, in linear sRGB with 1 at
     /// saturation. Noise and the color matrix make some values slightly negative.
     pub rgb: Vec<f32>,
-    /// Luminous exposure that a value of 1 stands for.
+    /// Luminous exposure that a value of 1 represents.
     pub white_lx_s: f64,
 }
 
@@ -155,7 +155,7 @@ fn process<T: Copy + Default + Send>(
         let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
         return Err(Error::input("film", size, wanted, "use the camera that exposed the film"));
     }
-    // Parts of the camera that are prepared once for the whole picture.
+    // Prepares the parts of the camera once for the whole picture.
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
     let glare = Glare::new(film, camera, options);

@@ -59,7 +59,7 @@ impl Stream {
     }
 }
 
-/// Normally distributed numbers, by a piecewise linear inverse of the distribution function. The
+/// Normally distributed numbers, from a piecewise linear inverse of the distribution function. The
 /// numbers have a variance of 1 to the last digits of f32, and reach 3.8 σ.
 #[derive(Debug)]
 pub(super) struct Normal {
@@ -168,7 +168,7 @@ pub(super) struct Poisson {
 const LEVELS: usize = 256;
 const LAST_LEVEL: u32 = 255;
 
-/// At a mean of 25, larger numbers have a probability below 2^-32.
+/// Size of a table. At a mean of 25, numbers beyond it have a probability below 2^-32.
 const NUMBERS: usize = 64;
 const LAST_NUMBER: u32 = 63;
 
@@ -233,7 +233,7 @@ impl Poisson {
 /// column if the bits within are less than the cell's upper bits, and otherwise the alias in its
 /// lower bits.
 fn table(mean: f64) -> [u32; NUMBERS] {
-    // Probabilities, multiplied by the number of columns.
+    // Computes the probabilities, multiplied by the number of columns.
     let mut probability = NUMBERS as f64 * libm::exp(-mean);
     let mut scaled: [f64; NUMBERS] = std::array::from_fn(|number| {
         let scaled = probability;

@@ -1,4 +1,4 @@
-//! Reads photos from PNG and JPEG files, and turns them upright by their EXIF.
+//! Reads photos from PNG and JPEG files, and turns them upright according to their EXIF data.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -61,9 +61,9 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     Ok((Photo::new(turned(photo, orientation))?, Notes::default()))
 }
 
-/// Refuses a JPEG file that is truncated, or takes more memory to decode than any other photo.
+/// Checks that a JPEG file is complete, and needs no more memory than the largest other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
-    // The decoder itself refuses a file without a frame.
+    // The decoder itself rejects a file without a frame.
     let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
     // The decoder keeps a copy of the file.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();

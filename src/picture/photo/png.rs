@@ -21,7 +21,7 @@ pub const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
 /// Keyword of the digest of the strokes.
 pub const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
 
-/// Maximum size of a decompressed text in bytes, that of the largest scene file.
+/// Maximum size of a decompressed text in bytes, equal to that of the largest scene file.
 const MAX_TEXT_BYTES: usize = 1 << 20;
 
 /// Maximum memory in bytes for everything except the picture.
@@ -109,7 +109,7 @@ pub struct Notes {
     pub log_gaps_json: Option<String>,
 }
 
-/// Returns the text of a keyword, or `None` if there is none. Refuses a text that is damaged or
+/// Returns the text of a keyword, or `None` if there is none. Fails if the text is damaged or
 /// larger than the limit.
 fn text(
     texts: &[png::text_metadata::ITXtChunk],
@@ -156,7 +156,7 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     samples.truncate(3 * n);
 }
 
-/// Refuses an image that is too large before it is decoded.
+/// Returns an error for an image that is too large, before it is decoded.
 pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
     check_size(width_px, height_px).map_err(|error| match error {
         Error::Input { found, wanted, .. } => {
@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// A text chunk of 60 kB that expands to 60 MB, in a photo that is otherwise valid.
+    /// Tests a text chunk of 60 kB that expands to 60 MB, in an otherwise valid photo.
     #[test]
     fn a_text_that_unpacks_without_end_is_refused_only_where_it_is_read() {
         let folder = tempfile::tempdir().unwrap();

@@ -4,8 +4,8 @@
 //!    are Poisson-distributed with a mean of the light times the channel's response. Dark current
 //!    and hot photosites add more electrons.
 //! 2. The well or the converter clips each channel, and reading adds noise.
-//! 3. The camera subtracts the mean dark current, clips all channels at the same light, and inverts
-//!    the leak by its matrix. Unclipped light thereby regains its color, and clipped light gets a
+//! 3. The camera subtracts the mean dark current, clips all channels at the same light, and undoes
+//!    the leak by a matrix. Unclipped light thereby regains its color, and clipped light gets a
 //!    color closer to its neighbor's and to white. Then the camera balances white and clips again.
 //!    Gains before the matrix would tint every gray.
 //!
@@ -113,8 +113,8 @@ impl Sensor {
 /// by contributors of github.com/butcherg/ssf-data.
 const SENSITIVITY: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
 
-/// Returns the matrix of the crosstalk, and its inverse. The matrix has the fractions of red, green
-/// and blue light that each kind of photosite receives. White light is equal in all channels.
+/// Returns the matrix of the crosstalk, and its inverse. The matrix contains the fractions of red,
+/// green and blue light that each kind of photosite receives. White light is equal in all channels.
 fn crosstalk() -> [[[f32; 3]; 3]; 2] {
     let fractions = SENSITIVITY.map(|row| row.map(|light| light / row.iter().sum::<f64>()));
     let crosstalk = nalgebra::Matrix3::from_fn(|i, j| fractions[i][j]);
@@ -166,7 +166,7 @@ impl Noisy {
         read_bits.resize(width, 0);
         self.hot_pixels(y, width, hot);
         for (channel, row) in rows.iter_mut().enumerate() {
-            // Mean electrons of each pixel from photons, dark current and hot photosites.
+            // Computes each pixel's mean electrons from photons, dark current and hot photosites.
             let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
             let mut n_dark = 0;
             for light in row.iter_mut() {

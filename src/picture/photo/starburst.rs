@@ -74,7 +74,7 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
             let (sin, cos) = libm::sincos(angle);
             draw(film, point.center_px, DVec2::new(cos, sin), light, &mut changes);
         }
-        // The point loses the counts of its spikes, so that light is conserved.
+        // The counts in the spikes are subtracted from the point, so that light is conserved.
         subtract_spikes(film, &point, first, &mut changes);
     }
     changes.sort_by_key(|change| change.index);

@@ -58,7 +58,7 @@ fn electrons_only() -> PhotoOptions {
     noisy(|_| {})
 }
 
-/// Returns electrons with read noise and everything that `change` adds.
+/// Returns options with read noise and all noise that `change` adds.
 fn noisy(change: impl FnOnce(&mut SensorNoise)) -> PhotoOptions {
     let mut noise = SensorNoise {
         response: [1.0; 3],
@@ -189,7 +189,7 @@ fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
     });
     for (blades, wanted) in [(7, 14), (6, 6)] {
         let changes = spikes(&dwell, blades);
-        // The light of a ring around the point, by direction, has its peaks at the spikes.
+        // By direction, the light in a ring around the point has its peaks at the spikes.
         let mut around = [0; 120];
         for change in &changes {
             let x = (change.index % 400) as f64 - 200.0;
@@ -219,7 +219,7 @@ fn an_overexposed_color_turns_white_and_others_stay() {
     assert!(readout.rgb[3..].iter().all(|value| *value > 0.9), "{:?}", &readout.rgb[3..]);
 }
 
-/// Returns the mean and the variance, in electrons, of what the sensor reads of even light.
+/// Returns the mean and the variance, in electrons, of the sensor's readout of uniform light.
 fn statistics(options: &PhotoOptions, electrons: f64) -> (f64, f64) {
     let film = film([1000, 700], |_, _, _| count(electrons / 50_000.0));
     let rgb = read_out(&film, &camera([1000, 700], |_| {}), options, 3).unwrap().rgb;

@@ -162,7 +162,7 @@ impl Levels8 {
             }
             *least = f32::from_bits(low);
         }
-        // A bin spans at most one step between levels, so that a single comparison decides.
+        // A bin spans at most one step between levels, so a single comparison determines the level.
         let bins = ((1.0_f32.to_bits() - DARK.to_bits()) >> BIN_BITS) + 1;
         let mut level = 0;
         let start = (0..bins).map(|bin| {
@@ -196,7 +196,7 @@ impl Levels8 {
     }
 }
 
-/// Table of a tone curve for 16 bits, linear between 256 points per octave.
+/// Table of a tone curve for 16 bits, interpolated linearly between 256 points per octave.
 #[derive(Debug)]
 pub(super) struct Levels16 {
     nodes: Vec<f64>,

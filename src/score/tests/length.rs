@@ -4,8 +4,8 @@ use noctograph_core::strokes::StrokesData;
 
 use super::*;
 
-/// Words, each with words that have one letter more or less at the start, in the middle or at the
-/// end. Some of the longer or shorter words are real words.
+/// Words, each with variants that have one letter more or less at the start, in the middle or at
+/// the end. Some of the variants are real words.
 const PAIRS: [(&str, &[&str]); 10] = [
     ("PARIS", &["ARIS", "PAIS", "PARI", "SPARIS", "PARTIS", "PARISH"]),
     ("EAR", &["AR", "ER", "EA", "NEAR", "EVAR", "EARN"]),
@@ -36,7 +36,7 @@ fn a_letter_too_many_or_too_few_is_seen_wherever_it_is() {
     assert!(sure >= 57, "{sure} of 60 at 0.5 or less");
 }
 
-/// The wall beside HELLO was once read as a J.
+/// In the past, the wall beside HELLO was read as a J.
 #[test]
 fn a_lit_wall_is_no_letter() {
     for (word, wall) in [("HELLO", 0.2), ("HELLO", 0.4), ("Sofia", 0.2)] {

@@ -143,7 +143,7 @@ fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<
     latent.expect("a coarse scale").on_cpu().film
 }
 
-/// Computes the film a second way: each interval in f64, with erf, at every pixel within 8 σ.
+/// Computes the film in a second way: each interval in f64, with erf, at every pixel within 8 σ.
 fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     let [width, height] = [camera.width_px as usize, camera.height_px as usize];
     let mut plane = vec![0.0; width * height];
@@ -233,7 +233,7 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     }
 }
 
-/// Compares with the sum of Gaussian lamps on a 1 mm grid all over a diffuser's silhouette.
+/// Compares with the sum of Gaussian lamps on a 1 mm grid across a diffuser's silhouette.
 #[test]
 fn a_diffuser_leaves_a_stroke_as_wide_as_it_looks_from_the_camera() {
     let camera = Camera { blur_m: 60e-6, ..camera(640, 400) };
@@ -274,7 +274,7 @@ fn films_are_within_2e_5_of_the_peak_unmerged_and_1e_3_merged() {
     let mut fade = streak([-1.0, 3.0, 0.1], [0.9, 3.0, -0.2]);
     fade.samples[1].level = 0.0;
     let small = Camera { blur_m: 110e-6, ..camera(320, 200) };
-    // The shutter opens after the pause, because no trail beside a hover errs by much of the peak.
+    // The shutter opens after the pause, because beside a hover a trail's error is tiny.
     let large = |blur_m| Camera { blur_m, shutter_open_s: 1.41, ..camera(960, 540) };
     // A spot of half a pixel is 1.4 % brighter or fainter between the pixels than at their centers.
     let cases = [
