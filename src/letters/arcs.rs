@@ -1,7 +1,7 @@
-//! Restores the curves that were sampled to make the points of a stroke font.
+//! Restores curves from their samples, the points of a stroke font.
 //!
 //! At a vertex that is not a corner, the tangent is that of the circle through it and its
-//! neighbors. Neighboring vertices are joined by cubic Hermite curves, split into moves.
+//! neighbors. Neighboring vertices are joined by cubic Hermite curves, which are split into moves.
 
 use kurbo::{Point, Vec2};
 
@@ -11,8 +11,8 @@ use super::vector::{integers_below, length, unit};
 /// vertex (in "s"), and corners by at least 63° (in "?").
 const CORNER_COS: f64 = 0.5;
 
-/// Minimum length of a stem, such as that of J, in cap heights and relative to its shorter
-/// neighbor. The longest chords of a curve are 0.24 cap heights long (in O).
+/// Minimum length of a stem (as in J), in cap heights and relative to the shorter neighboring
+/// chord. The longest chords of a curve are 0.24 cap heights long (in O).
 const STEM_LENGTH: f64 = 5.5 / 21.0;
 const STEM_RATIO: f64 = 1.8;
 
@@ -20,7 +20,7 @@ const STEM_RATIO: f64 = 1.8;
 /// its height.
 const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 
-/// A move between two points of the font.
+/// A straight line between two points of the font.
 struct Chord {
     direction: Vec2,
     length: f64,
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
         let radial_error = |p: &Point| (length(p.to_vec2()) - 0.4).abs();
         assert!(curve.iter().map(radial_error).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
-        // Four of the points form an open arc, which keeps the circle's shape up to its ends.
+        // Four of the points form an open arc, which is circular up to its ends.
         assert!(with_arcs(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
     }
 

@@ -43,7 +43,7 @@ pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Op
 pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<Vec<[f64; 2]>> {
     let end_points = path.elements().iter().filter_map(PathEl::end_point);
     let exact: BTreeSet<[u64; 2]> = end_points.map(bits).collect();
-    // A step of a thousandth of the tolerance is invisible, but far larger than the last bits.
+    // The step is about a thousandth of the tolerance: invisible, but far above the last bits.
     let step = tolerance / 1024.0;
     for point in lines.iter_mut().flatten().filter(|point| !exact.contains(&bits(**point))) {
         let [x, y] = coordinates(*point).map(|value| (value / step).round() * step);

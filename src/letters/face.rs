@@ -10,7 +10,7 @@ use noctograph_core::error::Result;
 /// strokes, both in cap heights.
 pub(super) type Joined = (usize, f64, Arc<Shape>);
 
-/// The letters of a line, or the reason why it cannot be set.
+/// The letters of a line, or the reason why the line cannot be set.
 pub(super) type ShapedLine = std::result::Result<Vec<Joined>, Unset>;
 
 /// The characters of a font, from stored strokes or from a typeface.
@@ -31,8 +31,8 @@ pub(super) trait Face {
         Fit::Proportional
     }
 
-    /// Returns a letter with another combining mark, or `None` if the font lacks the mark or shapes
-    /// marks itself.
+    /// Returns a letter with one more combining mark, or `None` if the font lacks the mark or
+    /// shapes marks itself.
     fn with_mark(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
         None
     }

@@ -32,8 +32,8 @@ impl Fonts {
         self.0.iter().try_for_each(Font::check_work)
     }
 
-    /// Returns the length in cap heights of a stroke that tracing a character lost, or `None` if it
-    /// lost none.
+    /// Returns the length, in cap heights, of a stroke lost in tracing a character, or `None` if
+    /// none was lost.
     pub(super) fn lost_length(&self, character: char) -> Option<f64> {
         let shape = self.0.iter().find(|font| font.face.has(character))?.face.shape(character)?;
         Some(shape.lost_length).filter(|length| *length > 0.0)
@@ -74,7 +74,7 @@ impl Fonts {
         let parts = self.parts(line);
         let mut ordered = Vec::new();
         for (run, leftward) in visual_runs(line) {
-            // Lists the run's parts in reading order, or reversed if it runs from right to left.
+            // Lists the run's parts in reading order, reversed if the run goes from right to left.
             let parts_in_run = parts.iter().filter_map(|(font, part)| {
                 let overlap = part.start.max(run.start)..part.end.min(run.end);
                 (overlap.start < overlap.end).then_some(((*font, overlap), leftward))

@@ -18,7 +18,7 @@ use read_fonts::ps::charstring::{CharstringContext, CharstringKind, TransformSin
 use super::shaping::MAX_POINTS;
 use noctograph_core::files::Budget;
 
-/// Tables of outlines, of which the first one that a face has is used.
+/// Tables of outlines in order of preference.
 const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
 
@@ -37,7 +37,7 @@ pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<Be
     let mut elements: Vec<PathElement> = Vec::new();
     match face.outline_glyphs_with(SOURCES).get(glyph)? {
         OutlineGlyph::Cff(cff) => {
-            // The size is only known afterward. A charstring that fails counts as the longest.
+            // The size is known only after drawing. A charstring that fails counts as longest.
             let n_bytes = draw_charstring(&cff, &mut elements);
             spend(budget, STEPS_PER_POINT * n_bytes.unwrap_or(MAX_CHARSTRING_BYTES))?;
             n_bytes?;
@@ -87,7 +87,7 @@ struct Subroutines<'a> {
 
 impl<'a> Subroutines<'a> {
     /// Returns the code of a subroutine by its number, to which a bias is added (Adobe Technical
-    /// Note 5177). Fails if there is none or if the code run so far is too long.
+    /// Note 5177). Fails if there is no such subroutine or if too much code was run.
     fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
         let place = number.checked_add(index.subr_bias());
         let place = place.and_then(|place| usize::try_from(place).ok());
@@ -134,7 +134,7 @@ mod tests {
     use super::super::face_tests::{face_of, words};
     use super::*;
 
-    /// A face with A, which calls subroutines endlessly, H made of lines, and O made of curves.
+    /// A face in which A calls subroutines endlessly, H is made of lines, and O of curves.
     const CALLS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/calls.otf");
     const POINTS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/points.otf");
 

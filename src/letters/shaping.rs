@@ -1,5 +1,5 @@
-//! Shaping: the glyphs of letters that join, change with their neighbors, carry marks or run from
-//! right to left.
+//! Shaping: chooses and places glyphs for letters that join, change with their neighbors, carry
+//! marks or run from right to left.
 //!
 //! A line is put in visual order (Unicode Standard Annex 9). Each word of the line is shaped by the
 //! rules of the typeface (GSUB and GPOS) for the script of its first letter.
@@ -80,7 +80,7 @@ pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Plac
                 pen = pen.saturating_add(space);
             }
             let buffer = shape_word(&face, word, leftward).ok_or(Unset::Unshaped(start))?;
-            // The shaper lists the glyphs from left to right as well.
+            // The shaper also returns the glyphs from left to right.
             for (info, position) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
                 let (glyph, byte) = (GlyphId::new(info.glyph_id), start + info.cluster as usize);
                 if glyph == GlyphId::NOTDEF {

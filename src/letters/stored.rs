@@ -1,15 +1,15 @@
 //! Stored strokes: faces for plotters and engravers whose contours are strokes instead of outlines.
 //!
 //! TrueType contours are always closed. A single stroke is stored either as an open line, which the
-//! format closes with a straight edge, or as a line there and back. It is drawn only once.
+//! format closes with a straight edge, or as a line there and back. Such strokes are drawn once.
 
 use kurbo::{BezPath, PathEl, Point, Shape as _};
 
 use super::curves::{polylines, subpaths};
 use super::vector::{Lines, length, unit};
 
-/// Characters with straight strokes. In a face of outlines, none of them has a contour without
-/// area. The letters of a script face may be curves.
+/// Characters with straight strokes. In an outline face, none of them has a contour without area.
+/// The second set serves script faces, whose letters may be curves.
 pub(super) const SIGNS: [&str; 2] = ["HTIXLEFKANMVYZl|-/+=_", "|-/_"];
 
 /// Maximum mean width of a contour without area, relative to the larger side of its box.
@@ -62,8 +62,8 @@ fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     contours.filter(|contour| contour.elements().len() > 1)
 }
 
-/// Returns the half of a line that runs there and back, between its two turns. Any other line is
-/// returned unchanged.
+/// Returns half of a line that goes back along itself: the part between its two turns. Any other
+/// line is returned unchanged.
 fn without_return(line: Vec<Point>) -> Vec<Point> {
     // Lists each point once, in cyclic order.
     let mut cycle = line.clone();

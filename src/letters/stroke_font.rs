@@ -27,7 +27,7 @@ use noctograph_core::input_error;
 /// Maximum coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Maximum number of points of a letter. Composed letters could double from line to line.
+/// Maximum number of points of a letter. Composing could double it from line to line.
 const MAX_POINTS: usize = 20_000;
 
 /// Maximum number of points of a font.
@@ -42,7 +42,7 @@ const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{
     \u{30c}\u{327}\u{328}";
 const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
 
-/// The words of a line.
+/// The words of a line, separated by white space.
 type Words<'a> = std::iter::Peekable<std::str::SplitAsciiWhitespace<'a>>;
 
 #[derive(Debug)]
@@ -99,7 +99,7 @@ impl StrokeFont {
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
 
-    /// Parses a base with a mark from the words after `=`: base, mark, and optionally `dx,dy`.
+    /// Parses a composed letter from the words after `=`: base, mark, and optionally `dx,dy`.
     /// Returns `None` if they are malformed or have too many points.
     fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let base = self.letters.get(&parse_name(words.next()?)?)?;
@@ -127,7 +127,7 @@ impl StrokeFont {
         if runs.iter().any(|run| run.points.len() < 2) {
             return None;
         }
-        // Points of a proportional font are samples of curves, and those of a box font corners.
+        // In a proportional font, points are samples of curves. In a box font, they are corners.
         if self.fit == Fit::Proportional {
             runs.iter_mut().for_each(|run| run.points = with_arcs(&run.points));
         }

@@ -1,4 +1,4 @@
-//! Typefaces: the outlines of a TrueType or OpenType face become strokes.
+//! Typefaces: converts the outlines of a TrueType or OpenType face to strokes.
 //!
 //! A center line ends half a stroke's width inside the outline. A face's capitals are therefore
 //! measured between the center lines of a horizontal stroke at the top and one at the bottom, which
@@ -55,7 +55,7 @@ const AREA_LENGTH: f64 = 6.0;
 /// letters meet at a common edge.
 const TOUCHING: f64 = 0.005;
 
-/// Possible half widths of strokes, and possible cap heights in font units.
+/// Plausible half widths of strokes, and plausible cap heights in font units.
 const HALF_WIDTHS: RangeInclusive<f64> = 1e-4..=0.4;
 const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 
@@ -101,7 +101,7 @@ impl Typeface {
             let outlines = signs.chars().filter_map(|character| typeface.outline(character));
             stored::are_strokes(&outlines.collect::<Vec<BezPath>>())
         });
-        // The cap height comes first because it is the unit of the stroke width.
+        // The cap height is computed first, because it is the unit of the stroke width.
         typeface.cap = typeface.known_outline().map_or(0.0, |path| path.control_box().y1);
         if !CAP_HEIGHTS.contains(&typeface.cap) {
             return Err(refused(file, "no letters"));
@@ -120,8 +120,8 @@ impl Typeface {
         candidates.find_map(|character| self.outline(character))
     }
 
-    /// Returns true if the face has a letter of [`STEMS`], and half the width of its strokes in cap
-    /// heights. Returns `None` for a face without strokes. Fails if the budget is spent.
+    /// Returns half the width of strokes in cap heights, and true if it was measured on a letter of
+    /// [`STEMS`]. Returns `None` for a face without strokes. Fails if the budget is spent.
     fn stem_half_width(&self) -> Result<Option<(bool, f64)>> {
         let budget = &self.traced().budget;
         let stems = STEMS.chars().map(|c| (true, c));
@@ -209,7 +209,7 @@ impl Typeface {
         self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    /// Returns the kerning of a pair of letters by the table `kern`, in font units, if it has any.
+    /// Returns a letter pair's kerning in the table `kern`, in font units, if there is any.
     fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
         let (left, right) = (self.glyph(left)?, self.glyph(right)?);
         let table = self.face.tables().kern().ok()?;
@@ -353,13 +353,13 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
 /// is nearest to the upper left, and each next line is nearest to the end of the previous one.
 fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
-        // Height counts twice as much as the horizontal distance.
+        // The vertical distance counts twice as much as the horizontal distance.
         let [first, last] = [line[0], line[line.len() - 1]].map(|p| p.x - 2.0 * p.y);
         if last < first {
             line.reverse();
         }
     }
-    // The pen starts at the upper left of a capital.
+    // The pen starts at the upper left corner of a capital.
     let mut ordered = Lines::new();
     let mut pen = Point::new(0.0, 1.0);
     while !lines.is_empty() {

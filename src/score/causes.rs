@@ -14,9 +14,9 @@ pub struct Cause {
     pub letter: Option<usize>,
     /// Length, distance or width of the fault, in the plane of the word.
     pub length_mm: Option<f64>,
-    /// Center of the fault in the plane of the word: right and up.
+    /// Center of the fault in the plane of the word: x to the right and y upward.
     pub at_m: Option<[f64; 2]>,
-    /// The part of a stroke that is missing.
+    /// The missing part of a stroke, if the fault is one.
     pub missing: Option<MissingRun>,
     /// Switching delay of the lamp, if light connects two strokes and the drone's speed is known.
     pub lamp_delay_s: Option<f64>,
@@ -92,15 +92,15 @@ pub struct Advice {
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a flight. It is dark in the photo, because the lamps' position is unknown.
+/// A gap in the log of a flight. It is dark in photos, because the lamps' position is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {
     /// Times of the last sample before the gap and the first one after it, on the flight's clock.
     pub span_s: [f64; 2],
-    /// Positions of the drone at these times, in the plane of the word: right and up.
+    /// Positions of the drone at the ends of the gap, in the plane of the word.
     pub ends_m: [[f64; 2]; 2],
-    /// Length of the longest path that the lamps can have taken between these positions.
+    /// Length of the longest path that the lamps can have taken during the gap.
     pub way_m: f64,
 }
 
@@ -125,7 +125,7 @@ impl LogGap {
     }
 }
 
-/// What is known about the flight.
+/// Known properties of the flight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
     /// Speed of the drone along the strokes.
@@ -236,7 +236,7 @@ fn named_letters(causes: &[&Cause], letters: &[char]) -> String {
     names.join(", ")
 }
 
-/// Returns text that says which letters are read as which others.
+/// Returns text that names the misread letters and what each one is read as.
 fn confused_letters(causes: &[&Cause], letters: &[char]) -> String {
     let confused_letters = causes.iter().filter_map(|cause| {
         Some(format!("{} is read as {}", letters[cause.letter?], cause.reads_as?))

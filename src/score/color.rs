@@ -7,16 +7,16 @@ use std::cmp::Ordering;
 
 use super::light::{Rgb, luminance};
 
-/// Minimum ratio of an ink channel to the ink's strongest one for the channel to be compared.
+/// Minimum strength of a channel relative to the ink's strongest channel for it to be compared.
 const MIN_CHANNEL: f32 = 0.3;
 
-/// Factor by which light of another color is multiplied before it is subtracted from ink. Light
-/// from an overexposed blue lamp is three quarters white, and varies by a tenth along a trail.
+/// Factor by which light of another color is multiplied before it is subtracted from ink. The light
+/// of an overexposed blue lamp is three quarters white. A trail's white part varies by a tenth.
 const FOREIGN: f32 = 3.0;
 
 /// Returns the mean color of the `n_pixels` brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
-    // Integers take half the memory of pixels, of which there are half a million. Pixels of equal
+    // The half million pixels are sorted as integers, which take half the memory. Pixels of equal
     // luminance are sorted by color, so that the result does not depend on their order.
     let ranks = light.iter().map(|light| rank(luminance(*light)));
     let mut sorted: Vec<(i32, u32)> = ranks.zip(0..).collect();
@@ -44,8 +44,8 @@ fn rank(value: f32) -> i32 {
 fn luminance_of_color(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
-    // A channel that the color barely uses sets no limit, expressed as 0 · light + ∞. Without a
-    // branch, the compiler can vectorize a row of pixels.
+    // A channel that the color barely uses sets no limit: its limit is 0 · light + ∞. This needs no
+    // branch, so the compiler can vectorize a row of pixels.
     let terms = color.map(|c| {
         let is_limit = c >= MIN_CHANNEL * strongest && c > 0.0;
         if is_limit { (scale / c, 0.0) } else { (0.0, f32::INFINITY) }

@@ -1,5 +1,5 @@
-//! Faults of a letter: missing strokes, extra light and its kind, shift, and glow. A fault can be
-//! removed from the letter's picture, so that the letter can be read without it.
+//! Faults of a letter: missing strokes, kinds of extra light, shift, and glow. A fault can be
+//! removed from the picture of the letter, so that the letter can be read as if it were faultless.
 
 use kurbo::{Point, Vec2};
 
@@ -12,39 +12,39 @@ use super::sketch::Sketch;
 use super::trace::{self, LightLines};
 use super::{PEN_H, PX_PER_H};
 
-/// One cap height in pixels, H.
+/// One cap height, in pixels.
 const H_PX: f64 = PX_PER_H as f64;
 
-/// Minimum shift of a letter to count as a fault: 0.06 H. Clean letters shift less than half of it.
+/// Minimum shift of a letter that counts as a fault. Clean letters shift by less than half as much.
 const SHIFTED_PX: f64 = 0.06 * H_PX;
 
-/// Minimum fraction of a line of extra light within `NEAR_MOVE_PX` of the dark move that caused it.
+/// Minimum fraction of a line of extra light near a dark move at which that move counts as lit.
 const ALONG_MOVE: f64 = 0.6;
 
-/// Maximum distance between a dark move and light that belongs to it: 0.15 H.
+/// Maximum distance between a dark move and light that belongs to the move.
 const NEAR_MOVE_PX: f64 = 0.15 * H_PX;
 
-/// Distance from the letters, up or down, beyond which light is a streak to the floor: 0.12 H.
+/// Distance below or above the letters beyond which extra light is a streak to the floor.
 const OUTSIDE_PX: f64 = 0.12 * H_PX;
 
-/// Maximum length and minimum thickness of a spot: 0.35 H, and the width of four pens.
+/// Maximum length of a spot, and its minimum thickness: four widths of the pen.
 const MAX_SPOT_LENGTH_PX: f64 = 0.35 * H_PX;
 const MIN_SPOT_THICKNESS_PX: f64 = 4.0 * PEN_H * H_PX;
 
-/// Line width above which a line counts as glowing: 0.16 H, more than twice the width of the pen.
+/// Width above which a line counts as glowing: more than twice the width of the pen.
 const GLOWING_PX: f64 = 0.16 * H_PX;
 
-/// Mean distance between a letter's light and its strokes that counts as a fault: 0.05 H.
+/// Mean distance between a letter's light and its strokes above which it counts as a fault.
 const OFF_PATH_PX: f64 = 0.05 * H_PX;
 
 /// Minimum fraction of a missing part that must lie in a gap of the log for the gap to be its
 /// cause. The fraction is less than 1, because faults of the lamps may lengthen the missing part.
 const LOST_IN_LOG: f64 = 0.5;
 
-/// Maximum distance from a line of extra light or a stroke to the light that belongs to it: 0.12 H.
+/// Maximum distance from a line of extra light, or from a stroke, to the light that belongs to it.
 const BELONGS_PX: f64 = 0.12 * H_PX;
 
-/// Distance from a stroke within which light is not erased, as it may be part of it.
+/// Distance from a stroke within which light is not erased, because the stroke may emit it.
 const OWN_PX: f64 = 0.06 * H_PX;
 
 /// A fault, and the mending that removes it from a picture, if there is one.
@@ -189,7 +189,7 @@ impl Reader {
         let [left, top, right, bottom] = self.pages[index].cell();
         let [is_first, is_last] = [index == 0, index + 1 == self.pages.len()];
         let n_points = line.points.len() as f64;
-        // Numbers of points outside the word, along a dark move, and in the cell of a neighbor.
+        // Counts the points outside the word, along dark moves, and in neighboring cells.
         let [mut outside, mut along_move, mut beside] = [0.0; 3];
         for point in &line.points {
             let is_outside = point.y > bottom + OUTSIDE_PX
@@ -228,7 +228,7 @@ pub(super) fn lost_in<'a>(
     })
 }
 
-/// Returns the mean of points on a page, in the plane of the word, or `None` without points.
+/// Returns the mean of points on a page, in the plane of the word, or `None` if there are none.
 fn middle_m(page: &LetterPage, points: &[Point]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let sum: Vec2 = points.iter().map(|point| point.to_vec2()).sum();

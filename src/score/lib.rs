@@ -9,7 +9,7 @@
 //!    along the strip. The net was trained on drawn and simulated words of random letters
 //!    (`examples/readings`).
 //! 3. These probabilities determine the probability of each letter, the likeliest other word, and
-//!    the readability, calibrated against readers at first sight (docs/calibration.md).
+//!    the readability, which is calibrated on human readers (docs/calibration.md).
 //! 4. The light is compared with the intended strokes to find the faithfulness, causes and advice.
 
 #![forbid(unsafe_code)]
@@ -98,7 +98,7 @@ settings! {
     }
 }
 
-/// True if strokes can be judged: they have letters or digits, all of which the reader knows.
+/// True if strokes can be judged, that is, if they are letters or digits that the reader knows.
 pub fn is_judged(strokes: &Strokes) -> bool {
     let mut characters = strokes.glyphs.iter().map(|glyph| glyph.character);
     strokes.font.is_some()

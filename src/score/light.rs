@@ -1,4 +1,4 @@
-//! The light of a photo: linear light above the sky's, and the level that counts as fully lit.
+//! The light of a photo: linear light minus the sky's, and the level that counts as fully lit.
 
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ const BLOCK_PLANE_PX: f64 = 4.0;
 const MAX_BLOCKS: f64 = 131_072.0;
 
 /// Number of blocks on each side over which the sky is measured, together about one cap height. A
-/// letter's strokes cover less than half of such an area, but the glow of a floor covers more.
+/// letter's strokes cover less than half of this area, but the glow of a floor covers more.
 const BLOCKS_AROUND: usize = 4;
 
 /// Quantile of the surrounding blocks' light that is taken as a block's sky. The median would
@@ -33,30 +33,30 @@ const SKY_RANK: f64 = 0.4;
 /// Maximum sky level for which white stays white when the position of the word is known.
 const MAX_SKY: f32 = 0.9;
 
-/// Maximum sky level for which white stays white when the whole photo is read. A larger value would
-/// amplify a floor's glow until it counts as ink.
+/// Maximum sky level for which white stays white when the whole photo is read. At a larger value, a
+/// floor's glow would be amplified until it counts as ink.
 const MAX_SKY_OF_WHOLE: f32 = 0.3;
 
-/// Minimum light above the sky that is visible, in standard deviations of the sky.
+/// Minimum visible light above the sky, in standard deviations of the sky's noise.
 const LIGHT_SIGMAS: f32 = 5.0;
 
 /// Fraction of the intended ink's area that is brighter than the fully lit level. With a smaller
 /// fraction, a single glaring spot would darken the rest of the word.
 const GLARE_RANK: f64 = 0.1;
 
-/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels cover less of
-/// it.
+/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels cover less than
+/// this.
 const MIN_INK_RANK: f64 = 0.05;
 
-/// Linear light above the sky in red, green and blue, where 1 is white.
+/// Linear light minus that of the sky, in red, green and blue, where 1 is white.
 pub(super) type Rgb = [f32; 3];
 
-/// The part of a photo that shows the word, in linear light above the sky. Everything outside is
-/// sky.
+/// The part of a photo that shows the word, in linear light above the sky. Everything outside
+/// counts as sky.
 pub(super) struct Light {
     /// Number of photo pixels along the side of one pixel of this picture.
     step: usize,
-    /// First column and first row, in pixels of this picture.
+    /// Position of the picture's first column and row in the photo, in pixels of this picture.
     origin: [usize; 2],
     pub(super) width: usize,
     pub(super) height: usize,
@@ -183,7 +183,7 @@ impl Light {
             let lights = values.as_flattened_mut().iter_mut();
             noctograph_core::dispatch!(|| {
                 for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
-                    // White stays white, because the sky behind a saturated pixel is unknown.
+                    // White stays white: the sky behind a saturated pixel is unknown.
                     let sky = above + down * (below - above);
                     *light = (*light - sky) / (1.0 - sky.min(max_sky));
                 }
@@ -197,7 +197,7 @@ fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
 
-/// Returns the means over blocks of `step` × `step` pixels. `STEP` is the same as a constant, or 0.
+/// Returns the means over blocks of `step` × `step` pixels. `STEP` is a constant `step`, or 0.
 #[inline(always)]
 fn means<const STEP: usize>(
     photo: &Photo,
@@ -304,8 +304,8 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
 /// that of the previous search.
 struct Window {
     words: Vec<u64>,
-    /// Index of the word that holds the last number found, and the number of elements before this
-    /// word.
+    /// Index of the bitmap word that contains the last number found, and number of elements before
+    /// it.
     word: usize,
     n_before: usize,
 }
@@ -341,7 +341,7 @@ impl Window {
             self.word += 1;
         }
         let mut bits = self.words[self.word];
-        // Clears the lowest bits.
+        // Clears the lowest set bits, one by one.
         (self.n_before..n_less).for_each(|_| bits &= bits - 1);
         64 * self.word + bits.trailing_zeros() as usize
     }
@@ -356,7 +356,7 @@ pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     values
 }
 
-/// Returns the median absolute value. Comparing bits gives the same order in less time.
+/// Returns the median absolute value. Comparing their bits gives the same order in less time.
 pub(super) fn median_abs(values: &[f32]) -> f32 {
     let sizes = values.iter().map(|value| value.abs().to_bits());
     f32::from_bits(median(sizes).expect("a picture has pixels"))
@@ -425,7 +425,7 @@ mod tests {
 
     #[test]
     fn a_word_seen_edge_on_has_no_more_blocks_than_any_other() {
-        // The word's pixels are nearly zero wide, and the whole photo is searched for it.
+        // The word's pixels have almost no width, and the search covers the whole photo.
         let [width_px, height_px] = [1920, 1080];
         let rgb8 = vec![90; 3 * 1920 * 1080];
         let photo = Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None });

@@ -11,8 +11,8 @@ use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use noctograph_core::photo::Photo;
 
-/// Maximum side of the searched picture, in pixels. Letters half this high still have hundreds of
-/// pixels.
+/// Maximum side of the searched picture, in pixels. Letters of half this height still have hundreds
+/// of pixels.
 const MAX_SIDE: u32 = 1200;
 
 /// Assumed height of the letters when the sky is subtracted, as a fraction of the photo's height.
@@ -50,10 +50,10 @@ const MAX_LINES: usize = 4;
 /// Maximum ratio between the letter heights of two lines of one text.
 const MAX_RATIO: f64 = 1.8;
 
-/// Minimum height ratio of two lines at which the smaller one is taken for a credit.
+/// Minimum height ratio of two lines at which the smaller one counts as a credit line.
 const LARGER: f64 = 3.0;
 
-/// Maximum height of a line beside a credit, as a fraction of the photo's height.
+/// Maximum height of a line beside a credit line, as a fraction of the photo's height.
 const ROOM: f64 = 0.6;
 
 /// The light of a photo in which lines are searched.
@@ -82,7 +82,7 @@ pub(super) struct Line {
     columns: [usize; 2],
 }
 
-/// Returns the ink of a photo by each rule for ink, or an empty list if too few pixels are lit.
+/// Returns the ink of a photo according to each rule, or an empty list if too few pixels are lit.
 pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
     let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
     let light = Light::of_whole(photo, step, LETTER_PART * f64::from(photo.height_px));
@@ -150,8 +150,8 @@ impl Ink {
     }
 
     /// Returns the line with the most crossings among those that are at least [`LARGER`] times as
-    /// high as `than_px`. This rule is needed because a credit or a date has more crossings than
-    /// the larger writing beside it.
+    /// high as `than_px`. A credit or a date often has more crossings than the larger writing
+    /// beside it.
     pub(super) fn larger(&self, than_px: f64) -> Option<Line> {
         let least_px = LARGER * than_px;
         if least_px > ROOM * self.raster().height as f64 {
@@ -224,7 +224,7 @@ impl Line {
         let Raster { width, ref values, .. } = *self.ink.raster();
         let column = |x| (self.rows[0]..self.rows[1]).map(|y| values[y * width + x]).sum();
         let ink: Vec<f32> = (0..width).map(column).collect();
-        // Two letters are separated at the column with the least ink between their centers.
+        // Neighboring letters are separated at the column with the least ink between their centers.
         let between = middles.windows(2).map(|pair| {
             let (from, to) = (pair[0], pair[1].max(pair[0] + 1));
             (from..to).min_by(|a, b| ink[*a].total_cmp(&ink[*b])).unwrap_or(to)
@@ -240,7 +240,7 @@ impl Line {
 
     /// Returns the box of the ink between two columns, at the centers of its outer strokes.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
-        // Only light in the ink's color sets the box, because other lamps may trail to a letter.
+        // Only the ink's color determines the box, because other lamps' trails may lead to it.
         let colored = self.box_of(&self.ink.light[1], from, to);
         let whole =
             colored.filter(|[_, top, _, bottom]| bottom - top >= WHOLE_LETTER * self.letter_px);
@@ -281,7 +281,7 @@ enum Band {
     OfAny,
 }
 
-/// Returns the first and past-the-end row of the letters, around the row with the most crossings.
+/// Returns the letters' first row and the row after their last, around the row with most crossings.
 fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     // Counts the strokes that each row crosses.
     let crossings = mask.chunks_exact(width).map(|row| {

@@ -25,10 +25,10 @@ pub(super) const COLUMN_PX: usize = 2;
 /// Number of dark columns required on each side of a logit's columns to make it a blank.
 const DARK_PX: usize = 2;
 
-/// Logit of one unit in the sums of the last layer.
+/// Logit that corresponds to one unit in the sums of the last layer.
 const LOGIT: f64 = 1.0 / 256.0;
 
-/// The layers of the net with the weights of this program.
+/// The layers of the net with the program's built-in weights.
 static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
 
 /// A convolution layer. If it is dilated, its input is added to its output. The result is then
@@ -38,7 +38,7 @@ struct Layer {
     kernel: [usize; 2],
     /// Numbers of input and output channels.
     channels: [usize; 2],
-    /// Numbers of rows and columns of the blocks that are pooled to their maximum.
+    /// Numbers of rows and columns of the blocks for max pooling.
     pool: [usize; 2],
     /// Dilation: distance in columns between neighboring kernel columns, or `None` if adjacent.
     dilation: Option<usize>,
@@ -52,7 +52,7 @@ struct Layer {
     biases: Vec<i32>,
 }
 
-/// Number of channels in a vector.
+/// Number of channels in a vector register.
 const LANES: usize = 8;
 
 /// Maximum number of vectors of sums that fit into the registers.
@@ -307,7 +307,7 @@ impl Sums<'_> {
         for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
             for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
                 for (group, weights) in groups.clone().enumerate() {
-                    // The totals start from the biases and stay in registers.
+                    // The totals are initialized with the biases, and stay in registers.
                     let first = group * N * LANES;
                     let mut totals: [i32x8; N] = std::array::from_fn(|n| {
                         let eight = biases[first + n * LANES..].first_chunk::<LANES>();
@@ -369,7 +369,7 @@ mod tests {
     use super::*;
     use noctograph_core::digest::fnv_1a;
 
-    /// FNV-1a hash of the logits that the weights of this program give for the pattern below.
+    /// FNV-1a hash of the logits that the built-in weights give for the pattern below.
     const LOGITS_FNV_1A: u64 = 7_987_465_851_812_230_209;
 
     fn pattern(width: usize) -> Strip {

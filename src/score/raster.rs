@@ -185,7 +185,7 @@ pub(super) fn whole(pixels: f64) -> usize {
     pixels as usize
 }
 
-/// Converts a value to the precision of rasters.
+/// Converts a value to the single precision of rasters.
 #[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
 pub(super) fn narrow(value: f64) -> f32 {
     value as f32

@@ -29,16 +29,16 @@ use noctograph_core::strokes::{Glyph, Strokes};
 /// half of its letters missing, a word has this much ink.
 const INK_PART: f64 = 0.5;
 
-/// Minimum fraction of the light in a letter's cell that must have the color of its page. Below it,
-/// the letter is assumed to have its own color. White light beside an overexposed blue line has
-/// 0.5.
+/// Minimum fraction of the light in a letter's cell that must have the color of its page. With a
+/// smaller fraction, the letter is assumed to differ in color. White light beside an overexposed
+/// blue line has 0.5.
 const LEAST_OF_COLOR: f32 = 0.25;
 
-/// Minimum probability of a letter that is read outside the word for that letter to count.
+/// Minimum probability at which a letter that is read outside the word is taken seriously.
 const CLEAR_P: f64 = 0.6;
 
 /// Ratio between the odds in the blindly located line and at the word's position above which the
-/// two contradict each other. For example, a white patch's outline is an O in only one of them.
+/// two contradict each other. For example, only one of them reads a white patch as an O.
 const CONTRADICTION: f64 = 20.0;
 
 /// Minimum number of letters at which a blind reading is unlikely to match the word by chance.
@@ -51,7 +51,7 @@ pub struct Reader {
     pub(super) home: Placed,
     finder: Finder,
     pub(super) expected: Expected,
-    /// The grid of each line's strip.
+    /// The grid of the strip for each line of the word.
     pub(super) lines: Vec<Grid>,
     /// Index of the line that each letter belongs to.
     pub(super) line_of: Vec<usize>,
@@ -210,7 +210,7 @@ impl Reader {
             })
     }
 
-    /// Locates the word's light in a photo of the view's size, or returns the reason why it cannot.
+    /// Locates the word's light in a photo of the view's size, or the reason for its absence.
     fn find_light(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
         // Crops the photo to the part that may show the word, and measures its exposure.
         let grid = &self.finder.grid;
@@ -271,7 +271,7 @@ impl Reader {
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
         let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
         let is_read = letters.iter().all(|letter| letter.best == Some(letter.expected));
-        // If touching letters form a single glyph, not all of them were judged.
+        // If touching letters form one glyph, not every letter was judged.
         let is_whole = !self.is_joined();
         let legible = is_whole && is_likeliest && readability >= self.options.legible_probability;
         // Selects the first reason that applies. Reasons that concern the photo come before those
@@ -379,7 +379,7 @@ pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View)
     let in_color = color::pure(color);
     let light = grid.resample(&seen.light, view, &seen.placed, |light| [in_color(light); 3]);
     let ink = brightness(grid, &light);
-    // A thin stroke fills half a pixel, so the fully lit level is at most the ink's median.
+    // Thin strokes fill half a pixel. Therefore, the fully lit level is at most the ink's median.
     let mut levels = ink.values.clone();
     // A letter's page is never empty, so the index does not underflow.
     let rank = whole(INK_PART * ink_px).min(levels.len() - 1);

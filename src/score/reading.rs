@@ -25,7 +25,7 @@ const SIZES: [f64; 3] = [1.0, 1.2, 1.5];
 /// words, digits, and capitals mixed with digits.
 const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 
-/// Minimum mean probability of the letters of a clear line.
+/// Minimum mean probability of the letters in a line that counts as clear.
 const LEAST_CLEAR: f64 = 0.6;
 
 /// Minimum gap that is read as a space, in cap heights. The spaces of the shipped fonts are wider.
@@ -37,8 +37,8 @@ const SURE: f64 = -0.1;
 /// Probability at which a letter neither increases nor decreases the score of a reading.
 const NEUTRAL: f64 = 0.5;
 
-/// Maximum number of columns in all strips that are read: twice as many as in the longest word, or
-/// about one second of work.
+/// Maximum number of columns in all strips that are read: twice as many as in the longest word,
+/// which take about one second.
 const MOST_COLUMNS: usize = 12_000;
 
 /// Minimum mean probability of letters that count as writing, and minimum probability of a single
@@ -49,8 +49,8 @@ const LEAST_LETTER: f64 = 0.9;
 /// The text that was read in a photo.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reading {
-    /// The text, with a line break between lines and a space for each wide gap. Empty if there is
-    /// no writing.
+    /// The text, with a line break between lines and a space for each wide gap. The text is empty
+    /// if there is no writing.
     pub text: String,
     /// The letters, from left to right and line by line.
     pub letters: Vec<ReadLetter>,
@@ -111,7 +111,7 @@ struct ReadLine {
 }
 
 /// Computes a score that rises with the number of clear letters and falls with the number of
-/// doubtful ones. The mean probability would not prefer readings that contain all the letters.
+/// doubtful ones. The mean probability would not favor readings that contain all letters.
 fn worth(lines: &[ReadLine]) -> f64 {
     let letters = lines.iter().flat_map(|line| &line.letters);
     letters.map(|letter| letter.letter_p() - NEUTRAL).sum()
@@ -152,7 +152,7 @@ pub fn read(photo: &Photo) -> Reading {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
     }
-    // If the photo contains much larger writing, the lines read so far are only a credit.
+    // If the photo contains much larger writing, the lines found so far are just a credit.
     let small = best_lines.iter().map(|line| line.letter_px).fold(0.0, f64::max);
     let larger = inks.iter().filter(|_| !best_lines.is_empty()).filter_map(|ink| ink.larger(small));
     let larger = clearest(larger, &mut budget, |line| line.letters.len() > 1 && line.ln_p > SURE);
@@ -216,7 +216,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let seen: Vec<char> = text.chars().collect();
     let word: Vec<Classes> = seen.iter().map(|letter| seen_as(*letter)).collect();
 
-    // The spelling model chooses the letters. Each letter then gets its probability and box.
+    // The spelling model chooses the letters. Their probabilities and boxes are then added.
     let choices = columns.choices(&word, &seen);
     let mut middles_px = columns.middles(&word);
     for middle in &mut middles_px {

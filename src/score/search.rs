@@ -26,7 +26,7 @@ impl PrefixP {
     }
 }
 
-/// Characters of symbols, and their probabilities at each column.
+/// Characters of the symbols, and probabilities of the symbols at each column.
 struct Table {
     names: Vec<char>,
     probabilities: Vec<Vec<f64>>,
@@ -53,9 +53,9 @@ impl Table {
 struct Prefix {
     /// Index of the prefix without its last symbol.
     parent: usize,
-    /// Index of the last symbol in its table.
+    /// Index of the prefix's last symbol in its table.
     symbol: usize,
-    /// Indices of the newest child and of the parent's next older child, or 0 if there is none.
+    /// Indices of the prefix's newest child and of its next older sibling, or 0 if there is none.
     child: usize,
     sibling: usize,
 }
@@ -109,7 +109,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     for (column, p_blank) in columns.of_set(BLANK).into_iter().enumerate() {
         steps.clear();
         for (prefix, p) in &beam {
-            // A blank, or the last symbol once more, leaves the prefix unchanged.
+            // A blank, or a repetition of the last symbol, leaves the prefix unchanged.
             let last = prefixes.last(*prefix).map(|(symbol, is_first)| {
                 let table = if is_first { &first } else { &rest };
                 (table.names[symbol], table.probabilities[symbol][column])

@@ -12,7 +12,7 @@ use super::view::View;
 use super::{BLUR_H, PX_PER_H};
 use noctograph_core::strokes::{Glyph, Move};
 
-/// A letter on its page. Lengths are in pixels of the page.
+/// The sketch of a letter. Lengths are in pixels of the letter's page.
 pub(super) struct Sketch {
     /// Light in the color of the strokes.
     pub(super) ink: Raster,

@@ -15,20 +15,20 @@ const N_SYMBOLS: usize = 27;
 /// Number of preceding letters on which the probability of a letter depends.
 const N_BEFORE: usize = 4;
 
-/// Natural logarithm of the backoff factor per letter dropped from a sequence not in the table.
+/// Natural logarithm of the backoff factor for each letter dropped from an unlisted sequence.
 const LN_BACKOFF: f64 = -0.916;
 
 /// Natural logarithm of probability that corresponds to a cost of 1 in the table.
 const LN_UNIT: f64 = -0.05;
 
-/// Weight of the spelling relative to the light, and fraction of words that are spelled at random.
+/// Weight of the spelling relative to the light, and assumed fraction of randomly spelled words.
 const WEIGHT: f64 = 0.6;
 const RANDOM: f64 = 0.2;
 
 /// Minimum probability of a letter that is tried.
 const LEAST: f64 = 0.001;
 
-/// Probability of "no letter" above which a letter would only be a guess, and `?` is read instead.
+/// Probability of "no letter" above which `?` is read, because any letter would be a guess.
 const GAP: f64 = 0.75;
 
 /// Width of the search's beam, in words.
@@ -37,7 +37,7 @@ const N_WORDS: usize = 64;
 /// Natural logarithm of probability per character of a word with a digit: 1 in 36.
 const WITH_DIGIT: f64 = -3.58;
 
-/// Natural logarithm of probability of a lone character: the mean over words and names.
+/// Natural logarithm of probability assumed for a lone character: the mean over words and names.
 const AVERAGE: f64 = -2.2;
 
 /// Letter sequences as sorted three-byte numbers in base 27, and their costs.
@@ -152,7 +152,7 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let Some(spelled) = spell(choices, expected).filter(|_| choices.len() > 1) else {
         return light;
     };
-    // Compares the best spelling with random letters (1 in 36 each), for which only light counts.
+    // Compares the best spelling with random letters (1 in 36 each), judged only by light.
     let n_letters = choices.len() as f64;
     let ln_p_of_light: f64 = seen.iter().map(|(_, p)| libm::log(p.max(LEAST))).sum();
     let as_light = libm::log(RANDOM) + ln_p_of_light - WEIGHT * n_letters * libm::log(36.0);
@@ -184,7 +184,7 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
             }
         }
         let likely: Vec<usize> = (1..N_SYMBOLS).filter(|symbol| light[*symbol] > LEAST).collect();
-        // Extends each word with each likely symbol, and keeps the likeliest words.
+        // Extends every word by each likely symbol, and keeps the likeliest words.
         let longer = words.iter().flat_map(|word| {
             likely.iter().map(|&symbol| word.and(symbol, libm::log(light[symbol])))
         });

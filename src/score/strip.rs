@@ -23,10 +23,10 @@ pub(super) const HEAD_ROW: usize = 8;
 /// net was trained.
 pub(super) const MARGIN_PX: usize = 13;
 
-/// Number of columns searched for extra letters on each side of a word: 1.5 H, the widest letter.
+/// Number of columns on each side of a word in which extra letters are searched: the widest letter.
 pub(super) const SIDE_PX: usize = 33;
 
-/// Width of the light that is removed beside punctuation, in pixels: 0.1 H, as wide as a pen.
+/// Width of the light removed beside punctuation, in pixels: 0.1 cap heights, a pen's width.
 const BESIDE_PX: f64 = 2.2;
 
 /// Relative height, downward shift in pixels, and relative exposure of each neighbor of a strip.
@@ -40,13 +40,13 @@ const LIT: (f32, usize) = (0.15, 2);
 /// Minimum level of a pixel that is used to measure the stroke width.
 const STROKE_LIT: f32 = 0.4;
 
-/// Quantile of the widths at lit pixels that is the stroke width. Corners and spots are wider.
+/// Quantile of the widths at lit pixels that is taken as stroke width. Corners and spots are wider.
 const STROKE_RANK: f64 = 0.2;
 
 /// Half-width of the opening's square, in stroke widths, and its minimum in pixels.
 const SOFT_REACH: (f64, usize) = (1.5, 3);
 
-/// Factor by which wide light is multiplied before it is subtracted. The factor exceeds 1 because
+/// Factor by which soft light is multiplied before it is subtracted. The factor exceeds 1 because
 /// part of that light was already subtracted with the sky.
 const SUBTRACTED: f32 = 3.0;
 
@@ -59,12 +59,12 @@ pub(super) struct Strip {
     pub(super) bright: Vec<f32>,
     /// Light in the color of the strokes, row by row.
     pub(super) pure: Vec<f32>,
-    /// The columns that are read. Both ends of the range are even.
+    /// The columns that are read. Both limits of the range are even.
     pub(super) read: Range<usize>,
 }
 
 impl Strip {
-    /// Cuts out the strip of a photo's light at a grid of [`HEIGHT`] rows.
+    /// Cuts out the strip from a photo's light, at a grid of [`HEIGHT`] rows.
     pub(super) fn cut(
         grid: &Grid,
         light: &Light,
@@ -127,13 +127,13 @@ impl Strip {
         before: &Raster,
         after: &Raster,
     ) -> Range<usize> {
-        // Corner and pixel size of the strip's grid, in pixels of the pictures.
+        // Computes corner and pixel size of the strip's grid, in pixels of the pictures.
         let ratio = grid.pitch_m / part.pitch_m;
         let Point { x: left, y: top } = part.page_from_plane(Point::new(grid.left_m, grid.top_m));
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
-        // The columns of the strip that overlap the pictures.
+        // Selects the columns of the strip that overlap the pictures.
         let [first, last] =
             [0.0, part.width as f64].map(|x| whole(((x - left) / ratio).max(0.0)).min(self.width));
         let columns = first..(last + 1).min(self.width);
@@ -168,7 +168,7 @@ impl Strip {
         })
     }
 
-    /// Returns the net's input for some columns: the roots of each pixel's channels, as bytes.
+    /// Returns the net's input for some columns: the square roots of the channels, as bytes.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     pub(super) fn bytes(&self, columns: Range<usize>) -> Vec<u8> {
         let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
@@ -183,7 +183,7 @@ impl Strip {
     }
 }
 
-/// Stretches light vertically about the middle of the capitals and moves it down. Outside is dark.
+/// Stretches light vertically about the middle of the capitals and moves it down, adding darkness.
 fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32> {
     let middle = HEAD_ROW as f64 + 0.5 * CAP_PX as f64 - 0.5;
     let mut moved = vec![0.0; light.len()];
@@ -200,10 +200,10 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
     moved
 }
 
-/// Subtracts soft light, such as that of a lit wall or a glow. The first channel must be luminance.
+/// Subtracts soft light, such as from a lit wall or a glow. The first channel must be luminance.
 fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     // An opening (Serra 1982) takes the minimum over squares and then the maximum of these minima.
-    // It keeps light that is wider than the square and removes the strokes.
+    // Opening keeps light that is wider than the square, but not strokes.
     let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
     for light in channels {
         let soft = noctograph_core::dispatch!(|| {

@@ -13,7 +13,7 @@ const LIT: f32 = 0.4;
 /// Maximum distance from a moved stroke to light that fills a gap in it: 0.05 H.
 pub(super) const CLOSE_PX: f64 = 0.05 * PX_PER_H as f64;
 
-/// Maximum distance, in pixels, from a line to light that contributes to the line's thickness.
+/// Maximum distance, in pixels, between a line and light that contributes to its thickness.
 const NEAR_PX: f64 = 6.0;
 
 /// The light of one letter as lines.
@@ -24,7 +24,7 @@ pub(super) struct LightLines {
 }
 
 impl LightLines {
-    /// Thins the lit pixels of a picture to lines.
+    /// Thins the lit pixels of a picture to form lines.
     pub(super) fn new(picture: &Raster) -> Self {
         let lit: Vec<bool> = picture.values.iter().map(|value| *value > LIT).collect();
         let thin = thinned(lit.clone(), picture.width);
@@ -125,7 +125,7 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
 
 /// True if a pixel is on an edge that the pass removes, and the lines stay connected without it.
 fn is_removable(ink: &[bool], width: usize, pixel: usize, pass: usize) -> bool {
-    // The eight neighbors, clockwise from the one above the pixel.
+    // The ring consists of the eight neighbors, clockwise from the one above the pixel.
     let (up, down) = (pixel - width, pixel + width);
     let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
     let ring = ring.map(|beside| ink[beside]);

@@ -6,8 +6,8 @@ use noctograph_core::photo::{Photo, PhotoData};
 /// Minimum mean probability of upright letters. NOOR upside down is read as HOON with 0.87.
 const UPRIGHT: f64 = 0.92;
 
-/// Minimum gain in mean probability if the photo is upside down. An upright, unclear MOON has 0.9,
-/// but is read as NOOW with 0.98 upside down.
+/// Minimum gain in mean probability if the photo is upside down. An unclear MOON has 0.9, but
+/// upside down is read as NOOW with 0.98.
 const LEAD: f64 = 0.1;
 
 /// Minimum level of white paper in daylight, and minimum ratio of bright to dark pixels at an edge.
@@ -42,7 +42,7 @@ pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Re
     if is_right(upright, word) {
         return None;
     }
-    // The writing is seen from behind, or reflected in water and therefore also upside down.
+    // Writing is seen from behind, or reflected in water and thus also upside down.
     let [left, down] =
         [0, 2].map(|quarters| (read(&quarter_turned(&mirrored(photo), quarters)), quarters));
     let is_down = down.0.mean_p() > left.0.mean_p() + LEAD;
@@ -55,7 +55,7 @@ fn is_clear(reading: &Reading) -> bool {
     reading.letters.len() >= LEAST_LETTERS && reading.mean_p() >= UPRIGHT
 }
 
-/// True if a photo is read as the word, or if it is read clearly and `word` is empty.
+/// True if a reading equals the word, or if it is clear and `word` is empty.
 fn is_right(upright: &Reading, word: &str) -> bool {
     upright.text.eq_ignore_ascii_case(word) || is_clear(upright) && word.is_empty()
 }

@@ -37,12 +37,11 @@ pub struct Verdict {
     pub letters: Vec<LetterVerdict>,
     /// The reason why the word is not legible, or `None` if it is.
     pub reason: Option<Reason>,
-    /// The text read by blind recognition, or `None` if nothing is visible.
+    /// The text that blind recognition reads in the photo, or `None` if nothing is visible.
     pub second_opinion: Option<String>,
     /// Faults, in order of decreasing gain. The list is empty if faults were not computed.
     pub causes: Vec<Cause>,
-    /// At most three changes, in order of decreasing gain. The list is empty if changes were not
-    /// computed.
+    /// Advice on at most three changes, in order of decreasing gain. Empty if not computed.
     pub advice: Vec<Advice>,
 }
 
@@ -51,14 +50,14 @@ pub struct Verdict {
 pub struct RivalWord {
     /// The word.
     pub word: String,
-    /// Probability, 0 to 1, of this word if a viewer chooses only between it and the expected word.
+    /// Probability, 0 to 1, that a viewer who must choose prefers this word to the expected one.
     pub p: f64,
 }
 
 /// Placement of the word relative to the intended one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Placement {
-    /// Shift in the plane of the word: right and up.
+    /// Shift in the plane of the word: x to the right and y upward.
     pub shift_m: [f64; 2],
     /// Ratio of the size to the intended size.
     pub scale: f64,
@@ -81,14 +80,14 @@ pub struct LetterVerdict {
     /// The three likeliest other letters, in descending order of probability.
     #[serde(default)]
     pub rivals: Vec<Rival>,
-    /// Offset of the letter from its position in the word: right and up. Like the next four fields,
-    /// it is `None` if it was not computed.
+    /// Offset of the letter from its position in the word (right, up). This field and the next four
+    /// are `None` if they were not computed.
     pub shift_m: Option<[f64; 2]>,
     /// Fraction of the moved intended strokes that have light within 0.1 cap heights.
     pub recall: Option<f64>,
     /// Fraction of the lines of light that is within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
-    /// Length of the intended strokes without light.
+    /// Length of the intended strokes that have no light.
     pub missing_mm: Option<f64>,
     /// Length of the lines of light that are away from the intended strokes.
     pub stray_mm: Option<f64>,
@@ -128,8 +127,8 @@ pub enum Reason {
 }
 
 impl Verdict {
-    /// Returns the probability that a viewer reads this word and no other. It is the readability,
-    /// limited by the probability against a likelier rival. Studies use it to rank and tune.
+    /// Returns the probability that a viewer reads this word and no other: the readability, limited
+    /// by the probability against a likelier rival. Studies use it to rank and tune.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
@@ -140,7 +139,7 @@ impl Verdict {
         (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
     }
 
-    /// True if blind recognition reads another text. Characters that look alike count as equal.
+    /// True if blind recognition reads a different text. Characters that look alike count as equal.
     pub fn is_contradicted(&self) -> bool {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
@@ -178,7 +177,7 @@ impl From<&Placed> for Placement {
 }
 
 impl Placement {
-    /// True if the word is within `reach_m` of its intended position, size and rotation included.
+    /// True if the word is within `reach_m` of its position, and scale and rotation are in range.
     pub(super) fn overlaps_page(&self, reach_m: f64) -> bool {
         libm::hypot(self.shift_m[0], self.shift_m[1]) <= reach_m
             && (SCALES[0]..=SCALES[1]).contains(&self.scale)

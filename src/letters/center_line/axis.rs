@@ -12,7 +12,7 @@ use super::super::outline::Filled;
 use super::super::vector::direction;
 use noctograph_core::geometry::distance;
 
-/// Grid to which samples are rounded, in cap heights.
+/// Spacing of the grid to which samples are rounded, in cap heights.
 const SAMPLE_GRID: f64 = 1e-6;
 
 /// A graph of disc centers. Nodes that were cut off remain, but without neighbors.
@@ -126,7 +126,7 @@ impl Axis {
                 }
             }
         }
-        // Nodes that no path from an end contains belong to loops.
+        // Any node that is not on a path between ends belongs to a loop.
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
                 let path = self.path(node, self.neighbors[node][0], &|_| false);

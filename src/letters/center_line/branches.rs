@@ -1,11 +1,11 @@
-//! Branches of the axis, whose ends at junctions are repaired, and chains of branches.
+//! Branches of the medial axis, repair of their ends at junctions, and chains of branches.
 
 use noctograph_core::geometry::{arc_lengths, distance};
 use noctograph_core::statistics::median;
 
 use super::super::vector::{ahead, direction, minus};
 
-/// Ratio to a branch's median radius to which its radius must fall before the branch is used.
+/// Maximum ratio of the radius to the branch's median radius where the branch starts to be used.
 const SETTLED: f64 = 1.06;
 
 /// Minimum and maximum length skipped at a junction's end of a branch, in radii of the junction,
@@ -23,13 +23,13 @@ pub(super) struct Knot {
     pub(super) corner: bool,
 }
 
-/// A branch's end at a junction.
+/// The end of a branch at a junction.
 #[derive(Debug)]
 pub(super) struct Arm {
     pub(super) branch: usize,
     /// True for the end of the branch, false for its start.
     pub(super) tail: bool,
-    /// First point of the arm's usable center line, and the direction there away from the junction.
+    /// First usable point of the arm's center line, and its direction away from the junction.
     pub(super) from: [f64; 2],
     pub(super) away: [f64; 2],
     /// Median radius of the arm's branch.
@@ -47,7 +47,7 @@ pub(super) struct Branch {
     used: bool,
 }
 
-/// The points from a branch's end to where it meets others, and the next branch.
+/// The points from a branch's end to where it meets other branches, and the branch that follows.
 #[derive(Default)]
 pub(super) struct Connection {
     pub(super) knots: Vec<Knot>,
@@ -84,7 +84,7 @@ impl Branch {
             (0..n).find(|i| along[*i] >= earliest && self.radii[*i] <= SETTLED * median_radius);
         let first = settled.filter(|i| along[*i] <= latest);
         let first = first.unwrap_or_else(|| along.partition_point(|s| *s < latest).min(n - 2));
-        // The direction is measured over about one radius of the junction.
+        // The arm's direction is measured over about one radius of the junction.
         let until = along[first] + radius.min(0.5 * (length - along[first])).max(1e-9);
         let last = along.partition_point(|s| *s < until).clamp(first + 1, n - 1);
         let from = self.points[first];

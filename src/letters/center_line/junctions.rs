@@ -17,7 +17,7 @@ const ONE_BEND: f64 = 2.5;
 const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
 
-/// A limit below the cosine of every turn.
+/// Limit that is less than the cosine of any turn.
 const ANY_TURN: f64 = -2.0;
 
 /// Sine of the maximum angle between an upright arm and the vertical or horizontal: 3°.
@@ -115,7 +115,7 @@ struct Joint<'a> {
 }
 
 impl Joint<'_> {
-    /// True if a point is within `reach` radii of the junction's center.
+    /// True if a point is within `reach` times the radius from the junction's center.
     fn is_near(&self, point: [f64; 2], reach: f64) -> bool {
         distance(point, self.middle) <= reach * self.radius
     }
@@ -144,7 +144,7 @@ impl Joint<'_> {
 /// Connects the arms of a junction. Arms that continue straight through are joined by a curve, on
 /// which the others end. If there are none, all arms meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
-    // Joins the straightest pair first. Each of its arms gets half of their curve.
+    // Joins the straightest pair first. Each arm of a pair gets half of the curve in between.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
@@ -190,7 +190,7 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     }
 }
 
-/// Returns a single knot with a corner.
+/// Returns a line of a single knot with a corner.
 fn corner(position: [f64; 2]) -> Vec<Knot> {
     vec![Knot { position, corner: true }]
 }
@@ -231,7 +231,7 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
 
 /// Returns the point nearest to the lines of all arms, or `None` if they are nearly parallel.
 fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
-    // Least squares: the minimum of the sum of (n · p − offset)² over normals n.
+    // These are the normal equations of least squares for n · p = offset over all normals n.
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for arm in arms {
         let [nx, ny] = [-arm.away[1], arm.away[0]];

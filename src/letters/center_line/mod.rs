@@ -1,9 +1,9 @@
-//! Center lines: the strokes of a pen that would leave the ink inside an outline.
+//! Center lines: the strokes with which a pen would draw the ink inside an outline.
 //!
-//! Spurs into corners are removed from the medial axis ([`axis`]) of the ink ([`prune`]). At
-//! junctions the center lines are extended straight until they meet, and two nearly collinear lines
-//! become one stroke ([`junctions`]). Between corners, lines are smoothed within a given error. A
-//! blob without a line, such as a full stop, becomes a dot.
+//! The medial axis of the ink is computed ([`axis`]), and its spurs into corners are removed
+//! ([`prune`]). At junctions the center lines are extended straight until they meet, and two nearly
+//! collinear lines become one stroke ([`junctions`]). Between corners, lines are smoothed within a
+//! given error. A blob without a line, such as a full stop, becomes a dot.
 
 use super::outline::{Contour, Filled, ink_edges, mean_stroke_width};
 use super::smooth::{MAX_POINTS, simplified, smooth};
@@ -28,24 +28,24 @@ const FLATNESS: f64 = 0.0015;
 /// Spacing of points for smoothing, in cap heights.
 const SPACING: f64 = 0.008;
 
-/// Spacing of the outline's samples in mean stroke widths, and its limits in cap heights.
+/// Spacing of the outline's samples in mean stroke widths, and limits in cap heights.
 const SAMPLE_SPACING: f64 = 0.15;
 const SAMPLING: [f64; 2] = [1e-3, 0.01];
 
-/// Maximum length of a part of the axis that becomes a dot, relative to its radius.
+/// Maximum length, relative to its radius, of a part of the axis that becomes a dot.
 const BLOB: f64 = 0.8;
 
 /// Minimum radius of a dot, relative to the median half width of the strokes.
 const LEAST_DOT: f64 = 0.1;
 
-/// Minimum length of axis without a line, in half widths, that counts as a lost stroke. The axis
-/// has 0.9 in the corner of a stroke's end, and less than 2 in a serif.
+/// Minimum length of axis without a line, in half widths, that counts as a lost stroke. In the
+/// corner of a stroke's end the length is 0.9, and in a serif less than 2.
 const LOST: f64 = 3.0;
 
 /// Length in cap heights of the line that represents a dot, as in the stroke fonts.
 const DOT: f64 = 0.01 / 21.0;
 
-/// Center lines, and the median half width of the strokes.
+/// Center lines, and measures of the strokes.
 #[derive(Debug, Default)]
 pub(super) struct CenterLines {
     pub(super) lines: Vec<Vec<[f64; 2]>>,
@@ -72,7 +72,7 @@ const STEPS_PER_DISTANCE: usize = 5;
 /// Returns the center lines of an outline in cap heights. Some lines are missing if the budget is
 /// spent.
 pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
-    // Samples the outline more densely if the strokes are thinner.
+    // Thin strokes need denser samples of the outline.
     let ink = Filled::new(contours, budget);
     let spacing = (SAMPLE_SPACING * mean_stroke_width(contours)).clamp(SAMPLING[0], SAMPLING[1]);
     let ink_edges = ink_edges(contours, &ink, spacing);
@@ -140,7 +140,7 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
-/// Returns the length of the longest part of the axis whose discs no line enters, 0 if negligible.
+/// Returns the length of the axis's longest part whose discs no line enters, or 0 if it is short.
 fn lost_length(
     axis: &Axis,
     unpruned: &[Vec<usize>],
@@ -151,7 +151,7 @@ fn lost_length(
     let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
-    // Only links between untouched nodes are kept, and the connected parts are measured.
+    // Keeps only links between untouched nodes, and measures the connected parts.
     let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);

@@ -8,8 +8,8 @@ use noctograph_core::statistics::median;
 /// Budget steps for visiting a node.
 const STEPS_PER_NODE: usize = 10;
 
-/// Protrusions of a spur, relative to the radius at its root, below which it is a ripple of the
-/// outline and a stroke's end, respectively. A square end has 0.41, and a round end 0.
+/// Protrusions of a spur, relative to the radius at its root, below which the spur is a ripple of
+/// the outline and a stroke's end, respectively. It is 0.41 in a square end and 0 in a round one.
 const RIPPLE: f64 = 0.02;
 const BLUNT: f64 = 0.46;
 
@@ -17,8 +17,8 @@ const BLUNT: f64 = 0.46;
 const SHARP: f64 = 0.45;
 
 /// Maximum length of a spur into a corner, relative to the radius at its root: 1 / sin of half the
-/// corner's angle. 3.6 means 32°, which is sharper than the flat end of a slanted stroke (K, X: 35°
-/// to 50°) and blunter than a tapering stroke.
+/// corner's angle. The value 3.6 corresponds to 32°, which is sharper than the flat end of a
+/// slanted stroke (K, X: 35° to 50°) and blunter than a tapering stroke.
 const LONGEST: f64 = 3.6;
 
 /// Maximum final radius, relative to the radius at its root, of a longer spur that belongs to a
@@ -26,11 +26,11 @@ const LONGEST: f64 = 3.6;
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
-/// Minimum protrusion of a corner's spur for the line to bend. A corner of 130° has 0.1.
+/// Minimum protrusion of a spur into a corner at which the line bends: that of a 130° corner.
 const BENDS: f64 = 0.1;
 
-/// Ratios to a path's median radius: an end with a radius below the first is a tip, which is cut
-/// off up to where the radius reaches the second.
+/// Ratios to a path's median radius. An end whose radius is below the first ratio is a tip, and is
+/// cut off up to where the radius reaches the second ratio.
 const TIP: [f64; 2] = [0.6, 0.92];
 
 /// Maximum length of a stub from a crotch to the tip above it (A, M, N, V, W), in radii at its
@@ -47,8 +47,8 @@ const HEADING: f64 = 2.5;
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs. Says for each node whether a line bends there because the spur belonged to a
-/// corner.
+/// Cuts off all spurs. Returns true for each node at which a line bends because the node's spur
+/// belonged to a corner.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
     // Ripples are cut first because they split branches. Spurs of each kind are cut until none is
@@ -62,14 +62,14 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Charges to the budget a walk from every end, each over all nodes at most. Returns false if the
-/// budget is spent.
+/// Charges to the budget one walk from every end, each of which may visit all nodes. Returns false
+/// if the budget is spent.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the tapering ends of paths, up to where the width is nearly the usual one.
+/// Cuts off the tapering ends of paths, up to where the width is nearly typical.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {

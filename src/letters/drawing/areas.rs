@@ -22,10 +22,10 @@ const POINT: f64 = 0.025;
 /// Maximum thickness of a line and of a dot, in pen widths.
 const PENS: f64 = 2.0;
 const DOTS: f64 = 1.5;
-/// Minimum length of a pen's line, relative to half its maximum thickness.
+/// Minimum length of a pen stroke, relative to half its maximum thickness.
 const LONG: f64 = 4.0;
-/// Minimum intersection over union of a patch and a pen's line along its center: for a lone line,
-/// and for a letter beside others or a line as thick as the drawing's pen.
+/// Minimum intersection over union of a patch and a pen's line along its center: for a line on its
+/// own, and for a letter beside others or a line of the drawing's pen.
 const PENNED: [f64; 2] = [0.82, 0.65];
 /// Number of points along a side of the grid on which the overlap is estimated.
 const GRID: u32 = 40;
@@ -36,7 +36,7 @@ const GAP: f64 = 2.5;
 /// Minimum number of neighboring letters for a patch to be a letter.
 const LETTERS: usize = 2;
 
-/// Budget steps for measuring the distance to a segment.
+/// Budget steps for measuring the distance from a point to a segment.
 const STEPS_PER_DISTANCE: usize = 10;
 
 /// Number of pixels in a small patch's unit of length. Smoothing has a tolerance of 0.004 units,
@@ -62,7 +62,7 @@ pub(super) struct Patch<'a> {
 
 impl<'a> Patch<'a> {
     /// Creates a patch from contours in pixels. `larger_px` is the larger side of the drawing, and
-    /// `cap_height_px` the height that its letters would have.
+    /// `cap_height_px` the cap height on its scale.
     pub(super) fn new(
         mut contours: Vec<Contour>,
         [larger_px, cap_height_px]: [f64; 2],
@@ -161,7 +161,7 @@ pub(super) fn lines(patches: &[Patch<'_>], larger_px: f64) -> Vec<Vec<[f64; 2]>>
     let letter_px = median(written.map(|(patch, _)| patch.pen_px[0])).unwrap_or(0.0);
     let lines = patches.iter().zip(&letters).flat_map(|(patch, is_letter)| {
         let line = patch.center.as_ref().filter(|center| {
-            // A patch is a line because of its shape, its neighbors, or the drawing's pen.
+            // A patch counts as a line because of its shape, its neighbors, or the drawing's pen.
             let thickest_px = patch.pen_px[1];
             let is_point = size(patch.bounds_px) < POINT * larger_px;
             let is_dot =

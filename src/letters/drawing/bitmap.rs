@@ -28,7 +28,7 @@ const LONGER_SIDE: u32 = 1200;
 /// Budget steps for decoding a byte. A picture of three channels may have 40 million pixels.
 const STEPS_PER_BYTE: usize = 8;
 
-/// Maximum fraction of soft tones in a photograph of lines.
+/// Maximum fraction of pixels with soft tones in a photograph of lines.
 const SOFT: f64 = 0.04;
 
 /// Background levels for a transparent picture. The first one from which nearly all of the ink
@@ -38,7 +38,7 @@ const GROUNDS: [u8; 3] = [255, 0, 128];
 /// that does not.
 const APART: u8 = 40;
 const LOST: f64 = 0.01;
-/// Minimum fraction of opaque pixels, and of white pixels among them, if a picture includes paper.
+/// Minimum fraction of opaque pixels, and of white pixels among them, in a picture with its paper.
 const PAPER: f64 = 0.5;
 
 /// Maximum difference between a pixel of a checkerboard and its nominal gray, and range of the
@@ -77,7 +77,7 @@ pub(super) fn read(
         picture = square_on(&picture, &corners.map(|corner| corner.map(|x| x / file_scale)));
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
-    // Separates the ink, unless the picture is a photograph of something else.
+    // Separates the ink, and rejects photographs of anything but lines.
     let mut field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         return Err(photograph(file));
@@ -239,7 +239,7 @@ fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> 
 /// Returns a transparent picture on a background from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
     let opaque = picture.pixels().filter(|pixel| pixel.0[3] > 127);
-    // Number of pixels that would be invisible on each background.
+    // Counts the pixels that would be invisible on each background.
     let n_opaque = opaque.clone().count() as f64;
     let n_lost = GROUNDS.map(|ground| {
         let lost = opaque
@@ -281,7 +281,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
             *n_of_length.entry(run[1].len()).or_default() += 1;
         }
     }
-    // At least two thirds of the runs must have the usual length, and rows must average one run.
+    // Two thirds of the runs must have the usual length, and the mean per row must be at least one.
     let n_runs: usize = n_of_length.values().sum();
     let usual = n_of_length.iter().max_by_key(|(_, n)| **n).map_or(0, |(length, _)| *length);
     let n_usual: usize =

@@ -25,7 +25,7 @@ const STRAIGHT: f64 = 0.5;
 /// Number of smoothed points along the larger side.
 const POINTS: f64 = 200.0;
 
-/// Budget steps for comparing two lines, and for smoothing a point.
+/// Budget steps for comparing a pair of lines, and for smoothing a point.
 const STEPS_PER_PAIR: usize = 10;
 const STEPS_PER_POINT: usize = 500;
 
@@ -47,7 +47,7 @@ pub(super) fn reduced(
     budget.steps(STEPS_PER_PAIR.saturating_mul(lines.len().saturating_mul(lines.len())))?;
     let lines = joined(lines, GAP * roughness);
     let longest = lines.iter().map(|(line, _)| polyline_length_m(line)).fold(0.0, f64::max);
-    // The longest line is always kept.
+    // The longest line is kept, whatever its length.
     let shortest = (SHORTEST * roughness).min(longest);
     let (mut lines, short): (Vec<_>, Vec<_>) =
         lines.into_iter().partition(|(line, _)| polyline_length_m(line) >= shortest);

@@ -4,12 +4,12 @@
 //! {"strokes": [[[12, 40, 0.00], [13, 44, 0.02]], [[30, 41, 0.35], [36, 41, 0.40]]], "y": "down"}
 //! ```
 //!
-//! A stroke is a list of points from pen down to pen up. A point is x, y and, if known, the time in
-//! seconds. Units of length are arbitrary. `y` increases `down` (the default, as on screens) or
-//! `up`. `"colors": [[255, 0, 0], [0, 0, 255]]` contains the red, green and blue values of each
-//! stroke. A black stroke is drawn in the lamp's default color. `"canvas": [left, top, right,
-//! bottom]` is the page that was written on. With it, the whole page is placed, and a single tap is
-//! a dot. All other keys of the file are ignored.
+//! A stroke is a list of points from pen down to pen up. A point contains x, y and, if known, the
+//! time in seconds. Units of length are arbitrary. `y` increases `down` (the default, as on
+//! screens) or `up`. `"colors": [[255, 0, 0], [0, 0, 255]]` contains the red, green and blue values
+//! of each stroke. A black stroke is drawn in the lamp's default color. `"canvas": [left, top,
+//! right, bottom]` is the page that was written on. If it is given, the whole page is placed in the
+//! plane, and a single tap becomes a dot. All other keys of the file are ignored.
 
 use serde::Deserialize;
 
@@ -129,7 +129,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
 }
 
 impl Page {
-    /// Returns the factor that makes y point up.
+    /// Returns the factor by which y is multiplied to point upward.
     fn sign(&self) -> f64 {
         match self.y {
             Upward::Down => -1.0,
@@ -225,7 +225,7 @@ fn write(
 }
 
 /// Sets the pace of each lit move, as a fraction of the writer's mean speed, from its duration.
-/// Does nothing without durations.
+/// Does nothing if there are no durations.
 fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(durations_s.iter().copied()).collect();

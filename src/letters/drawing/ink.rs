@@ -2,13 +2,13 @@
 //!
 //! If most of the picture's edge has one color, that is the paper, and everything darker or lighter
 //! is ink. Otherwise the picture is a photograph with an adaptive threshold: a pixel is ink if it
-//! is darker than its surroundings by a fraction (Bradley and Roth, Journal of Graphics Tools 12,
-//! 2007), or lighter if most of the picture is dark. The mean over a window would leave a band
-//! along shadows and holes in filled shapes. Therefore the surroundings are a morphological closing
-//! that is wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27, 1979). A second
-//! closing, wider than any shape, distinguishes filled shapes from shadows by depth and hue.
+//! is darker than its surroundings by a certain fraction (Bradley and Roth, Journal of Graphics
+//! Tools 12, 2007), or lighter if the picture is mostly dark. The mean over a window would leave a
+//! band along shadows and holes in filled shapes. Therefore the surroundings are a morphological
+//! closing that is wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27, 1979). A
+//! second closing, wider than any shape, distinguishes filled shapes from shadows by depth and hue.
 //!
-//! The strongest of red, green and blue is used, so that yellow is as strong as blue. Ink on a
+//! Contrast is that of the channel with the most, so that yellow counts as much as blue. Ink on a
 //! background of several colors and the edge of a sheet are not modeled.
 
 use std::ops::Range;
@@ -26,13 +26,13 @@ const SAME_COLOR: f64 = 8.0;
 /// Minimum fraction of the picture's edge, and of the picture, that has the color of the paper.
 const EVEN: [f64; 2] = [0.6, 0.2];
 
-/// Number of blocks along the longer side, and minimum ratio of tones that counts as skewed.
+/// Number of blocks along the longer side, and minimum ratio of outliers of both kinds.
 const BLOCKS: usize = 24;
 const SKEWED: f64 = 1.4;
 /// Minimum fraction of blocks that a bright area contains if it is paper.
 const PAPER: f64 = 0.2;
 
-/// The picture's longer side, in half widths of the widest pen and of the widest filled shape.
+/// Ratio of the picture's longer side to half the width of the widest pen and filled shape.
 const PEN: u32 = 40;
 const SHAPE: u32 = 3;
 /// An area wider than a pen is shaded paper if it has at least this fraction of the light around
@@ -61,7 +61,7 @@ type Tones = (Range<f64>, Range<f64>, usize);
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
 /// The soft tones of glare or a shadow on paper of one color, above the noise of a JPEG.
 const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
-/// Fraction of a picture in glare above which its paper does not have one color.
+/// Fraction of glare in a picture above which its paper does not count as one color.
 const GLARING: f64 = 0.01;
 
 /// Number of pixels on each side with which a pixel's ink is compared: more than a lens blurs.
@@ -151,7 +151,7 @@ impl Field {
         edges.count()
     }
 
-    /// Returns the color of a pixel, in a photograph without its brightness, which shadows change.
+    /// Returns the color of a pixel. In photographs, brightness is removed, as shadows change it.
     fn shade(&self, pixel: usize) -> [f64; CHANNELS] {
         let color = self.color[pixel];
         let light = if self.has_grain { color.iter().sum::<f64>().max(APART) } else { 1.0 };
@@ -256,8 +256,8 @@ fn paper_around(
 }
 
 /// True if ink is lighter than its paper. This is judged from the blocks within a large bright
-/// area, which is paper on a desk. Without such an area it is judged from all blocks or, if they
-/// are not clear, from the picture's edge.
+/// area, which is paper on a desk. Without such an area it is judged from all blocks or, if these
+/// are inconclusive, from the picture's edge.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];

@@ -156,7 +156,7 @@ pub(super) struct Layer<'a> {
     pub(super) is_stroke: bool,
 }
 
-/// A limit on where an element is visible.
+/// A restriction of where an element is visible.
 pub(super) enum Cut<'a> {
     /// The edge of the page.
     Page(Area<'a>),
@@ -167,7 +167,7 @@ pub(super) enum Cut<'a> {
 }
 
 impl<'a> Cut<'a> {
-    /// Returns the area that bounds the cut, if there is one, and the layers that form the cut.
+    /// Returns the area that bounds the cut, if any, and the layers that form the cut.
     pub(super) fn parts(&self) -> (Option<&Area<'a>>, &[Layer<'a>]) {
         match self {
             Self::Page(edge) => (Some(edge), &[]),

@@ -59,7 +59,7 @@ const MAX_COLORS: usize = 64;
 /// Default width and height of a drawing's canvas, in cap heights.
 const CANVAS: [f64; 2] = [4.0, 1.0];
 
-/// Minimum extent of a drawing relative to its largest coordinate, above rounding errors.
+/// Minimum extent of a drawing relative to its largest coordinate, larger than rounding errors.
 const ROUNDING: f64 = 1e-9;
 
 /// Height of a horizontal line's cell, or width of a vertical line's cell, relative to its length.
@@ -87,8 +87,8 @@ type ColoredLine = (Vec<[f64; 2]>, Color);
 ///
 /// An SVG file is drawn as a browser shows it, with strokes along their line and fills along their
 /// outline. In a picture, lines on paper are drawn along their center, and patches along their
-/// outline. Handwriting keeps its order and direction. Unsupported features are named in the
-/// warnings, and text is refused.
+/// outline. Handwriting keeps its order and direction. Warnings name unsupported features, and
+/// files that contain text are rejected.
 ///
 /// # Errors
 ///
@@ -170,7 +170,7 @@ fn foreign(kind: &str, file: &str) -> Error {
 
 /// A drawing at the requested level of detail.
 struct Detailed {
-    /// The chosen lines.
+    /// The selected lines.
     lines: Numbered<ColoredLine>,
     left_out: LeftOut,
     /// All strokes, in the coordinates of the file.
@@ -295,7 +295,7 @@ impl Placing {
         (number, self.place([0, 1].map(|i| 0.5 * (a[i] + b[i]))))
     }
 
-    /// Returns the lit run along a line. A single point is repeated.
+    /// Returns the lit run along a line. A single point becomes a run of two equal points.
     fn run(&self, line: &[[f64; 2]]) -> Run {
         let mut points: Vec<_> = line.iter().map(|place| point(self.place(*place))).collect();
         if points.len() == 1 {

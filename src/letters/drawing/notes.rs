@@ -3,7 +3,7 @@
 //!
 //! An element that would be drawn in the wrong position is left out. Text, pictures and other
 //! foreign content are replaced by a sign: a shape that reveals whether the content would be
-//! visible. Other unsupported features change the look of a line but not its position.
+//! visible. Other unsupported features affect the appearance of a line but not its position.
 
 use std::ops::Range;
 use std::str::FromStr as _;
@@ -28,7 +28,7 @@ const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-lab
     vector-effect vertical-align visibility white-space will-change word-spacing writing-mode \
     z-index";
 
-/// Unsupported properties that also exist as attributes.
+/// Unsupported CSS properties that also exist as XML attributes.
 const OTHERS: &str = "animation animation-name backdrop-filter background-image clip-path-box \
     content-visibility mask-border mask-clip mask-image mask-mode mask-position mask-size \
     offset-distance offset-path perspective perspective-origin rotate scale shape-outside \
@@ -49,7 +49,7 @@ const SHAPES: &str = "circle ellipse g line path polygon polyline rect svg symbo
 /// Elements whose content only browsers can draw.
 pub(super) const FOREIGN: &str = "text image foreignObject video iframe canvas mesh solidcolor";
 
-/// Elements whose content is not drawn. A pattern is drawn as a shade.
+/// Elements whose content is not drawn. Patterns are drawn as a uniform shade.
 pub(super) const EMPTIED: &str = "pattern filter";
 
 /// Elements that only have an effect if other elements refer to them.
@@ -91,7 +91,7 @@ pub(super) fn in_words_of_usvg(mut text: String) -> String {
     }
     let text = text.replace("svg:root", "svg").replace(":root", "svg");
     let text = text.replace("background:", "background-color:");
-    // Transforms have units in CSS but not in attributes, and usvg only reads the latter form.
+    // Transforms have units in CSS but not in attributes, and usvg reads only attributes.
     let mut parts = text.split("transform:");
     let mut written = parts.next().unwrap_or("").to_owned();
     for part in parts {
@@ -107,7 +107,7 @@ pub(super) fn in_words_of_usvg(mut text: String) -> String {
 pub(super) struct Notes<'a, 'b, 'input> {
     pub(super) styles: &'b Styles<'a, 'input>,
     pub(super) named: &'b mut Named,
-    /// The elements that were replaced by signs.
+    /// The elements that have been replaced by signs.
     pub(super) signs: Vec<Node<'a, 'input>>,
     /// The ranges of the text that are replaced, in order, with their new text.
     pub(super) edits: Vec<(Range<usize>, String)>,
@@ -228,7 +228,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let mut is_left_out = false;
         for (name, value, of_css) in self.styles.declared(node).iter().copied() {
             let value = value.trim();
-            // Only the value in force matters. CSS variables by themselves have no effect.
+            // Only the effective value matters. CSS variables by themselves have no effect.
             if of_css && name.starts_with("--") || self.styles.value(node, name) != Some(value) {
                 continue;
             }
@@ -277,7 +277,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             return Some(note);
         }
         Some(match name {
-            // Declarations that refer to other elements.
+            // Handles declarations that refer to other elements.
             "marker-start" | "marker-mid" | "marker-end" | "marker"
                 if target == "marker"
                     && node.ancestors().any(|node| node.tag_name().name() == "marker") =>
@@ -287,7 +287,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             "href" if tag == "use" && !value.starts_with('#') => {
                 ("another file (`use`)".into(), "not followed")
             }
-            // Declarations of paths.
+            // Handles declarations of paths.
             "d" if !of_css
                 && tag == "path"
                 && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
@@ -327,9 +327,9 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 value != "auto" && svgtypes::Length::from_str(value).is_err()
             }
             _ if has(KNOWN, name) => is_reset,
-            // Properties that only affect text.
+            // Properties that affect only text are not ignored features.
             _ if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => false,
-            // Browsers, too, ignore attributes that are not properties.
+            // Browsers also ignore attributes that are not properties.
             _ => !is_neutral(value) && (of_css || has(OTHERS, name)),
         }
     }

@@ -1,8 +1,8 @@
 //! Removes lines that are not visible separately: parts of lines under a stroke that covers them,
 //! or along a line that is already drawn.
 //!
-//! Lines are compared from the front to the back, each with those near it in front. An edge between
-//! two colors thus becomes one line, and so does a color's edge under its outline. A line that only
+//! Lines are compared from the front to the back, each with those near it in front. Thus the edge
+//! between two colors becomes one line, as does a color's edge under its outline. A line that only
 //! crosses a stroke stays whole.
 
 use std::collections::{BTreeMap, HashMap};
@@ -21,7 +21,7 @@ const NEAR: f64 = 1e-3;
 const CELLS: f64 = 128.0;
 
 /// Maximum length, in half widths of a stroke, of the part of a line that the stroke merely
-/// crosses. It corresponds to an angle of 20°.
+/// crosses. At this length, the lines cross at 20°.
 const CROSSING: f64 = 6.0;
 
 /// Budget steps for visiting a cell, and for comparing with a piece in it.
@@ -45,7 +45,7 @@ struct Piece {
     ends: [[f64; 2]; 2],
 }
 
-/// The lines in front, indexed by cells. Wide strokes are in levels with larger cells.
+/// The lines in front, indexed by cells. Wide strokes are stored in levels with larger cells.
 pub(super) struct Front<'a> {
     budget: &'a Budget,
     near: f64,
@@ -128,7 +128,7 @@ impl<'a> Front<'a> {
     fn cover(&self, place: [f64; 2], along: [f64; 2], element: usize) -> Option<f64> {
         let mut most: Option<f64> = None;
         for (level, farthest) in &self.levels {
-            // A piece's middle is at most a quarter of a cell from its ends.
+            // The middle of a piece is at most a quarter of a cell from the piece's ends.
             let range = 0.25 * self.cell_of(*level) + farthest;
             let [low, high] =
                 [-range, range].map(|offset| self.key(*level, place.map(|x| x + offset)));
@@ -203,8 +203,8 @@ impl<'a> Front<'a> {
     }
 }
 
-/// Returns the visible parts of a line, from its stretches. A stroke that only crosses hides
-/// nothing, and a short gap between two covered stretches is hidden.
+/// Returns the visible parts of a line, from its stretches. A stroke that merely crosses a line
+/// hides nothing, and a short gap between two covered stretches is hidden.
 fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
     // First, short gaps between covered stretches become covered.
@@ -217,7 +217,7 @@ fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<V
             *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
     }
-    // Then covered stretches become visible if they are so short that a stroke only crosses.
+    // Then covered stretches that are short enough for a mere crossing become visible.
     let mut stretches = joined(stretches, is_closed);
     let n = stretches.len();
     for (index, (points, cover)) in stretches.iter_mut().enumerate() {

@@ -30,7 +30,7 @@ const ALONG: f64 = 0.1;
 const RULINGS: usize = 8;
 /// Fraction of a picture in faint marks above which there is a warning.
 pub(super) const FAINT: f64 = 0.02;
-/// Minimum number of lines in a picture that is as finely detailed as a QR code.
+/// Minimum number of lines in a picture that is too detailed, such as a QR code.
 const FINE: usize = 60;
 
 /// The code of a warning and its message, in which `{n}` stands for a number.
@@ -78,7 +78,7 @@ const TOO_FINE: Warning = (
 const CHROMA: f64 = 0.2;
 const GRAY: f64 = 0.04;
 
-/// Numbers of what was dropped from a picture, and of its lines.
+/// Numbers of dropped patches, specks and rulings, and of the drawn lines.
 pub(super) struct Counts {
     /// Number of patches at the edge of the picture.
     pub(super) n_cut: usize,
@@ -125,7 +125,7 @@ impl Field {
         contours
     }
 
-    /// Returns the grid edges between ink (above 0) and paper, each with the next of its contour.
+    /// Returns the grid edges between ink (above 0) and paper, each with the next one.
     fn next_edges(&self, values: &[f64]) -> BTreeMap<GridEdge, GridEdge> {
         let (width, height) = (self.width, self.height);
         let mut next = BTreeMap::new();
@@ -187,7 +187,7 @@ impl Field {
     pub(super) fn warnings(&self, counts: &Counts, is_rectified: bool) -> Vec<Diagnostic> {
         let Counts { n_cut, n_specks, n_rulings, n_lines } = *counts;
         let n_marks = self.marks_across_edge();
-        // If these edges are longer than the picture, areas touch, and not only lines cross.
+        // If the inner edges are longer than the picture, colored areas touch.
         let colors_touch = self.inner_edges() > self.width.max(self.height);
         let counted = [
             (PHOTO, usize::from(self.is_photo && !is_rectified)),

@@ -1,5 +1,5 @@
-//! Tests of typical pictures of users. A table lists what is painted, how a camera distorts it, and
-//! the expected strokes and warnings.
+//! Tests of pictures that are typical of users. A table lists what is painted, how a camera
+//! distorts it, and the expected strokes and warnings.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -317,7 +317,7 @@ const ROWS: [Row; 32] = [
         "black 1 red 1",
         "photo edge",
     ),
-    // The middle of a wide shape is ink. A letter in a row is a line, however bold it is.
+    // The middle of a wide shape counts as ink. A letter in a row is a line, even if it is bold.
     ("#fff", "disc #f0503c 300,200,150", UNEVEN, ImageFormat::Jpeg, "red 1", "photo"),
     (
         "#fff",
@@ -539,7 +539,7 @@ fn dust_and_a_checkerboard_are_left_out_and_fine_pictures_named() {
         }
         picture
     }
-    // A picture larger than those in which lines are searched, and reduced by a viewer.
+    // A picture above the maximum size for tracing, and the same picture downscaled by a viewer.
     let [width, height] = SIZE.map(|side| 4 * side);
     let large = resize(&clean, width, height, FilterType::Nearest);
     let large = checkered(large, 16, [204, 255]);

@@ -3,11 +3,11 @@
 use super::ink::Field;
 use super::patches::FAINT;
 
-/// Minimum number of rulings on a page, and on a page whose other rulings are too faint to be ink.
+/// Minimum number of rulings on a page, and on a page with further rulings too faint to be ink.
 const LEAST: [usize; 2] = [4, 1];
 /// Maximum slope of a ruling.
 const SLOPE: f64 = 0.02;
-/// Minimum fraction of a ruling that has ink, and minimum contrast of this ink to its ends.
+/// Minimum inked fraction of a ruling's length, and minimum contrast along it relative to its ends.
 const ALONG: f64 = 0.97;
 const INKED: f64 = 0.6;
 /// Maximum contrast of a ruling relative to that of the drawing, and minimum fraction of the
@@ -22,8 +22,8 @@ const QUANTILE: f64 = 0.25;
 /// Minimum contrast across a mark, relative to its maximum. Compression and sharpening leave some
 /// contrast beside a mark.
 const HALF: f64 = 0.5;
-/// Distance in pixels from a picture's edge within which the ends of rulings are searched, because
-/// a ruling may lie along the edge itself.
+/// Distance in pixels from a picture's edge within which rulings are detected, because another
+/// ruling may lie along the edge itself.
 const FRAME: usize = 8;
 /// Maximum width of a ruling, relative to the side that it crosses.
 const WIDTH: f64 = 0.012;
@@ -73,7 +73,7 @@ impl Field {
         (x < self.width && y < self.height).then(|| y * self.width + x)
     }
 
-    /// Returns the pixels within `reach` of a ruling's middle at a position along it.
+    /// Returns the pixels across a ruling within `reach` of its middle, at a position along it.
     fn near(&self, ruling: &Ruling, along: usize, reach: usize) -> impl Iterator<Item = usize> {
         let middle = self.middle(ruling, along);
         let across = middle.saturating_sub(reach)..=middle + reach;
@@ -109,7 +109,7 @@ impl Field {
         pairs.collect()
     }
 
-    /// Returns a ruling with its contrast, or `None` if part of its length has no ink.
+    /// Returns a ruling with its contrast, or `None` if too much of its length has no ink.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
     fn inked(&self, ruling: Ruling) -> Option<Ruling> {
         let length = self.length(ruling.is_upright);

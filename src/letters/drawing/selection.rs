@@ -11,7 +11,7 @@ pub(super) type Numbered<T> = Vec<(usize, T)>;
 const HUES: [&str; 9] =
     ["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink", "red"];
 const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0];
-/// Minimum chroma, out of 255, of a color that has a hue, and the levels that separate black, gray
+/// Minimum chroma, out of 255, of a color with a hue name, and the levels that separate black, gray
 /// and white.
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];

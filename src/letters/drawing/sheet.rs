@@ -14,7 +14,7 @@ pub(super) type Corners = [[f64; 2]; 4];
 const SLIVER: f64 = 0.008;
 
 /// True if four corners follow each other clockwise around a convex quadrilateral, and each turn
-/// spans more than one pixel of area.
+/// spans an area of more than one square pixel.
 pub(super) fn is_convex(corners: &Corners) -> bool {
     (0..4).all(|k| {
         let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 4]);

@@ -38,7 +38,7 @@ pub(super) fn check<'a, 'input>(
     styles: &Styles<'a, 'input>,
     budget: &Budget,
 ) -> Result<(), String> {
-    // Percentages are relative to the lengths of a page.
+    // Percentages are relative to the width and height of a page.
     let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
     let lengths =
         pages.flat_map(|node| ["viewBox", "width", "height"].map(|name| node.attribute(name)));
@@ -69,7 +69,7 @@ pub(super) fn check<'a, 'input>(
     Ok(())
 }
 
-/// A counter of the work of elements.
+/// A counter for the work that elements cause.
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,

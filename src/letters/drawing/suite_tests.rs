@@ -4,7 +4,7 @@
 //!
 //! `NOCTOGRAPH_DRAWINGS=FOLDER cargo test --profile work -p noctograph-letters suite -- --ignored
 //! --nocapture`. A stroke is wrong if it is neither on an edge of the picture nor inside ink like a
-//! center line. A file counts as named if it is refused or a warning names what is not followed.
+//! center line. A file counts as named if it is rejected or a warning names unsupported features.
 //! Edges without a stroke near them are listed for inspection. Strokes of fills lie on edges,
 //! center lines half the line's width from edges, and a thick or transparent border has two more
 //! edges.
@@ -17,7 +17,7 @@ use super::{Ink, draw};
 /// Maximum distance in pixels between a stroke and its edge.
 const NEAR_PX: f32 = 2.5;
 
-/// Minimum difference between the colors of neighbors at an edge, in a channel, out of 255.
+/// Minimum difference between colors on either side of an edge, in any channel, out of 255.
 const EDGE: i32 = 24;
 
 /// Minimum difference between ink and the color of the paper.
@@ -79,7 +79,7 @@ fn difference(a: [i32; 3], b: [i32; 3]) -> i32 {
     (0..3).map(|i| (a[i] - b[i]).abs()).max().unwrap_or(0)
 }
 
-/// Returns the distance of each pixel to the nearest marked one, in steps of 1 and √2.
+/// Returns the distance from each pixel to the nearest marked pixel, in steps of 1 and √2.
 fn distances(marked: &[bool], [width, height]: [usize; 2]) -> Vec<f32> {
     let mut far: Vec<f32> = marked.iter().map(|mark| if *mark { 0.0 } else { 1e9 }).collect();
     let n = far.len();
@@ -111,8 +111,8 @@ fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// Returns the number of stroke points on neither edge nor ink with their total, and the number of
-/// edge pixels without a stroke with their total.
+/// Returns two pairs of a number and its total: stroke points that are on neither edge nor ink, and
+/// edge pixels without a stroke.
 fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
     let mut bare = picture.is_edge.clone();
     let mut stray = 0.0;

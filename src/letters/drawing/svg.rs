@@ -45,7 +45,7 @@ const GRADIENT: f64 = 0.95;
 const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path; \
                     Illustrator: Type > Create Outlines)";
 
-/// A drawing in its own units, with y up.
+/// A drawing in the units of its file, with y up.
 pub(super) struct Drawing {
     items: Vec<Item>,
 }
@@ -157,11 +157,11 @@ fn name_signs<'a, 'input: 'a>(
     Ok(())
 }
 
-/// Index of an element, half the width of its stroke if that is opaque, and a part of the element.
+/// An element's index, half the width of its stroke if this is opaque, and a part of the element.
 type Reaching = (usize, f64, Item);
 
 /// Returns the visible parts of elements from back to front, and the number of elements that do not
-/// stand out from what is beneath.
+/// stand out from what is beneath them.
 fn visible(
     painted: &[Painted],
     page: &Page<'_>,
@@ -174,7 +174,7 @@ fn visible(
         if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
-        // A stroke is drawn as its line with its dashes. Dashes of zero length become points.
+        // A stroke is drawn as its line, including dashes. Dashes of zero length become points.
         let (mut line, mut reach) = (item.path.clone(), 0.0);
         if let Some((_, alpha, style)) = &item.stroke {
             let (dashes, shortest) = dashed(line, style, item.placed, &mut n_points_left, file)?;
@@ -230,7 +230,7 @@ fn refused(file: &str, cause: String) -> Error {
     Error::input(file, cause, "an SVG drawing", hint)
 }
 
-/// Checks that a root element is that of a drawing. The error names the cause.
+/// Checks that a root element is that of an SVG drawing. The error names the cause.
 fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> {
     let (name, namespace) = (root.tag_name().name(), root.tag_name().namespace());
     match namespace {
@@ -242,7 +242,7 @@ fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> 
     }
 }
 
-/// Parses the tree of an edited file. The error names the cause.
+/// Parses the element tree of an edited file. The error names the cause.
 fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
     // Pictures are not drawn, so they are not opened.
     let image_href_resolver = ImageHrefResolver {
@@ -284,8 +284,8 @@ impl Drawing {
     }
 }
 
-/// Returns the bounding box of items: left, bottom, right and top. The box is inverted without
-/// items.
+/// Returns the bounding box of items: left, bottom, right and top. The box is inverted if there are
+/// none.
 fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     let bounds = items.map(|item| match item {
         Item::Whole(path, _) => {
@@ -326,7 +326,7 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// Returns the encoding that a file's first bytes or its declaration name, or `None` for UTF-8.
+/// Returns the encoding that a file's first bytes or its declaration indicate, or `None` for UTF-8.
 #[cfg(not(target_family = "wasm"))]
 fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encoding>, String> {
     let encoding = match bytes {
@@ -358,7 +358,7 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Returns the elements of a page from back to front, inside its edge if it has one.
+    /// Returns the elements of a page from back to front, limited by its edge if it has one.
     fn page(&mut self, tree: &Tree, has_edge: bool) -> Vec<Painted> {
         let (mut cuts, mut painted) = (Vec::new(), Vec::new());
         if has_edge {
@@ -390,7 +390,7 @@ impl<'a> Walk<'a> {
         if alpha <= 0.0 {
             return;
         }
-        // The group's clips and masks, including nested ones, cut everything in the group.
+        // A group's clips and masks, including nested ones, apply to everything in the group.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
@@ -415,7 +415,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Returns the mask of a transformed group. Unlike in clips, strokes count in masks.
+    /// Returns the mask of a transformed group. Strokes count in masks, but not in clips.
     fn mask(&mut self, mask: &usvg::Mask, placed: Affine) -> Cut<'a> {
         let scale = self.scale;
         let mut parts = Vec::new();
@@ -467,8 +467,8 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// Returns the color and the opacity of a paint. A gradient has the color of its middle visible
-    /// stop and about its mean opacity. In a mask it is as light as its lightest stop.
+    /// Returns the color and the opacity of a paint. A gradient is represented by the color of its
+    /// middle visible stop and about its mean opacity. In a mask it counts as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
@@ -538,7 +538,7 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
 }
 
 /// Returns the dashes of a path, or the path itself if it has no pattern, and the maximum length of
-/// a dash that represents a point. Under an uneven transform dashes get their mean length. Fails if
+/// a dash that represents a point. If a transform is uneven, dashes get their mean length. Fails if
 /// the drawing has too many points.
 fn dashed(
     drawn: BezPath,
@@ -570,7 +570,7 @@ fn dashed(
     Ok((kurbo::dash(drawn.iter(), offset, &dashes).collect(), 1.5 * least))
 }
 
-/// Replaces subpaths of zero length, and lines up to `shortest`, by points of light if their caps
+/// Replaces subpaths of zero length, and lines up to `shortest`, with points of light if their caps
 /// are visible. Other such lines are removed.
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();

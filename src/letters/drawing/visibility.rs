@@ -44,7 +44,7 @@ pub(super) struct Page<'a> {
     scale: Scale<'a>,
 }
 
-/// A visible part of a line, and its color.
+/// A visible part of a line, and the color of that part.
 pub(super) type Part = (Vec<[f64; 2]>, Color);
 
 /// A piece of a line, and its color if it is visible.
@@ -100,7 +100,7 @@ impl<'a> Page<'a> {
             painted.iter().filter_map(|item| item.stroke.as_ref().map(|(color, ..)| *color));
         let is_ink_white = fills.chain(strokes).all(|color| color == [255; 3]);
         let paper = [if is_ink_white { 0.0 } else { 255.0 }; 3];
-        // Goes from back to front, because a fill over the whole page changes the background of all
+        // Proceeds from back to front, because a fill over the whole page changes the background of
         // later elements.
         let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
         let mut ground = paper;
@@ -141,7 +141,7 @@ impl<'a> Page<'a> {
     }
 
     /// Returns the visible part of an element, whose stroke including its dashes is `line`. Also
-    /// returns true if a part of that line is invisible because it has the color of the background.
+    /// returns true if part of that line is invisible because of the background's color.
     pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
         let extent = extent(item);
         // Only layers near the element can hide it.
@@ -199,7 +199,7 @@ impl<'a> Page<'a> {
     /// Determines how a stroke looks at a position, from the positions to its left and right.
     fn sight(&self, stroked: &Stroked<'_, 'a>, place: [f64; 2], sides: [[f64; 2]; 2]) -> Sight {
         let Stroked { index, item, near, fill, color, .. } = *stroked;
-        // The stroke is only hidden if it is hidden on both sides as well.
+        // A stroke counts as hidden only if it is also hidden on both sides.
         let around = [sides[0], place, sides[1]];
         if !around.iter().any(|place| self.within(&item.cuts, *place))
             || around.iter().all(|place| self.is_covered(index, near, *place))
@@ -227,7 +227,7 @@ impl<'a> Page<'a> {
         sides: [[f64; 2]; 2],
     ) -> Option<Color> {
         if is_path && sides.iter().all(|side| !fill.area.holds(*side)) {
-            // The fill is thinner than the distance between the test points.
+            // In this case, the fill is thinner than the distance between the test points.
             let is_seen =
                 !self.is_covered(fill.element, near, place) && self.within(&fill.cuts, place);
             return is_seen.then_some(fill.color);
@@ -240,7 +240,7 @@ impl<'a> Page<'a> {
         if ![left.1, right.1].contains(&Some(fill.element)) || alike(left.0, right.0) {
             return None;
         }
-        // A hole that shows the paper forms an edge of the shape around it.
+        // A hole in the color of the paper is outlined as part of the shape around it.
         let is_paper = alike(fill.color.map(f64::from), self.paper);
         let other = [left.1, right.1].into_iter().flatten().find(|top| *top != fill.element);
         let other = other.filter(|_| is_paper);
@@ -261,7 +261,7 @@ impl<'a> Page<'a> {
     /// Returns the visible outline of an element's fill, or nothing if it has no fill.
     fn outline(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
         let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
-        // A path without a fill layer encloses no area.
+        // A path that has no fill layer encloses no area.
         let Some(fill) = fill else { return Visible::Parts(Vec::new()) };
         let closed = self.lines(&item.closed());
         let (mut parts, is_whole) = self.parts(&closed, item, near, &mut |place, sides| {
@@ -307,7 +307,7 @@ impl<'a> Page<'a> {
                 continue;
             }
             is_whole &= pieces.is_empty();
-            // The start of a closed line may be in the middle of a visible part.
+            // Joins the ends of a closed line, whose start may lie in the middle of a visible part.
             let closed = line.len() > 3 && is_closed(line);
             if closed && pieces.len() > 2 && pieces[0].1 == pieces[pieces.len() - 1].1 {
                 let (first, _) = pieces.remove(0);
@@ -319,7 +319,7 @@ impl<'a> Page<'a> {
         (parts, is_whole && one_color)
     }
 
-    /// Splits a line into pieces, each with the color at its middle, or `None` beyond the budget.
+    /// Splits a line into pieces, each with the color at its middle. Stops if the budget is spent.
     fn pieces(
         &self,
         line: &[[f64; 2]],
@@ -402,14 +402,14 @@ impl<'a> Page<'a> {
         layer.area.holds(place) && self.within(&layer.cuts, place)
     }
 
-    /// True if a layer in front of an element hides it at a position.
+    /// True if a layer in front of an element hides the element at a position.
     fn is_covered(&self, element: usize, near: &[&Layer<'a>], place: [f64; 2]) -> bool {
         let mut over = near.iter().filter(|layer| layer.element > element && layer.alpha >= OPAQUE);
         over.any(|layer| self.lies_at(layer, place))
     }
 
     /// Returns the color at a position of those layers for which `counts` is true, and the topmost
-    /// element there, if any.
+    /// element at that position, if any.
     fn color_at(
         &self,
         place: [f64; 2],
@@ -504,7 +504,7 @@ fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
             _ => kept.push((points, color)),
         }
     }
-    // The first piece may also be too short.
+    // The first piece may also be too short, and is then joined to the second.
     if kept.len() > 1 && polyline_length_m(&kept[0].0) < shortest {
         let (points, _) = kept.remove(0);
         kept[0].0.splice(..1, points);

@@ -10,7 +10,7 @@
 //!    long as its center differs from the mean of its corners, or a lamp is low above it.
 //! 3. The light is interpolated bilinearly within each square, and counted with the film's dither.
 //!
-//! Light that walls reflect back, and the drone's shadow, are not modeled.
+//! The model ignores light that walls reflect back, and the drone's shadow.
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ const SIDE_PX: u32 = 32;
 /// the camera tone maps to black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
-/// The light of the room in a picture, as squares.
+/// The light of the room in a picture, divided into squares.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
     /// The squares in each band of [`SIDE_PX`] rows.
@@ -54,7 +54,7 @@ struct Square {
     corner_px: [u32; 2],
     side_px: u32,
     corners_lx_s: [Rgb; 4],
-    /// The corners in texture coordinates of the floor. `None` on a wall, at edges and in the dark.
+    /// Texture coordinates of the corners on the floor. `None` on walls, at edges and in the dark.
     on_texture: Option<[[f32; 2]; 4]>,
 }
 
@@ -72,7 +72,7 @@ struct Floor<'a> {
     n_lamp_trees: usize,
     /// Points on the floor straight below low sources: x, y and the source's height, in pixels.
     feet_px: Vec<[f64; 3]>,
-    /// Difference that is negligible at any exposure, computed from [`EVEN`].
+    /// Difference of exposure that is always negligible, computed from [`EVEN`].
     even_lx_s: f64,
 }
 
@@ -100,7 +100,7 @@ impl Glow {
         let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
         let bands = rows.map(|(j, corners)| {
             let mut squares = Vec::new();
-            // Only sources below this band can be under its squares.
+            // Squares of this band can only be close to the sources whose foot is near the band.
             let middle_px = f64::from(j * SIDE_PX + SIDE_PX / 2);
             let mut feet_px = floor.feet_px.clone();
             feet_px.retain(|[_, y, _]| (y - middle_px).abs() < f64::from(SIDE_PX));
@@ -261,13 +261,13 @@ impl<'a> Floor<'a> {
     /// exposure is 0 outside the surfaces of the room.
     fn exposures_lx_s<const N: usize>(&self, corners_px: [[u32; 2]; N]) -> [Rgb; N] {
         let camera = self.camera;
-        // For each corner: the surface, the point on it, the direction to the camera, and the
-        // factor from the light on the surface to that on the sensor.
+        // Computes for each corner the surface, the point on it, the direction to the camera, and
+        // the ratio of light on the sensor to light on the surface.
         let hits = corners_px.map(|corner_px| {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
             let (on, point_m) = self.room.intersection(ray)?;
-            // Exposure of the sensor relative to that of the surface: ρ τ cos⁴ / (4 N²).
+            // The ratio of exposure on the sensor to exposure on the surface is ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
             let n = camera.f_number;
             let reflected = self.room.surfaces[on].albedo * camera.transmission / (4.0 * n * n);
@@ -386,7 +386,7 @@ mod tests {
         for [x, y] in [[0.1, 2.2], [0.0, 2.0], [-0.5, 1.6], [0.4, 2.9], [0.6, 2.0]] {
             let point_m = Vector3::new(x, y, 0.0);
             let image = camera.image_from_world(point_m).unwrap();
-            // A Lambertian lamp gives E = I cos² / d², and the floor L = ρ E / π.
+            // A Lambertian lamp causes E = I cos² / d², and the floor's luminance is L = ρ E / π.
             let d_sq = height_m * height_m + (x - 0.1) * (x - 0.1) + (y - 2.2) * (y - 2.2);
             let e_lx_s = 1.8 * height_m * height_m / d_sq / d_sq * 3.0;
             let cos = image.depth_m / (point_m - camera.position_m).norm();

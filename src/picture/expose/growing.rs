@@ -14,7 +14,7 @@ use super::{Film, Latent, Tint, cpu};
 pub struct GrowingFilm {
     /// The last image, or `None` before the first one.
     drawn: Option<Latent>,
-    /// The counts of each of its tints, in the brightest channel.
+    /// The counts of each tint of the last image, in the brightest channel.
     planes: Vec<Vec<u32>>,
     /// Number of records that were drawn or subtracted for the last image.
     n_drawn: usize,
@@ -50,7 +50,7 @@ impl GrowingFilm {
         self.n_drawn
     }
 
-    /// Returns the counts of a tint, starting from those that it had before.
+    /// Returns the counts of a tint, computed from its earlier counts if there are any.
     fn draw(&mut self, kept: Option<(Tint, Vec<u32>)>, tint: &Tint, latent: &Latent) -> Vec<u32> {
         let Some((before, mut plane)) = kept else {
             self.n_drawn += tint.records.len();
@@ -96,7 +96,7 @@ impl Tint {
     }
 }
 
-/// Draws records in one plane, in the counts of an image.
+/// Draws records into a single plane, at the scale of an image.
 fn plane_of(records: Vec<Record>, latent: &Latent) -> Vec<u32> {
     let tint = Tint { fractions: [ALL, 0, 0], records, lamp_ends: Vec::new() };
     let alone = Latent { tints: vec![tint], glow: None, ..*latent };

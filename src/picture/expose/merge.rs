@@ -1,9 +1,9 @@
 //! Merges neighboring intervals that lie on a straight line at constant speed into segments.
 //!
 //! The algorithm is swinging-door thinning (Bristol 1990), which is greedy and runs in linear time.
-//! An interval joins the run as long as three quantities stay within tolerance of the chord from
-//! the run's first sample to its last: the position at constant speed, the brightness (so that a
-//! fade is one segment), and the width of the spot. The segment has the exact sum of the light.
+//! An interval is added to the run if three quantities stay within tolerance of the chord from the
+//! run's first sample to its last: the position at constant speed, the brightness (so that a fade
+//! is one segment), and the width of the spot. The segment has the exact sum of the light.
 
 use super::project::{Interval, Px};
 use noctograph_core::geometry::Chords;
@@ -89,7 +89,7 @@ struct Merged {
     sigmas_px: [f64; 2],
     halves_px: [Px; 2],
     light: f64,
-    /// Sum of light times width, and sum of light times half size.
+    /// Sums of the products of light and width, and of light and half size.
     light_sigma: f64,
     light_half: Px,
 }
@@ -109,8 +109,8 @@ impl Merged {
         }
     }
 
-    /// Adds the interval if the run stays straight and even with it. Returns false if it would not,
-    /// and the run is then complete.
+    /// Adds the interval if the run stays straight and even with it. Returns false if it would not.
+    /// The run is then complete.
     fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
         let [first_light, last_light] = self.span.light_lx_px2;
         let slack = UNEVENNESS * tolerance_px * first_light.max(last_light);
@@ -147,7 +147,7 @@ impl Merged {
     fn swing_doors(&mut self, next: &Interval, slack_light: f64, tolerance_px: f64) -> bool {
         let [start_s, end_s] = self.span.time_s;
         let [first_light, last_light] = self.span.light_lx_px2;
-        // Half the side of the square inscribed in the tolerance circle, for separate axes.
+        // Half the side of a square in the tolerance circle, so that each axis has its own test.
         let slack_px = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
         let skipped = self.span.at_px[1] - self.span.at_px[0];
         let low =
@@ -160,7 +160,7 @@ impl Merged {
         self.chords.contain(chord, next.time_s[1] - start_s)
     }
 
-    /// Returns the segment of the run, with the mean size (weighted by light) and the sum of light.
+    /// Returns the segment of the run, with the light-weighted mean size and the total light.
     fn segment(&self, fraction: f64) -> Segment {
         let [first, last] = self.span.light_lx_px2;
         Segment {

@@ -3,7 +3,7 @@
 //!
 //! Input: [`LightTrace`] and [`Camera`]. Output: one [`LampReading`] for each emitter. The exposure
 //! in the middle of a trail is the sum of the lamp's light nearby, computed in f64 in the same way
-//! as `expose` draws it, and of the light on the drone's body around the lamp. Light from other
+//! as `expose` draws it, plus the light on the drone's body around the lamp. Light from other
 //! lamps, glare and ambient light are not included.
 
 use serde::Serialize;
@@ -37,7 +37,7 @@ pub struct LampReading {
     /// The drone, which is part of the name in JSON. `None` if there is only one drone.
     #[serde(skip)]
     pub drone: Option<DroneIndex>,
-    /// Label of the lamp ([`Lamp::label`]).
+    /// Label of the lamp, as returned by [`Lamp::label`].
     pub name: String,
     /// Time for which the lamp is lit inside the picture.
     pub lit_s: f64,
@@ -87,7 +87,7 @@ impl LampReading {
         self.p95_stops - self.p5_stops
     }
 
-    /// Returns the reading with the light of discs around the lamp added to each quantile.
+    /// Adds the light of discs around the lamp, such as the illuminated body, to each quantile.
     fn with_discs_around(&self, lamp: &Lamp, readings: &[(&Lamp, Self)]) -> Self {
         let mut sum = self.clone();
         for (_, disc) in readings.iter().filter(|(disc, _)| lamp.is_within(disc)) {
@@ -149,16 +149,16 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     Ok(with_discs.collect())
 }
 
-/// Ratio of the strongest channel to the luminance above which light is colored. White light has 1.
+/// Ratio of the strongest channel to luminance above which light is colored. It is 1 for white.
 const COLORED: f64 = 1.25;
 
-/// True if the light of a lamp with all dies at full level is metered as a color, not as white.
+/// True if the light of a lamp with all dies at full level is metered as colored, not as white.
 #[must_use]
 pub fn is_colored(lamp: &Fixture) -> bool {
     is_color(emitter(lamp, &vec![1.0; lamp.dies.len()]).rgb)
 }
 
-/// True if light in linear sRGB is metered as a color instead of white.
+/// True if light in linear sRGB is metered as colored instead of white.
 fn is_color(rgb: [f64; 3]) -> bool {
     rgb.into_iter().fold(0.0, f64::max) > COLORED * luminance(rgb)
 }
@@ -299,7 +299,7 @@ fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
 /// Returns the exposure in lx s that a segment leaves at a point.
 fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
-    // A segment with a half width is a blurred rectangle, because the camera resolves its lamp.
+    // A segment with a half width is a blurred rectangle, because its lamp is not a point.
     if segment.half_px != Px::ZERO {
         return rectangle_lx_s(segment, point_px);
     }
@@ -370,8 +370,8 @@ mod tests {
 
     #[test]
     fn the_exposure_table_of_the_field_comes_out() {
-        // Intensity, aperture number, exposure and stops for 35 mm, 3 m, 0.2 m/s, ISO 100 and a
-        // source of 3 mm, which is 35 µm on the sensor.
+        // The rows contain intensity, aperture number, exposure and stops for 35 mm, 3 m, 0.2 m/s,
+        // ISO 100 and a 3 mm source, whose image is 35 µm wide.
         let table = [
             (1.8, 8.0, 33.1, 5.4),
             (1.8, 22.0, 4.38, 2.5),

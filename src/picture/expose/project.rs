@@ -5,8 +5,8 @@
 //! lumens, all of which fall into the spot. "Light" here means lumens per pixel area, summed over
 //! the pixels of the spot, in lx px².
 //!
-//! A small lamp is a disc that faces the camera and widens the Gaussian of the lens. A cylinder,
-//! such as a diffuser, becomes a blurred rectangle with the width and height of its bounding box.
+//! A small lamp is drawn as a disc that faces the camera and widens the lens's Gaussian. A
+//! cylinder, such as a diffuser, becomes a blurred rectangle with its bounding box's size.
 
 use glam::DVec2;
 use nalgebra::Vector3;
@@ -45,7 +45,7 @@ const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 pub(super) struct Interval {
     pub(super) time_s: [f64; 2],
     pub(super) at_px: [Px; 2],
-    /// Brightness of the spot at both times, linear in between.
+    /// Brightness of the spot at the start and the end, linear in between.
     pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, averaged over both ends.
     pub(super) sigma_px: f64,
@@ -144,7 +144,7 @@ impl<'a> Lens<'a> {
         if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
             return None;
         }
-        // The light of the spot is I(θ) cosα / d² through the pupil, reduced by vignetting.
+        // The spot's light is I(θ) cosα / d² times the area of the pupil, reduced by vignetting.
         let to_camera_m = self.camera.position_m - sample.position_m;
         let distance_sq_m2 = to_camera_m.norm_squared();
         let distance_m = distance_sq_m2.sqrt();
@@ -153,7 +153,7 @@ impl<'a> Lens<'a> {
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
         let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
             * self.camera.unvignetted(image.x_px, image.y_px);
-        // The variances of lens and pixel, the lamp's disc, and the circle of confusion add up.
+        // The variances of lens and pixel, of the lamp's disc, and of defocus add up.
         let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
         let variance = self.blur_px2
             + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)

@@ -15,12 +15,12 @@ use noctograph_core::random::{GOLDEN, split_mix};
 
 pub(super) const SPOTS: usize = 4;
 
-/// Radius of a spot. At this radius, the spot has 3.7e-6 of its peak. The 3.7e-6 of its light
-/// beyond the radius is added to the rest.
+/// Radius at which a spot is cut off. Its brightness there is 3.7e-6 of its peak. The light beyond,
+/// also 3.7e-6, is added to the rest.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Upper bound on the peak of a spot relative to its Gaussian, after the correction of the sum: for
-/// spots narrower than 0.85 px, and for wider ones.
+/// Upper bound on the peak of a spot relative to its Gaussian, after its sum was corrected: for
+/// spots narrower than 0.85 px, and for wider spots.
 const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 const NARROW_SIGMA_PX: f64 = 0.85;
 
@@ -55,14 +55,14 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
 /// With thousands of overlapping segments, rounding to nearest would lose the faint edge of every
 /// spot (2e-6 of the light of a hover at 250 Hz).
 ///
-/// The steps are 2^32 divided by the plastic number and by its square, which distributes the
-/// threshold evenly over the plane (Roberts 2018, the R2 sequence).
+/// The steps are 2^32 divided by the plastic number and by its square, which distributes thresholds
+/// evenly over the plane (Roberts 2018, the R2 sequence).
 pub(super) const DITHER: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
 
 /// √(π/2). A Gaussian has the same peak as a rectangle that extends this many σ to either side.
 const ROOT_HALF_PI: f64 = 1.253_314_137_315_500_3;
 
-/// Minimum half width, in σ, of a rectangle that is drawn as such.
+/// Minimum half width, in σ, of a rectangle that is not drawn as a Gaussian.
 const LEAST_HALF_SIGMA: f64 = 0.1;
 
 /// A short segment as the sum of its spots.
@@ -85,7 +85,7 @@ pub(super) struct Record {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) spots: u32,
-    /// Threshold at the first pixel (see [`DITHER`]).
+    /// Dither threshold at the first pixel (see [`DITHER`]).
     pub(super) dither: u32,
 }
 
@@ -161,7 +161,7 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     let [start, end] = segment.ends_px;
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        // Borders of the picture, extended by the reach of a spot.
+        // The borders of the picture are extended by the reach of a spot.
         let borders = [-reach[axis], f64::from(size_px[axis]) + reach[axis]];
         if [start, end].iter().all(|px| (borders[0]..=borders[1]).contains(&px[axis])) {
             continue;
@@ -184,7 +184,7 @@ fn reach_px(segment: &Segment) -> Px {
 
 /// Returns the record of a short segment, or `None` if its box is outside the picture.
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
-    // The box contains the pixels whose centers, at +0.5, the light reaches.
+    // The box contains the pixels whose centers (at +0.5) are reached by light.
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
     let reach = reach_px(segment);
@@ -223,8 +223,8 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     Some(record)
 }
 
-/// Returns the first dither of a segment, which is a hash of its start time. The dither depends on
-/// nothing else, so that films can be added up.
+/// Returns the first dither of a segment, which is a hash of its start time. It depends on nothing
+/// else, so that films can be added.
 fn dither(start_s: f64) -> u32 {
     (split_mix(start_s.to_bits().wrapping_sub(GOLDEN)) >> 32) as u32
 }

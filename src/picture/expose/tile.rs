@@ -1,4 +1,4 @@
-//! Tiles: the light of one color on some rows of the picture, before it is counted into the film.
+//! Tiles: the light of one color on some rows of the picture, before it is distributed to the film.
 //!
 //! All records of a color are added up in one plane. The plane's lit tiles are then counted into
 //! the three planes of the film, so the light is multiplied by the color once per pixel, not per
@@ -6,10 +6,10 @@
 
 use std::ops::Range;
 
-/// Width and height of the tiles that are counted.
+/// Width and height of a tile.
 const TILE_PX: [usize; 2] = [64, 16];
 
-/// Fraction for a channel that receives all light of the tiles.
+/// Value of a fraction that means all of the light.
 pub(super) const ALL: u32 = 1 << ALL_BITS;
 const ALL_BITS: u32 = 31;
 

@@ -1,7 +1,7 @@
 //! Light traces as tables, for trails from other programs.
 //!
-//! The columns are `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every
-//! direction). Further columns are allowed. A table cannot describe beams.
+//! The columns are `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, as intensity
+//! in every direction in cd). Further columns are allowed. A table cannot describe beams.
 //!
 //! [`read`] also accepts the light logs of other programs: titles from `TITLES` in any case or
 //! after `#`, every table layout that [`Head`] supports, units in brackets, timestamps in ms, µs or
@@ -39,12 +39,12 @@ const TITLES: [(&str, &str); 7] = [
 const FASTEST_M_S: f64 = 15.0;
 /// Minimum length of a step that counts as motion.
 const STEP_M: f64 = 1e-3;
-/// Minimum number of fast steps, and minimum fraction of all steps, at which a lamp is too fast.
+/// Minimum number of fast steps, and minimum fraction of steps, that make a lamp too fast.
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 /// Maximum intensity of a channel, in cd.
 const MAX_CD: f64 = 1e6;
-/// Number of bytes in which the header is searched.
+/// Number of bytes at the start of a file in which the header is searched.
 const HEADER_SIZE: usize = 1 << 16;
 
 /// Maximum level of a light log in bytes, and the intensity that it represents.
@@ -268,7 +268,7 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
 
 /// True if two rows have the same color within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
-    // Compares x / a with y / b in each channel, without dividing by zero in the dark.
+    // Compares x / a with y / b in each channel, as products to avoid a division by zero.
     let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
     let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
     channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))

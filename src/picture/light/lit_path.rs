@@ -20,7 +20,7 @@ pub(super) struct Pose {
 }
 
 /// Maximum distance of a lamp from its path between two samples: 1 % of a pixel that shows one
-/// millimeter. A smaller distance takes more samples without a visible gain.
+/// millimeter. A smaller distance would require more samples without a visible benefit.
 pub(super) const FINE_M: f64 = 10e-6;
 
 /// Maximum distance from its path of a lamp that cycles through colors, such as a spinner's LED.
@@ -80,7 +80,7 @@ impl Straight {
         let slack_m = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
         if skipped_s > 0.0 {
-            // If the run goes on, its last pose is skipped and thus limits the chord's rates.
+            // If the run continues, its last pose is skipped and limits the chord's rates.
             let skipped_m = self.last.lengths_from(&self.first);
             let [low, high] = [-slack_m, slack_m].map(|m| skipped_m.map(|length_m| length_m + m));
             self.chords.keep_between(low, high, skipped_s);
@@ -114,7 +114,7 @@ pub(super) fn shine(
 ) -> Vec<LightSample> {
     let knots = knots(changes);
     let mut samples = Vec::new();
-    // Knots before index `next` are in the past, and need not be searched again.
+    // Knots before index `next` are in the past.
     let mut next = 0;
     for poses in stretches {
         let start = samples.len();
@@ -149,7 +149,7 @@ fn shine_along(
             let end = dark_sample(pose, fixture);
             let start = previous.map_or(end, |previous| dark_sample(previous, fixture));
             for index in first..*next {
-                // The lamp is lit at the knot, just before it, or just after it.
+                // Skips knots unless the lamp is lit at, just before or just after them.
                 let neighbors = &knots[index.saturating_sub(1)..(index + 2).min(knots.len())];
                 if neighbors.iter().any(|knot| knot.level > 0.0) {
                     let Change { time_s, level } = knots[index];

@@ -3,13 +3,13 @@
 //! Only the tags that [`taken_as`] lists change the camera. Broken directories without any of these
 //! tags are ignored.
 //!
-//! The sensor width of a known body is tabulated. For other bodies it follows from the resolution
-//! in pixels per unit of length, or from the focal length and its equivalent on 35 mm film, which
-//! refers to diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of pixels may be
-//! newer than the resolution. Canon writes the resolution as 1000 times the pixels divided by
-//! thousandths of the unit, so that it contains both. For other makers the width is used if the
-//! film equivalent confirms it. If nothing confirms it, there is a warning, or no width if the tags
-//! show that the picture was edited.
+//! The sensor width of a known body is tabulated. For other bodies it is computed from the
+//! resolution in pixels per unit of length, or from the focal length and its equivalent on 35 mm
+//! film, which refers to diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of
+//! pixels may be newer than the resolution. Canon writes the resolution as 1000 times the pixels
+//! divided by thousandths of the unit, so that it contains both. For other makers the width is used
+//! if the film equivalent confirms it. If nothing confirms it, there is a warning, or no width if
+//! the tags show that the picture was edited.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ use noctograph_core::files::{JpegFrame, Limit};
 /// Maximum size of a photograph's file: that of a raw file from a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
 
-/// Value of `SubjectDistance` that means infinity.
+/// Value of the tag `SubjectDistance` that means infinity.
 const ENDLESS: u32 = u32::MAX;
 
 /// Value of `PhotographicSensitivity` that means 65535 or more. Other tags then contain the number.
@@ -50,7 +50,7 @@ const TAGS: [(&str, Tag); 7] = [
 ///
 /// The photograph sets sensor, lens, aperture number, shutter time, sensitivity, focus distance,
 /// and the aspect ratio of the picture, whose longer side keeps its number of pixels. Pose and
-/// other options do not change. Each guess gives a warning with its reason.
+/// other options remain unchanged. Each guess gives a warning with its reason.
 ///
 /// # Errors
 ///
@@ -110,7 +110,7 @@ impl Photograph {
             Some(body) => Some(body.figures().sensor_width_m),
             None => self.sensor_width_m(focal_length_m),
         };
-        // Missing values are computed from APEX values: N = 2^(Av/2), t = 2^-Tv.
+        // Computes missing values from APEX values: N = 2^(Av/2), t = 2^-Tv.
         let f_number = self
             .number(Tag::FNumber)
             .or_else(|| Some(libm::exp2(0.5 * self.signed(Tag::ApertureValue)?)));
@@ -221,7 +221,7 @@ impl Photograph {
         (camera.width_px, camera.height_px) = (longer, shorter);
         if (width < height) != turned {
             (camera.width_px, camera.height_px) = (shorter, longer);
-            // The longer side of the sensor is vertical.
+            // In a portrait, the longer side of the sensor is vertical.
             let aspect = f64::from(shorter) / f64::from(longer);
             let sensor_width_m = camera.body.figures().sensor_width_m * aspect;
             camera.body = BodyModel::Custom(CustomBody { sensor_width_m });
@@ -237,7 +237,7 @@ impl Photograph {
         let Some((pixels, width_m, is_of_one_age)) = plausible else { return film_width_m };
         let mm = 1e3 * width_m;
         match film_width_m {
-            // Programs that shrink a picture leave its resolution tags unchanged.
+            // A program that shrinks a picture may leave its resolution tags unchanged.
             Some(film_m) if relative_difference(width_m, film_m) >= SAME_WIDTH => {
                 let message = format!(
                     "the sensor is taken to be {:.2} mm wide, by FocalLengthIn35mmFilm: \
@@ -306,7 +306,7 @@ impl Photograph {
             self.warn("film-equivalent", message);
             return None;
         }
-        // A picture of unknown size is taken to have the usual aspect ratio of 3:2.
+        // A picture of unknown size is assumed to have the common aspect ratio of 3:2.
         let [width, height] = self.tagged_size_px().or(self.size_px).unwrap_or([3.0, 2.0]);
         let aspect = width.max(height) / width.min(height);
         let film_by_sensor = film_mm / (1e3 * focal_length_m?);
@@ -366,7 +366,7 @@ impl Photograph {
             let shown = "the picture shows only a part of the sensor, and its camera saw more";
             self.warn("digital-zoom", format!("DigitalZoomRatio {zoom}: {shown}"));
         }
-        // A distance of 0 means unknown. A value that is not a number is no distance.
+        // A distance of 0 means unknown. A value that is not a number cannot be used.
         if let Some(subject) = subject
             && self.signed(Tag::SubjectDistance).is_none_or(|m| m < 0.0)
             && self.subject_m().is_none()
@@ -421,8 +421,8 @@ impl Photograph {
     }
 }
 
-/// Maximum relative difference between two equal aspect ratios. The sides of thumbnails are small
-/// whole numbers.
+/// Maximum relative difference between two equal aspect ratios. Thumbnails have small sides, which
+/// are rounded to whole pixels.
 const SAME_ASPECT: f64 = 0.04;
 
 /// Maximum relative difference between two equal sensor widths.
@@ -470,9 +470,9 @@ const FILM_DIAGONAL_M: f64 = 0.043_267;
 /// Returns the width on 35 mm film of a picture's longer side. `aspect` is the picture's aspect
 /// ratio, and the film is `film_by_sensor` times as large as the sensor.
 ///
-/// The aspect ratio of the sensor follows from its size. Full frame, APS-C and one-inch sensors
-/// (2.7) have 3:2. Larger sensors, Micro Four Thirds (2.0) and smaller ones have 4:3. A picture
-/// longer than the sensor was cropped in height, and a squarer picture in width.
+/// The aspect ratio of the sensor follows from its size. It is 3:2 for full frame, APS-C and
+/// one-inch sensors (2.7), and 4:3 for larger sensors, Micro Four Thirds (2.0) and smaller sensors.
+/// A picture longer than that was cropped in height, and a squarer one in width.
 pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
     let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
     let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };
@@ -561,7 +561,7 @@ mod tests {
             (0.0057, 1.8, 50.0)
         );
         let sensor_width_m = camera.body.figures().sensor_width_m;
-        // The diagonals are 43.267 mm for film, and 5 units for a picture of 4 by 3.
+        // The diagonal is 43.267 mm for film, and 5 units for a picture of 4 by 3 units.
         assert!((sensor_width_m - 0.8 * 0.043_267 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
         assert_eq!(camera.shutter_close_s, Some(30.0));
         assert_eq!((camera.width_px, camera.height_px), (1920, 1440));
@@ -752,7 +752,7 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
 
-        /// Sensors from data sheets in mm, and pictures as cameras crop them.
+        /// Tests sensor sizes from data sheets, in mm, and pictures cropped as cameras crop them.
         #[test]
         fn an_equivalent_focal_length_gives_the_width_of_every_sensor_and_aspect(
             sensor in proptest::sample::select(vec![
@@ -782,7 +782,7 @@ mod tests {
             proptest::prop_assert!(error.abs() < 0.02, "{found_mm} mm, not {wanted_mm} mm");
         }
 
-        /// A tag of a valid file that cannot be understood leaves the camera unchanged or is named.
+        /// Tests that any unusable tag of a valid file leaves the camera unchanged or is named.
         #[test]
         fn a_tag_that_is_not_understood_is_named_or_changes_nothing(
             which in 0..13_usize,

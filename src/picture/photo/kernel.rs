@@ -1,4 +1,4 @@
-//! Spreads light over neighbors in integers, without losing a count.
+//! Spreads light over neighboring cells in integers, without losing a single count.
 //!
 //! A value V is divided into fractions `c_j / 2^s` whose sum is 1. Part j gets `⌊V c_0…j / 2^s⌋ -
 //! ⌊V c_0…j-1 / 2^s⌋`, so that the rounded parts add up to V. Light that would leave the picture is
@@ -52,7 +52,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
         mirrored.clamp(0, n - 1).cast_unsigned()
     }
 
-    /// Returns the cells, each with the index of the part, that each of `n` positions receives.
+    /// Returns for each of `n` positions the cells, with the index of the part, that it receives.
     pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
         let mut sources = vec![Vec::new(); n];
         for cell in 0..cells {
@@ -116,7 +116,7 @@ impl Kernel<8> {
             }
             previous = upper;
         }
-        // Only the border remains, where parts that leave the picture are mirrored.
+        // Then handles the border, at which parts that leave the picture are mirrored.
         let n_inside = inside.len();
         let last = cells.len().saturating_sub(2).max(1)..cells.len();
         for cell in (0..cells.len().min(1)).chain(last) {

@@ -12,7 +12,7 @@ mod reading;
 mod studio;
 mod why;
 
-/// Returns a word in the repaired team letters, which include digits.
+/// Returns a word in the team's repaired font, which includes digits.
 fn fixed(text: &str) -> Strokes {
     write(text, &LetterOptions { font: "ae483-fixed".into(), ..Default::default() }).unwrap()
 }

@@ -140,8 +140,8 @@ fn two_lines_small_letters_and_accents_are_read_blindly() {
     }
 }
 
-/// Stars of several kinds. The net takes a triangle or a ring for a letter, because it knows no
-/// other shapes.
+/// Tests several kinds of stars. The net takes a triangle or a ring for a letter, because it knows
+/// no other shapes.
 #[test]
 fn shapes_are_no_writing() {
     let noor = simplex("NOOR");

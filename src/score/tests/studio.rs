@@ -128,7 +128,7 @@ impl Shot {
     }
 
     /// Draws the word like a drone that trails its setpoint along the path: corners are rounded,
-    /// ends are cut off, and jumps are lit.
+    /// the ends of strokes are missing, and jumps are lit.
     pub(super) fn trailing(mut self, lag_m: f64) -> Self {
         let piece_m = 0.005;
         let mut pen_m = self.moves[0].from_m;

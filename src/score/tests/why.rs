@@ -1,4 +1,4 @@
-//! Tests of causes: faults are named and measured, and mending them regains the probability lost.
+//! Tests of causes: faults are named and measured, and mending them restores the lost probability.
 
 use super::studio::{Shot, word};
 use super::*;
@@ -37,7 +37,7 @@ fn an_early_end_is_measured_and_its_mending_gains() {
         .iter()
         .find(|cause| cause.kind == CauseKind::MissingRun && cause.letter == Some(1));
     let first_o = first_o.expect("the bottom of the O ends early");
-    // The pen's width and the tolerance of 5 cm cover a part of the missing 25 cm.
+    // The pen's width and the tolerance of 5 cm hide part of the missing 25 cm.
     let run = first_o.missing.unwrap();
     assert!((150.0..=260.0).contains(&(run.to_mm - run.from_mm)), "{run:?}");
     assert!((run.to_mm - 1600.0).abs() < 60.0, "the end of the square's 1.6 m: {run:?}");
@@ -162,7 +162,7 @@ fn gaps_of_a_log_are_read_back_and_foreign_text_is_refused() {
     }
 }
 
-/// A lagging drone cuts corners, which is not a fault. A corner lost in a log gap is.
+/// A lagging drone cuts corners, which is not a fault. A corner lost in a log gap is a fault.
 #[test]
 fn a_corner_that_the_log_lost_is_not_one_that_was_cut() {
     let noor = word("NOOR");
