@@ -1,26 +1,26 @@
-//! Arcs: restores the curve from the sampled points of a stroke font.
+//! Restores curves from their samples, the points of a stroke font.
 //!
-//! A vertex that is no corner has the tangent of the circle through it and its neighbors. Two
-//! vertices are joined by a cubic with these tangents (Hermite), which is split into short moves.
+//! At a vertex that is not a corner, the tangent is that of the circle through it and its
+//! neighbors. Neighboring vertices are joined by cubic Hermite curves, which are split into moves.
 
 use kurbo::{Point, Vec2};
 
 use super::vector::{integers_below, length, unit};
 
-/// Cosine of the minimum turn at a corner. The curves of the Hershey fonts turn by up to 53° at a
-/// vertex (s), and their corners by at least 63° (?).
+/// Cosine of the minimum turn at a corner. In the Hershey fonts, curves turn by up to 53° at a
+/// vertex (in "s"), and corners by at least 63° (in "?").
 const CORNER_COS: f64 = 0.5;
 
-/// Minimum length of a stem, in cap heights and relative to the shorter of its neighbors, as in J.
-/// The longest pieces of a curve have 0.24 cap heights (O).
+/// Minimum length of a stem (as in J), in cap heights and relative to the shorter neighboring
+/// chord. The longest chords of a curve are 0.24 cap heights long (in O).
 const STEM_LENGTH: f64 = 5.5 / 21.0;
 const STEM_RATIO: f64 = 1.8;
 
-/// Maximum turn between two moves of a curve, with which an O deviates by less than 0.3 mm per
-/// meter of its height.
+/// Maximum turn between two moves of a curve. An O then deviates by less than 0.3 mm per meter of
+/// its height.
 const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 
-/// A move between two points of the font.
+/// A straight line between two points of the font.
 struct Chord {
     direction: Vec2,
     length: f64,
@@ -29,7 +29,7 @@ struct Chord {
 }
 
 /// Returns the polyline of a run of samples with arcs inserted between them, except at corners and
-/// along stems. The polyline passes through all samples, and is closed if the run is.
+/// along stems. The polyline passes through all samples, and is closed if the run is closed.
 pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     let (n, closed) = (points.len() - 1, points[0] == points[points.len() - 1]);
     let chords = Vec::from_iter((0..n).map(|index| {
@@ -49,8 +49,8 @@ pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     let tangents = Vec::from_iter((0..n).map(|index| tangent(index, &chords, &is_stem)));
     let mut curve = vec![points[0]];
     for (index, chord) in chords.iter().enumerate() {
-        // A corner gets the tangent of the chord's other end, mirrored at the chord, which gives a
-        // circular arc.
+        // At a corner, the tangent at the chord's other end is mirrored about the chord, which
+        // makes the curve a circular arc.
         let begin = chord.neighbors[0].and_then(|before| tangents[before]);
         let end = tangents[index];
         let mirrored = [begin, end]
@@ -76,23 +76,23 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
         // A curve is tangent to a stem at both of its ends.
         (true, false) => Some(chord.direction),
         (false, true) => Some(next.direction),
-        // The tangent is that of the circle through three points. The direction of each chord is
-        // weighted by the length of the other one.
+        // The tangent of the circle through three points is the sum of the directions of both
+        // chords, each weighted by the other chord's length.
         (false, false) => Some(unit(chord.direction * next.length + next.direction * chord.length)),
     }
 }
 
-/// Appends the inner points of the cubic over the next chord, given the tangents at its ends.
+/// Appends the inner points of the cubic that spans a chord, given the tangents at its ends.
 fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
     let from = curve[curve.len() - 1];
     let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));
     let turn = turns[0] + turns[1];
-    // The slack prevents an additional piece due to rounding.
+    // The slack prevents an extra piece because of rounding.
     let n_pieces = (turn / STEP_RAD - 1e-6).ceil();
-    // With tangents of this length, the middle of the cubic is that of an arc.
+    // With tangents of this length, the cubic passes through the midpoint of a circular arc.
     let tangent_length = chord.length / libm::pow(libm::cos(0.25 * turn), 2.0);
     for t in integers_below(n_pieces).skip(1).map(|k| k / n_pieces) {
-        // The Hermite basis functions: h01 for the end, h10 and h11 for the tangents.
+        // The Hermite basis functions: h01 for the end point, h10 and h11 for the tangents.
         let (h01, h10, h11) =
             (t * t * (3.0 - 2.0 * t), t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0));
         let on_chord = from + chord.direction * (h01 * chord.length);
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
         let radial_error = |p: &Point| (length(p.to_vec2()) - 0.4).abs();
         assert!(curve.iter().map(radial_error).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
-        // Four of the points form an arc, whose open ends continue like the curve.
+        // Four of the points form an open arc, which is circular up to its ends.
         assert!(with_arcs(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
     }
 

@@ -1,4 +1,4 @@
-//! Curves: converts Bézier paths to polylines.
+//! Converts Bézier paths to polylines.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use kurbo::{BezPath, PathEl, Point};
 use super::vector::{Lines, coordinates, pairs};
 
 /// Returns a polyline along each subpath, within a tolerance of its curves. A closed line repeats
-/// its first point. Returns `None` if they have more than `max_points` or a point is not finite.
+/// its first point. Returns `None` if there are over `max_points` points or one is not finite.
 pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     if !path.is_finite() {
         return None;
@@ -39,11 +39,11 @@ pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Op
 }
 
 /// Rounds the points of a path's polylines to a grid, except the path's own points. kurbo splits
-/// curves by the platform's `pow`, whose last bits differ, so a browser would get other strokes.
+/// curves with the platform's `pow`, whose last bits differ, so strokes would differ in a browser.
 pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<Vec<[f64; 2]>> {
     let end_points = path.elements().iter().filter_map(PathEl::end_point);
     let exact: BTreeSet<[u64; 2]> = end_points.map(bits).collect();
-    // The step is about a thousandth of the tolerance: far above the last bits, and invisible.
+    // The step is about a thousandth of the tolerance: invisible, but far above the last bits.
     let step = tolerance / 1024.0;
     for point in lines.iter_mut().flatten().filter(|point| !exact.contains(&bits(**point))) {
         let [x, y] = coordinates(*point).map(|value| (value / step).round() * step);
@@ -58,7 +58,7 @@ fn bits(point: Point) -> [u64; 2] {
 }
 
 /// Splits a path into subpaths, each with its first point and its other elements. If no move
-/// follows a closed subpath, the next one starts at the same first point.
+/// follows a closed subpath, the next subpath has the same first point.
 pub(super) fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
     let mut subpaths: Vec<(Point, Vec<PathEl>)> = Vec::new();
     for element in path.elements() {

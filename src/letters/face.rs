@@ -6,11 +6,11 @@ use super::shape::{Fit, Shape};
 use super::shaping::Unset;
 use noctograph_core::error::Result;
 
-/// Letters that touch, as one shape: the byte of the first character in the line, the left edge,
-/// and the strokes, in cap heights.
+/// Touching letters as one shape: byte index of the first character in the line, left edge, and
+/// strokes, both in cap heights.
 pub(super) type Joined = (usize, f64, Arc<Shape>);
 
-/// The letters of a line, or the reason why it cannot be set.
+/// The letters of a line, or the reason why the line cannot be set.
 pub(super) type ShapedLine = std::result::Result<Vec<Joined>, Unset>;
 
 /// The characters of a font, from stored strokes or from a typeface.
@@ -31,8 +31,8 @@ pub(super) trait Face {
         Fit::Proportional
     }
 
-    /// Returns a letter with another combining mark, or `None` if the font lacks the mark or shapes
-    /// marks itself.
+    /// Returns a letter with one more combining mark, or `None` if the font lacks the mark or
+    /// shapes marks itself.
     fn with_mark(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
         None
     }

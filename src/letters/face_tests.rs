@@ -1,4 +1,4 @@
-//! Faces for tests, whose glyphs have straight contours in TrueType tables.
+//! Builds faces for tests from TrueType tables, whose glyphs have straight contours.
 
 /// Contours of a glyph in font units.
 pub(super) type Contours<'a> = &'a [&'a [[i16; 2]]];
@@ -8,7 +8,7 @@ pub(super) fn words(numbers: impl IntoIterator<Item = u16>) -> Vec<u8> {
     numbers.into_iter().flat_map(u16::to_be_bytes).collect()
 }
 
-/// Returns a face with these tables.
+/// Returns a face that consists of these tables.
 pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     let number = |n: usize| u32::try_from(n).unwrap().to_be_bytes();
     let n_tables = u16::try_from(tables.len()).unwrap().to_be_bytes();
@@ -23,7 +23,7 @@ pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
 }
 
 /// Returns a face with 1000 units per em and these glyphs, numbered from 1, each with its character
-/// (or none) and advance, and with tables of rules.
+/// (or none) and advance, and with additional tables.
 pub(super) fn face(
     glyphs: &[(Option<char>, Contours<'_>)],
     advance: u16,
@@ -82,7 +82,7 @@ pub(super) fn face(
 /// Returns a face with H, three Hebrew letters, and two Arabic letters that extend toward each
 /// other to join.
 pub(super) fn small_face() -> Vec<u8> {
-    // Left and right side, and height.
+    // Left edge, right edge and height of each glyph.
     let glyphs = [
         (Some('H'), [0, 100, 700]),
         (Some('\u{646}'), [100, 300, 100]), // noon

@@ -1,4 +1,4 @@
-//! Font: draws characters with a font of the program or from a file.
+//! Draws characters with a built-in font or with a font from a file.
 
 use std::fmt;
 use std::path::Path;
@@ -74,14 +74,14 @@ impl Font {
         self.face.characters().collect()
     }
 
-    /// Draws a character into a cell, if the font has it. Letters of a box font (the team's) fill
-    /// the cell. Other letters have its height, keep their proportions and are centered in it.
+    /// Draws a character into a cell, if the font has it. Letters of a box font fill the cell.
+    /// Other letters have its height, keep their proportions and are centered.
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
         Some(self.face.shape(character)?.glyph(character, cell, self.face.fit()))
     }
 
     /// Returns the width of a character's cell in [`super::write()`], relative to its cap height.
-    /// Returns `None` if the font lacks it, and for a box font, whose cells may have any width.
+    /// Returns `None` if the font lacks the character, or is a box font with cells of any width.
     pub fn aspect(&self, character: char) -> Option<f64> {
         match self.face.fit() {
             Fit::Box => None,
@@ -89,11 +89,11 @@ impl Font {
         }
     }
 
-    /// Checks that the characters so far were drawn within the budget of a face.
+    /// Checks that the characters so far were drawn within the face's budget.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] with the limit.
+    /// Returns [`Error::Input`], which names the limit.
     pub fn check_work(&self) -> Result<()> {
         self.face.check_work()
     }
@@ -110,13 +110,13 @@ impl fmt::Debug for Font {
     }
 }
 
-/// Returns the capital of a letter, or `None` if that is more than one character.
+/// Returns the capital of a letter, or `None` if the capital is more than one character.
 pub(super) fn capital(letter: char) -> Option<char> {
     let mut upper = letter.to_uppercase();
     upper.next().filter(|_| upper.len() == 0)
 }
 
-/// Source of a font.
+/// The source of a font: the program, or a kind of file.
 pub(super) enum Kind {
     Shipped(&'static str),
     Strokes,

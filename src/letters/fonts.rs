@@ -32,8 +32,8 @@ impl Fonts {
         self.0.iter().try_for_each(Font::check_work)
     }
 
-    /// Returns the length in cap heights of a stroke that tracing a character lost, or `None` if it
-    /// lost none.
+    /// Returns the length, in cap heights, of a stroke lost in tracing a character, or `None` if
+    /// none was lost.
     pub(super) fn lost_length(&self, character: char) -> Option<f64> {
         let shape = self.0.iter().find(|font| font.face.has(character))?.face.shape(character)?;
         Some(shape.lost_length).filter(|length| *length > 0.0)
@@ -49,7 +49,7 @@ impl Fonts {
             let chosen =
                 fonts.position(|font| character != ' ' && font.draws(character)).unwrap_or(0);
             match parts.last_mut() {
-                // Spaces, marks and signs join the letters before them.
+                // Spaces, marks and symbols are grouped with the letter before them.
                 Some((font, part))
                     if character == ' '
                         || is_mark(character)
@@ -58,7 +58,7 @@ impl Fonts {
                 {
                     part.end = end;
                 }
-                // Spaces at the start join the first letter.
+                // Spaces at the start are grouped with the first letter.
                 Some((font, part)) if line[part.clone()].trim().is_empty() => {
                     (*font, part.end) = (chosen, end);
                 }
@@ -68,13 +68,13 @@ impl Fonts {
         parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()
     }
 
-    /// Returns the parts of a line from left to right, with true if they are read from right to
+    /// Returns the parts of a line from left to right, each with true if it is read from right to
     /// left.
     pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
         let parts = self.parts(line);
         let mut ordered = Vec::new();
         for (run, leftward) in visual_runs(line) {
-            // The parts of the run in reading order, which is reversed in a run from right to left.
+            // Lists the run's parts in reading order, reversed if the run goes from right to left.
             let parts_in_run = parts.iter().filter_map(|(font, part)| {
                 let overlap = part.start.max(run.start)..part.end.min(run.end);
                 (overlap.start < overlap.end).then_some(((*font, overlap), leftward))

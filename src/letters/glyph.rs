@@ -1,7 +1,7 @@
 //! Glyphs of a TrueType or OpenType face as Bézier paths, within a budget.
 //!
-//! read-fonts stops endless composite glyphs and charstrings. The code of a CFF or CFF2 face is
-//! counted here as well, because a kilobyte of subroutines can mean much work without a point.
+//! read-fonts stops endlessly nested glyphs and charstrings. The code that a CFF or CFF2 face runs
+//! is counted here, because a kilobyte of subroutines can do much work without drawing a point.
 
 use std::cell::Cell;
 
@@ -18,7 +18,7 @@ use read_fonts::ps::charstring::{CharstringContext, CharstringKind, TransformSin
 use super::shaping::MAX_POINTS;
 use noctograph_core::files::Budget;
 
-/// Tables of outlines, of which the first one that a face has is used.
+/// Tables of outlines in order of preference.
 const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
 
@@ -37,7 +37,7 @@ pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<Be
     let mut elements: Vec<PathElement> = Vec::new();
     match face.outline_glyphs_with(SOURCES).get(glyph)? {
         OutlineGlyph::Cff(cff) => {
-            // The size is only known afterward. A charstring that fails counts as the longest.
+            // The size is known only after drawing. A charstring that fails counts as longest.
             let n_bytes = draw_charstring(&cff, &mut elements);
             spend(budget, STEPS_PER_POINT * n_bytes.unwrap_or(MAX_CHARSTRING_BYTES))?;
             n_bytes?;
@@ -87,7 +87,7 @@ struct Subroutines<'a> {
 
 impl<'a> Subroutines<'a> {
     /// Returns the code of a subroutine by its number, to which a bias is added (Adobe Technical
-    /// Note 5177). Fails if there is none or if the code run so far is too long.
+    /// Note 5177). Fails if there is no such subroutine or if too much code was run.
     fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
         let place = number.checked_add(index.subr_bias());
         let place = place.and_then(|place| usize::try_from(place).ok());
@@ -102,7 +102,7 @@ impl CharstringContext for Subroutines<'_> {
         CharstringKind::Type2
     }
 
-    /// Letters composed by the obsolete `endchar` with four numbers have no outline.
+    /// Fails, because letters composed by the obsolete `endchar` with four numbers are not drawn.
     fn seac_components(&self, _base: i32, _accent: i32) -> Result<[&[u8]; 2], Error> {
         Err(Error::InvalidOperation)
     }
@@ -134,7 +134,7 @@ mod tests {
     use super::super::face_tests::{face_of, words};
     use super::*;
 
-    /// A face with A, which calls subroutines without end, H made of lines, and O made of curves.
+    /// A face in which A calls subroutines endlessly, H is made of lines, and O of curves.
     const CALLS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/calls.otf");
     const POINTS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/points.otf");
 
@@ -159,7 +159,7 @@ mod tests {
         }
     }
 
-    /// A face of 12 composite glyphs, each with ten of the next, and a glyph of three points.
+    /// Tests a face of 12 composite glyphs, each with ten copies of the next, and a simple glyph.
     #[test]
     fn composites_within_composites_end() {
         let mut glyf: Vec<u8> = Vec::new();

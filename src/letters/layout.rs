@@ -1,4 +1,4 @@
-//! Layout: characters side by side, and lines below each other.
+//! Layout of a text: characters side by side, and lines below each other.
 
 use super::font::{Font, capital};
 use super::fonts::Fonts;
@@ -19,14 +19,14 @@ const MAX_LETTERS: usize = 256;
 /// Maximum number of a font's characters that an error lists.
 const MOST_LISTED: usize = 40;
 
-/// The font that writes the most scripts in single lines.
+/// The built-in font that supports the most scripts with single-line letters.
 const SINGLE_LINE: &str = "simplex";
 
 /// Advance of a space in cap heights for a font that has none, taken from Hershey's fonts.
 const SPACE: f64 = 16.0 / 21.0;
 
 /// Lays out a text: lines from top to bottom, separated by `\n`, and characters from left to right.
-/// A space leaves a gap. If the font lacks a lower-case letter, its capital is drawn.
+/// A space leaves a gap. If the font lacks a lowercase letter, its capital is drawn.
 ///
 /// # Errors
 ///
@@ -51,8 +51,8 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     }
     // The text is composed (NFC), because fonts contain composed characters.
     let drawn = drawable(&word.nfc().collect::<String>(), &fonts);
-    // If the budget is spent, characters seem to be missing. The error must name the budget then,
-    // not the character.
+    // If the budget is spent, characters seem to be missing. In that case, the error must name the
+    // budget, not the character.
     fonts.check_work()?;
     let word = drawn?;
     Ok(match options.canvas_m {
@@ -61,7 +61,7 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     })
 }
 
-/// Lays out a text scaled to its canvas. Line breaks are added if they let the letters be larger.
+/// Lays out a text scaled to its canvas. Line breaks are added if they allow larger letters.
 fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]) -> Strokes {
     let max_scale = match options.fit {
         Fitting::Shrink => 1.0,
@@ -83,7 +83,7 @@ fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]
     lay_out(&best, fonts, &options.scaled(best_scale))
 }
 
-/// Returns the text with a space in place of all white space other than line ends.
+/// Replaces each white-space character other than a line end with a space.
 fn with_plain_spaces(text: &str) -> String {
     text.chars().map(|c| if c.is_whitespace() && c != '\n' { ' ' } else { c }).collect()
 }
@@ -142,7 +142,7 @@ fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     lines.join("\n")
 }
 
-/// Returns the text with capitals in place of letters that no font has, which may be missing, too.
+/// Returns the text with capitals in place of letters that no font has. Fails if a font lacks both.
 fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     let mut drawn = String::new();
     for (index, line) in word.split('\n').enumerate() {
@@ -156,7 +156,7 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
 }
 
 /// Returns a part of a line with capitals in place of letters that its font lacks. `n_before` is
-/// the number of characters before it in the text, which errors need for positions.
+/// the number of characters before it in the text, which error messages need for positions.
 fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
     // A typeface shapes the part as a whole, so no character is replaced by its capital.
     if is_shaped(part)
@@ -175,7 +175,7 @@ fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
     drawn.collect()
 }
 
-/// True for a space, and for a character that has strokes in a font.
+/// True if a character is a space or has strokes in a font.
 fn is_drawn(font: &Font, character: char) -> bool {
     character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
 }
@@ -247,12 +247,12 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
 /// Returns the glyphs of a line on a baseline, aligned by the options.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
-    // A space at an end of the line takes no room, except in a font with boxes.
+    // Spaces at the ends of a line take no room, except in box fonts.
     let cells = cells(if is_box { line } else { line.trim_matches(' ') }, fonts, options);
     let begin_m = cells.first().map_or(0.0, |cell| cell.offset_m);
     let end_m = cells.last().map_or(0.0, |cell| cell.offset_m + cell.width_m);
     let left_m = match options.align {
-        // The offset is a product, not a sum, because it must round as in the reference flight.
+        // The offset is a product, not a sum, to be rounded as in the reference flight.
         Align::Ae483 if is_box => -0.5 * options.box_width_m() * cells.len() as f64,
         Align::Ae483 => -0.5 * cells.iter().map(|cell| cell.width_m).sum::<f64>() - begin_m,
         Align::Left => -begin_m,
@@ -271,7 +271,7 @@ fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64)
 /// Returns the characters of a line from left to right, placed relative to the start of the line.
 fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let parts = fonts.parts(line);
-    // A single font sets the whole line, including its spaces.
+    // If there is a single font, it sets the whole line, including spaces.
     if parts.len() < 2 {
         let font = parts.first().map_or(fonts.main(), |(font, _)| font);
         return cells_in(line, font, options).0;
@@ -283,8 +283,8 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let (mut cells, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        // Widths of the spaces at both ends of a part. In a part from right to left, its start is
-        // on the right.
+        // Computes the widths of the spaces at both ends of a part. The start of a right-to-left
+        // part is on the right.
         let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
             .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {
@@ -368,7 +368,7 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
         base_pen = pen;
         let shape = font.face.shape(character);
         let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
-        // A space only moves the pen.
+        // A space only moves the pen, and leaves no strokes.
         let inked = shape.filter(|_| character != ' ');
         cells.extend(inked.map(|shape| proportional(character, pen, shape, size_m)));
         pen += advance + options.spacing_m / size_m;
@@ -391,7 +391,7 @@ mod tests {
             ("A\u{a0}B\tC\u{2003}D\u{3000}E\u{202f}F", "A B C D E F"),
             ("A\nB", "A\nB"),
             ("\u{202e}A\u{200b}B\u{feff}\u{2066}C\u{ad}", "ABC"),
-            // Joiners only change Persian and Hindi text.
+            // Joiners are kept only in scripts such as Persian and Hindi.
             ("می\u{200c}خواهم", "می\u{200c}خواهم"),
             ("A\u{200d}B", "AB"),
         ] {
@@ -469,7 +469,7 @@ mod tests {
         let [n, o] = [&strokes.glyphs[0].cell, &strokes.glyphs[1].cell];
         assert!((n.left_m).abs() < 1e-12 && (n.width_m - 14.0 * unit_m).abs() < 1e-12, "{n:?}");
         let wanted_m = (22.0 - 4.0 + 3.0) * unit_m;
-        // Between its points, the O bulges by a little.
+        // The O bulges slightly between its points.
         assert!((o.left_m - wanted_m).abs() < 0.3 * unit_m, "{o:?}, {wanted_m}");
         assert!((0.0..0.6 * unit_m).contains(&(o.width_m - 16.0 * unit_m)), "{o:?}");
         let wide = write("NO", &LetterOptions { spacing_m: 0.1, ..options }).unwrap();

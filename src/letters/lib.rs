@@ -1,4 +1,4 @@
-//! Letters: a word or a drawing becomes [`Strokes`] in the plane of the word.
+//! Letters converts a word or a drawing to [`Strokes`] in the plane of the word.
 //!
 //! Input: a word, or a file with a drawing. Output: placed glyphs, each a list of pen moves, lit or
 //! dark. In the plane of the word, x is to the viewer's right and y up from the floor, in meters.

@@ -1,4 +1,4 @@
-//! Outline: closed contours, filled by the nonzero rule as in typefaces.
+//! Outlines: closed contours that are filled by the nonzero rule, as in typefaces.
 
 use std::ops::RangeInclusive;
 
@@ -9,7 +9,7 @@ use noctograph_core::geometry::{bounds, distance};
 /// A closed contour, whose first point is not repeated.
 pub(super) type Contour = Vec<[f64; 2]>;
 
-/// Budget steps for testing an edge, and number of edges that cost as much as finding a bin.
+/// Budget steps for testing an edge, and number of edges whose test costs as much as finding a bin.
 const STEPS_PER_EDGE: usize = 2;
 const EDGES_PER_BIN: usize = 10;
 
@@ -19,7 +19,7 @@ const END_SLACK: f64 = 1e-9;
 /// Maximum number of samples of an outline. A longer outline is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. The edges are sorted into bins by height, so that a query tests only a few.
+/// The filled area. Edges are sorted into bins by height, so that a query tests only a few edges.
 #[derive(Debug)]
 pub(super) struct Filled<'a> {
     budget: &'a Budget,
@@ -31,7 +31,7 @@ pub(super) struct Filled<'a> {
 }
 
 impl<'a> Filled<'a> {
-    /// Returns the area inside contours. If the budget is spent, it lacks some edges.
+    /// Returns the area inside contours. If the budget is spent, the area lacks some edges.
     pub(super) fn new(contours: &[Contour], budget: &'a Budget) -> Self {
         let [_, bottom, _, top] = bounds(contours.iter().flatten().copied());
         let edges: Vec<_> = contours.iter().flat_map(|contour| edges(contour)).collect();
@@ -105,7 +105,7 @@ impl<'a> Filled<'a> {
         self.bin(from[1].min(to[1]))..=self.bin(from[1].max(to[1]))
     }
 
-    /// Returns the index of the bin at a height, or the nearest bin outside of the outline.
+    /// Returns the index of the bin at a height, or of the nearest bin if the height is outside.
     #[expect(clippy::cast_possible_truncation, reason = "bins are few")]
     fn bin(&self, y: f64) -> usize {
         (((y - self.bottom) / self.bin_height).max(0.0) as usize).min(self.bins.len() - 1)
@@ -158,7 +158,7 @@ fn sampled(contour: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     pieces.collect()
 }
 
-/// True if there is ink on only one side of an edge's middle, at a hundredth of its length.
+/// True if only one side of an edge has ink, a hundredth of its length away from its middle.
 fn has_ink_on_one_side([a, b]: [[f64; 2]; 2], ink: &Filled<'_>) -> bool {
     let (x, y) = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]));
     let (dx, dy) = (0.01 * (b[0] - a[0]), 0.01 * (b[1] - a[1]));

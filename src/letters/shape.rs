@@ -1,4 +1,4 @@
-//! Shape: the strokes of a character before it has a position or a size.
+//! The shape of a character: its strokes before they have a position or a size.
 
 use kurbo::Point;
 
@@ -19,7 +19,7 @@ pub(super) enum Fit {
     Proportional,
 }
 
-/// A run of the pen.
+/// A run of the pen: a polyline, lit or dark.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Run {
     pub(super) lit: bool,
@@ -32,7 +32,7 @@ pub(super) struct Run {
 pub(super) struct Shape {
     /// Distance between the pen's positions before and after the character.
     pub(super) advance: f64,
-    /// Runs of the pen, of which a space has none.
+    /// Runs of the pen. A space has no runs.
     pub(super) runs: Vec<Run>,
     /// Length in cap heights of a stroke of the face that the center lines lost, or 0.
     pub(super) lost_length: f64,
@@ -62,7 +62,7 @@ impl Shape {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = cell;
         let y_m = |p: Point| baseline_m + p.y * cap_height_m;
         let moves = match fit {
-            // A box font lists its dark moves as well.
+            // A box font also contains dark moves.
             Fit::Box => {
                 let place = |p: Point| Point::new(left_m + p.x * width_m, y_m(p));
                 self.runs.iter().flat_map(|run| moves(run, place)).collect()
@@ -78,8 +78,8 @@ impl Shape {
     }
 }
 
-/// Returns the moves along lit runs, with dark moves to the first one and from each to the next.
-/// `place` maps a point of a run to the plane of the word.
+/// Returns the moves along lit runs, with dark moves to the first run and between runs. `place`
+/// maps a point of a run to the plane of the word.
 pub(super) fn pen_moves(runs: &[Run], place: impl Fn(Point) -> Point) -> Vec<Move> {
     let mut all_moves: Vec<Move> = Vec::new();
     for run in runs {

@@ -1,5 +1,5 @@
-//! Shaping: the glyphs of letters that join, change with their neighbors, carry marks or run from
-//! right to left.
+//! Shaping: chooses and places glyphs for letters that join, change with their neighbors, carry
+//! marks or run from right to left.
 //!
 //! A line is put in visual order (Unicode Standard Annex 9). Each word of the line is shaped by the
 //! rules of the typeface (GSUB and GPOS) for the script of its first letter.
@@ -54,8 +54,8 @@ pub(super) enum Unset {
     Missing(usize),
     /// The rules of the face expand the rest of the word beyond the shaper's limits.
     Unshaped(usize),
-    /// The number of glyphs (second value) from there on that touch, and have too many points as
-    /// one outline.
+    /// Touching glyphs from there on, whose number is the second value, have too many points as one
+    /// outline.
     TooLarge(usize, usize),
 }
 
@@ -65,7 +65,7 @@ pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Plac
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
-        // The words from left to right, each with its first byte.
+        // Lists the words from left to right, each with the index of its first byte.
         let mut next_start = run.start;
         let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
             let start = next_start;
@@ -80,7 +80,7 @@ pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Plac
                 pen = pen.saturating_add(space);
             }
             let buffer = shape_word(&face, word, leftward).ok_or(Unset::Unshaped(start))?;
-            // The shaper lists the glyphs from left to right as well.
+            // The shaper also returns the glyphs from left to right.
             for (info, position) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
                 let (glyph, byte) = (GlyphId::new(info.glyph_id), start + info.cluster as usize);
                 if glyph == GlyphId::NOTDEF {

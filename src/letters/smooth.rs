@@ -13,10 +13,10 @@ const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 pub(super) const MAX_POINTS: usize = 4000;
 
 /// Returns the line resampled at `spacing`, and smoothed as much as possible without moving a point
-/// by more than `error`. The ends of the line stay, and a closed line stays closed.
+/// by more than `error`. The ends of the line do not move, and a closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
-    // A line of fewer points has no bend to smooth.
+    // A line with fewer than five points has no bend to smooth.
     if even.len() < 5 {
         return even;
     }
@@ -32,8 +32,8 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
     even
 }
 
-/// Returns evenly spaced points along a line with both ends. The points are at most `spacing`
-/// apart, unless that takes more than [`MAX_POINTS`] pieces.
+/// Returns evenly spaced points along a line, including both ends. The points are at most `spacing`
+/// apart, unless this would require more than [`MAX_POINTS`] pieces.
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
@@ -128,8 +128,8 @@ impl Banded {
     }
 }
 
-/// Returns the smooth line through closed points. Two rounds of the points are solved, and the
-/// middle half is kept, because the ends hardly affect that.
+/// Returns the smooth line through closed points. The loop is solved as two rounds, of which the
+/// middle half is kept because the ends hardly affect it.
 fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

@@ -1,24 +1,24 @@
 //! Stored strokes: faces for plotters and engravers whose contours are strokes instead of outlines.
 //!
-//! TrueType only has closed contours. A single stroke is stored as an open line, which the format
-//! closes by a straight edge, or as a line there and back. Such a stroke is drawn once.
+//! TrueType contours are always closed. A single stroke is stored either as an open line, which the
+//! format closes with a straight edge, or as a line there and back. Such strokes are drawn once.
 
 use kurbo::{BezPath, PathEl, Point, Shape as _};
 
 use super::curves::{polylines, subpaths};
 use super::vector::{Lines, length, unit};
 
-/// Characters with straight strokes. In a face of outlines, none of them has a contour without
-/// area. The letters of a script face may be curves.
+/// Characters with straight strokes. In an outline face, none of them has a contour without area.
+/// The second set serves script faces, whose letters may be curves.
 pub(super) const SIGNS: [&str; 2] = ["HTIXLEFKANMVYZl|-/+=_", "|-/_"];
 
 /// Maximum mean width of a contour without area, relative to the larger side of its box.
 const THIN: f64 = 1e-3;
 
-/// Maximum difference between the lengths there and back, relative to the length there.
+/// Maximum difference between the forward and the return length, relative to the forward length.
 const LENGTHS_APART: f64 = 0.01;
 
-/// Cosine of the turn at which a line goes back.
+/// Cosine of the minimum turn at which a line reverses its direction.
 const BACK: f64 = -0.999;
 
 /// True if more than half of the outlines have a contour without area.
@@ -62,10 +62,10 @@ fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     contours.filter(|contour| contour.elements().len() > 1)
 }
 
-/// Returns the half of a line that runs there and back, between its two turns. Any other line is
-/// returned unchanged.
+/// Returns half of a line that goes back along itself: the part between its two turns. Any other
+/// line is returned unchanged.
 fn without_return(line: Vec<Point>) -> Vec<Point> {
-    // The points in cyclic order, each once.
+    // Lists each point once, in cyclic order.
     let mut cycle = line.clone();
     if cycle[0] == cycle[cycle.len() - 1] {
         cycle.pop();

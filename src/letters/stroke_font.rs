@@ -1,6 +1,6 @@
 //! Stroke fonts: letters as runs of the pen, stored as text.
 //!
-//! Each line has a letter: the character or its code point (`U+0023` for `#`), followed by its
+//! Each line defines a letter: the character or its code point (`U+0023` for `#`), followed by its
 //! runs, each `+` (lit) or `-` (dark) and its points `x,y` (y up from the baseline). A line that
 //! starts with `#` is a comment. There are two kinds of fonts:
 //! - The letters of a box font fill their boxes: 0,0 is the lower left corner and 1,1 the upper
@@ -27,13 +27,13 @@ use noctograph_core::input_error;
 /// Maximum coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Maximum number of points of a letter. Composed letters could double from line to line.
+/// Maximum number of points of a letter. Composing could double it from line to line.
 const MAX_POINTS: usize = 20_000;
 
 /// Maximum number of points of a font.
 const MAX_FONT_POINTS: usize = 1_000_000;
 
-/// Height of a lowercase letter, for which marks are drawn, relative to a capital.
+/// Height of a lowercase letter, for which marks are designed, relative to a capital.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
 /// Combining marks, and the characters that store their shapes. Other marks are stored under their
@@ -42,7 +42,7 @@ const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{
     \u{30c}\u{327}\u{328}";
 const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
 
-/// The words of a line.
+/// The words of a line, separated by white space.
 type Words<'a> = std::iter::Peekable<std::str::SplitAsciiWhitespace<'a>>;
 
 #[derive(Debug)]
@@ -99,13 +99,13 @@ impl StrokeFont {
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
     }
 
-    /// Parses a base with a mark from the words after `=`: base, mark, and optionally `dx,dy`.
+    /// Parses a composed letter from the words after `=`: base, mark, and optionally `dx,dy`.
     /// Returns `None` if they are malformed or have too many points.
     fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let base = self.letters.get(&parse_name(words.next()?)?)?;
         let mark = self.letters.get(&parse_name(words.next()?)?)?;
         let offset = words.next().map_or(Some(Point::ZERO), |word| parse_point(word, units))?;
-        // The size is checked before the letter is composed: no line allocates without bound.
+        // The size is checked before the letter is composed, so that memory use is bounded.
         let is_small = base.n_points() + mark.n_points() <= MAX_POINTS;
         (is_small && words.next().is_none()).then(|| compose(base, mark, offset.to_vec2()))
     }
@@ -127,7 +127,7 @@ impl StrokeFont {
         if runs.iter().any(|run| run.points.len() < 2) {
             return None;
         }
-        // Points of a proportional font are samples of curves, and those of a box font corners.
+        // In a proportional font, points are samples of curves. In a box font, they are corners.
         if self.fit == Fit::Proportional {
             runs.iter_mut().for_each(|run| run.points = with_arcs(&run.points));
         }
@@ -148,7 +148,7 @@ impl Face for StrokeFont {
             // Canonical decomposition (NFD): the base, followed by the marks from the inside out.
             let mut parts = std::iter::once(character).nfd();
             let base = parts.next().filter(|base| *base != character)?;
-            // A mark above replaces the dot.
+            // A mark above i or j replaces its dot.
             let base = match base {
                 'i' => 'ı',
                 'j' => 'ȷ',
@@ -168,8 +168,8 @@ impl Face for StrokeFont {
     }
 }
 
-/// Returns the shape of a base with a mark centered over it and moved by an offset. A mark above
-/// small letters is raised by the height of the base over these.
+/// Returns the shape of a base with a mark centered over it and moved by an offset. A mark designed
+/// for small letters is raised by the extra height of the base.
 fn compose(base: &Shape, mark: &Shape, offset: Vec2) -> Shape {
     let ([left, _, right, top], [mark_left, mark_bottom, mark_right, _]) =
         (base.ink_bounds(), mark.ink_bounds());

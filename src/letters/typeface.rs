@@ -1,12 +1,12 @@
-//! Typefaces: the outlines of a TrueType or OpenType face become strokes.
+//! Typefaces: converts the outlines of a TrueType or OpenType face to strokes.
 //!
 //! A center line ends half a stroke's width inside the outline. A face's capitals are therefore
 //! measured between the center lines of a horizontal stroke at the top and one at the bottom, which
 //! are one cap height apart, with the lower one on the baseline.
 //!
 //! Glyphs that touch are traced together, so that joined letters become one line. A glyph that is
-//! an area, such as a heart, becomes its outline. Variations are not supported. In text that is not
-//! shaped, ligatures and kerning outside the table `kern` are not supported either.
+//! an area, such as a heart, becomes its outline. Font variations are not supported. In text that
+//! is not shaped, ligatures and kerning outside the table `kern` are not supported either.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -47,7 +47,7 @@ const MAX_COORDINATE: f64 = 100.0;
 const FLATNESS: f64 = 2e-4;
 
 /// Minimum thickness of an area relative to the face's letters, and maximum length of its center
-/// lines relative to its own thickness. A bold I has 4, but is only as thick as a letter.
+/// lines relative to its own thickness. A bold I has a length of 4, but not this thickness.
 const AREA_THICKNESS: f64 = 2.5;
 const AREA_LENGTH: f64 = 6.0;
 
@@ -55,7 +55,7 @@ const AREA_LENGTH: f64 = 6.0;
 /// letters meet at a common edge.
 const TOUCHING: f64 = 0.005;
 
-/// Possible half widths of strokes, and possible cap heights in font units.
+/// Plausible half widths of strokes, and plausible cap heights in font units.
 const HALF_WIDTHS: RangeInclusive<f64> = 1e-4..=0.4;
 const CAP_HEIGHTS: RangeInclusive<f64> = 1e-3..=1e6;
 
@@ -73,7 +73,7 @@ pub(super) struct Typeface {
     cap: f64,
     /// Half the width of the strokes in cap heights, or 0 if outlines are traced.
     half_width: f64,
-    /// True if the width is that of known letters.
+    /// True if the width was measured on known letters.
     has_stems: bool,
     /// True if the face's contours are strokes.
     is_stored: bool,
@@ -90,7 +90,7 @@ struct Traced {
 type Part = (GlyphId, [i32; 2]);
 
 impl Typeface {
-    /// Reads a face. Of a collection, the first face is read.
+    /// Reads a face. In a collection, the first face is read.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let budget = Budget::new(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
@@ -101,7 +101,7 @@ impl Typeface {
             let outlines = signs.chars().filter_map(|character| typeface.outline(character));
             stored::are_strokes(&outlines.collect::<Vec<BezPath>>())
         });
-        // The cap height comes first because it is the unit of the stroke width.
+        // The cap height is computed first, because it is the unit of the stroke width.
         typeface.cap = typeface.known_outline().map_or(0.0, |path| path.control_box().y1);
         if !CAP_HEIGHTS.contains(&typeface.cap) {
             return Err(refused(file, "no letters"));
@@ -120,8 +120,8 @@ impl Typeface {
         candidates.find_map(|character| self.outline(character))
     }
 
-    /// Returns true if the face has a letter of [`STEMS`], and half the width of its strokes in cap
-    /// heights. Returns `None` for a face without strokes. Fails if the budget is spent.
+    /// Returns half the width of strokes in cap heights, and true if it was measured on a letter of
+    /// [`STEMS`]. Returns `None` for a face without strokes. Fails if the budget is spent.
     fn stem_half_width(&self) -> Result<Option<(bool, f64)>> {
         let budget = &self.traced().budget;
         let stems = STEMS.chars().map(|c| (true, c));
@@ -171,7 +171,7 @@ impl Typeface {
             let bounds = outline(&self.face, placed.glyph, &self.traced().budget)?.control_box();
             Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
         }));
-        // The boxes go from left to right, so that only the last group can touch the next one.
+        // The boxes are sorted from left to right, so only the last group can touch the next box.
         boxes.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<Vec<Placed>> = Vec::new();
         let mut group_right = f64::NEG_INFINITY;
@@ -209,7 +209,7 @@ impl Typeface {
         self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    /// Returns the kerning of a pair of letters by the table `kern`, in font units, if it has any.
+    /// Returns a letter pair's kerning in the table `kern`, in font units, if there is any.
     fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
         let (left, right) = (self.glyph(left)?, self.glyph(right)?);
         let table = self.face.tables().kern().ok()?;
@@ -240,8 +240,8 @@ impl Typeface {
     }
 
     /// Returns the center lines or outlines of glyphs in reading order, in cap heights between
-    /// center lines, and a lost stroke's length. Returns `None` without an outline or beyond the
-    /// budget.
+    /// center lines, and a lost stroke's length. Returns `None` if there is no outline or the
+    /// budget is spent.
     fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Lines, f64)> {
         let contours = self.contours(parts, budget)?;
         let center = match self.trace {
@@ -274,8 +274,8 @@ impl Typeface {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// Returns the contours of glyphs in cap heights. Returns `None` for no contours or too many
-    /// points.
+    /// Returns the contours of glyphs in cap heights. Returns `None` if there are none or they have
+    /// too many points.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
         let mut contours = pairs(polylines(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?);
         for contour in &mut contours {
@@ -353,13 +353,13 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
 /// is nearest to the upper left, and each next line is nearest to the end of the previous one.
 fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
-        // Height counts twice as much as the horizontal distance.
+        // The vertical distance counts twice as much as the horizontal distance.
         let [first, last] = [line[0], line[line.len() - 1]].map(|p| p.x - 2.0 * p.y);
         if last < first {
             line.reverse();
         }
     }
-    // The pen starts at the upper left of a capital.
+    // The pen starts at the upper left corner of a capital.
     let mut ordered = Lines::new();
     let mut pen = Point::new(0.0, 1.0);
     while !lines.is_empty() {

@@ -38,12 +38,12 @@ pub(super) fn direction(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     [0, 1].map(|i| (to[i] - from[i]) / length)
 }
 
-/// Returns the point at a given length from another one in a direction.
+/// Returns the point at a given distance from another one, in a given direction.
 pub(super) fn ahead(from: [f64; 2], direction: [f64; 2], length: f64) -> [f64; 2] {
     [0, 1].map(|i| from[i] + length * direction[i])
 }
 
-/// Returns the point at a fraction of the line from one point to another.
+/// Returns the point at a given fraction of the way from one point to another.
 pub(super) fn between(from: [f64; 2], to: [f64; 2], fraction: f64) -> [f64; 2] {
     [0, 1].map(|i| from[i] + fraction * (to[i] - from[i]))
 }

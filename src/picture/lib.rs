@@ -15,7 +15,7 @@ fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// Rounds a length in pixels down to whole pixels. Negative lengths become 0.
+/// Rounds a length in pixels down to whole pixels. Negative lengths become zero.
 #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture, rounded down")]
 fn whole(px: f64) -> usize {
     px as usize

@@ -1,7 +1,7 @@
-//! Alignment: the shift, scale and rotation at which the intended word correlates best with a
-//! photo.
+//! Aligns the intended word with a photo: finds the shift, scale and rotation with the highest
+//! correlation.
 //!
-//! Within limits the position of a word costs nothing, because a viewer does not care about it.
+//! Within limits, a displaced word is not penalized, because readers do not mind displacement.
 //! Shear and perspective are not modeled, because the camera is known.
 
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,14 +16,14 @@ use noctograph_core::strokes::Strokes;
 /// Number of scales in the coarse search.
 const N_SCALES: i32 = 7;
 
-/// First step of the rotation search. Together with its repeated halves it covers twice as much.
+/// Initial step of the rotation search. The steps are halved, so their sum is twice the first one.
 const ROTATION_STEP_RAD: f64 = 5.0 * core::f64::consts::PI / 180.0;
 
-/// Blur of both pictures: 0.1 H, with which a coarse grid of shifts hits the peak, and then 0.05 H,
-/// the reader's blur. With more blur, a wrong letter could pull the word toward the next letter.
+/// Blur of both pictures: first 0.1 cap heights, so that a coarse grid of shifts hits the peak, and
+/// then the reader's 0.05. With more blur, the next letter could attract the word.
 const BLURS_PX: [f32; 2] = [3.2, 1.6];
 
-/// Maximum size of the cache of drawn words, in pixels: 1 MB, enough for dozens of a short word.
+/// Maximum size of the cache of drawn words, in pixels. Its 1 MB hold dozens of short words.
 const MAX_CACHED_PX: usize = 1 << 18;
 
 /// Width of the pen, in pixels.
@@ -32,17 +32,17 @@ const PEN_PX: f32 = PEN_H as f32 * PX_PER_H as f32;
 
 /// A search for one word.
 pub(super) struct Finder {
-    /// The grid that a searched picture must have.
+    /// Pixel grid of every picture that is searched.
     pub(super) grid: Grid,
     strokes: Strokes,
     home: Placed,
     /// The word at each scale of the coarse search, at quarter resolution.
     coarse: Vec<(f64, Raster)>,
-    /// Drawings of the word by scale and rotation, which are kept because most photos try the same.
+    /// Cache of drawn words by scale and rotation, because most photos need the same drawings.
     cache: Mutex<Vec<([f64; 2], Arc<Raster>)>>,
 }
 
-/// A picture in which the word is searched.
+/// A picture that is searched for the word.
 pub(super) struct Target {
     /// The picture after its mean was subtracted.
     raster: Raster,
@@ -69,7 +69,7 @@ impl Finder {
         let (mut scale, coarse_shift) = self.coarse_placement(&coarse);
         let half = Target::new(picture.blur(0.5 * BLURS_PX[1]));
         // Pattern search (Hooke and Jeeves 1961) at half resolution: it tries a step to either side
-        // in scale and in rotation, each with its best shift, and then halves the step.
+        // in scale and rotation, finds the best shift for each, and halves the step.
         let mut rotation_rad = 0.0;
         let word = self.word_to_try([scale, rotation_rad]);
         let (mut similarity, mut shift, mut fraction_px) =
@@ -187,7 +187,7 @@ impl Target {
                 beside[axis] += step;
                 self.sum_of_products(word, beside) * inverse_norms
             });
-            // `slope` is twice the first difference at the best shift, and `bend` minus the second.
+            // `slope` is twice the central difference, and `bend` is minus the second difference.
             let (slope, bend) = (beside[1] - beside[0], 2.0 * similarity - beside[0] - beside[1]);
             if bend <= 0.0 {
                 return 0.0;
@@ -201,17 +201,16 @@ impl Target {
 
     /// Returns 1 divided by the product of both norms, or 0 if picture or word is uniform.
     fn inverse_norms(&self, word: &Raster) -> f32 {
-        // The picture has a mean of 0. The squared norm of the word's deviations is Σw² − (Σw)² /
-        // n.
+        // The picture's mean is 0. The squared norm of the word's deviations is Σw² − (Σw)² / n.
         let ones = vec![1.0; word.values.len()];
         let [sum, squares] = dots([&ones, &word.values], &word.values);
         let norm = (squares - sum * sum / word.values.len() as f32).max(0.0).sqrt() * self.norm;
         if norm > 0.0 { 1.0 / norm } else { 0.0 }
     }
 
-    /// Returns the sum of the products of the picture and the moved word where they overlap.
+    /// Returns the sum of the products of the picture and the shifted word where they overlap.
     fn sum_of_products(&self, word: &Raster, [right, down]: [isize; 2]) -> f32 {
-        // For each axis: first pixel of the picture, first pixel of the word, and number of pixels.
+        // The overlap on each axis: first pixel in the picture, first pixel in the word, and size.
         let width = word.width;
         let overlaps = [(right, width), (down, word.height)].map(|(shift, side)| {
             let length = side.saturating_sub(shift.unsigned_abs());

@@ -13,7 +13,7 @@ use super::net::N_CLASSES;
 /// The net's characters. The first character is class 1.
 const CHARACTERS: &[u8; 62] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
 
-/// Names of letters and digits, cases aside.
+/// Letters and digits that the net distinguishes, regardless of case.
 pub(super) const NAMES: &[u8; 36] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
 
 /// A set of classes, with one bit for each class.
@@ -30,11 +30,11 @@ const SHAPES: &str = "AÀÁÂÃÄÅĀĂĄǍАΑ BВΒƁ CÇĆĈĊČСϹ DĎĐÐ�
                       JĴЈ KĶКΚƘ LĹĻĽĿŁ MМΜ NÑŃŅŇΝ OÒÓÔÕÖØŌŎŐОΟ PРΡ RŔŖŘ SŚŜŞŠȘЅ TŢŤŦȚТΤ \
                       UÙÚÛÜŨŪŬŮŰŲ VѴ WŴ XХΧ YÝŶŸУΥƳ ZŹŻŽΖ";
 
-/// Latin letters with marks: Unicode's Latin-1 Supplement to Extended-B, and Extended Additional.
+/// Latin letters with marks: Latin-1 Supplement to Extended-B, and Extended Additional in Unicode.
 const LATIN_WITH_MARKS: [core::ops::RangeInclusive<char>; 3] =
     ['\u{c0}'..='\u{259}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
 
-/// True for a Latin letter with a mark, such as an accent, and for other letters of these blocks.
+/// True for Latin letters with marks, such as accents, and for other letters in the same blocks.
 fn has_mark(character: char) -> bool {
     LATIN_WITH_MARKS.iter().any(|block| block.contains(&character))
 }
@@ -59,7 +59,7 @@ pub(super) fn latin(character: char) -> Option<char> {
         let is_sharp_s = SHARP_S.contains(&character);
         return Some(if is_sharp_s { nearest } else { with_case_of(nearest, character) });
     }
-    // Letters of other scripts are looked up by their capitals, other marks decomposed by Unicode.
+    // Letters of other scripts are looked up by capital. Marks are removed by decomposition.
     let capital = character.to_uppercase().next()?;
     let Some(shape) = SHAPES.split(' ').find(|shape| shape.contains(capital)) else {
         let base = has_mark(character).then(|| character.nfd().next())??;
@@ -94,7 +94,7 @@ pub(super) fn class_of(character: char) -> Option<usize> {
 pub(super) fn classes_of(character: char) -> Option<Classes> {
     let mark = if is_untrained(character) { NO_LETTER } else { 0 };
     let classes = match latin(character)? {
-        // People who do not know the sharp s read it as one of these.
+        // Readers who do not know the sharp s take it for a B, b, 3 or 8.
         _ if SHARP_S.contains(&character) => set_of("Bb38"),
         _ if let Some(near) = near_shapes(character) => {
             set_of(near) | set_of(&near.to_ascii_lowercase())
@@ -107,13 +107,13 @@ pub(super) fn classes_of(character: char) -> Option<Classes> {
     Some(classes | mark)
 }
 
-/// True for a letter or digit without classes. A modifier letter, as in Uzbek, is punctuation.
+/// True for a letter or digit without classes. Modifier letters, as in Uzbek, are punctuation.
 pub(super) fn is_foreign(character: char) -> bool {
     let is_modifier = ('\u{2b0}'..='\u{2ff}').contains(&character);
     character.is_alphanumeric() && !is_modifier && classes_of(character).is_none()
 }
 
-/// Returns the classes of all characters with the shape of a character, whatever their size.
+/// Returns the classes of all characters with the same shape as `character`, regardless of size.
 pub(super) fn alike(character: char) -> Classes {
     match character {
         'O' | 'o' | '0' => set_of("Oo0"),
@@ -131,7 +131,7 @@ pub(super) fn with_case_of(letter: char, other: char) -> char {
 }
 
 /// Returns the letters and digits with their classes. A class that is in `taken` or belongs to an
-/// earlier name is left out, and a name that keeps no class is left out as well.
+/// earlier name is omitted, as is a name without remaining classes.
 pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classes)> {
     let (letters, digits) = NAMES.split_at(26);
     let order = if digits_first { [digits, letters] } else { [letters, digits] };

@@ -1,7 +1,7 @@
 //! Moves each intended stroke sideways onto its light, so that it does not count as missing when
 //! the drone flew beside its path. Parts of the moved strokes without light are then gaps, and
-//! lines of light without a stroke are extra. Strokes only move sideways, since light may be
-//! missing along them.
+//! lines of light without a stroke are extra. Strokes move only sideways, because part of their
+//! length may be dark.
 
 use std::ops::Range;
 
@@ -14,44 +14,44 @@ use super::trace::{CLOSE_PX, LightLines, around};
 use noctograph_core::geometry::segment_distance;
 use noctograph_core::statistics::median;
 
-/// Minimum turn that ends a stroke: 40 degrees. Round letters are polygons that turn by less.
+/// Minimum turn that ends a stroke: 40 degrees. The polygons of round letters turn by less.
 const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;
 
-/// Maximum sideways move of a stroke: 0.25 H, the same as the maximum shift of a letter.
+/// Maximum sideways move of a stroke: 0.25 cap heights, like the maximum shift of a letter.
 const REACH_PX: i32 = 8;
 
-/// Maximum width of light across a stroke: 0.2 H. Wider light is a spot or another stroke.
+/// Maximum width of a stroke's light: 0.2 cap heights. Wider light is a spot or another stroke.
 const WIDEST_PX: i32 = 6;
 
-/// Half-width of the window of the running median over the offsets, in points: 0.2 H.
+/// Half-width of the window of the running median over the offsets, in points: 0.2 cap heights.
 const AROUND: usize = 6;
 
-/// Maximum distance between a stroke and its light: 0.10 H.
+/// Maximum distance between a stroke and its light: 0.1 cap heights.
 const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
 
-/// Maximum distance between a neighbor's stroke, which is not moved onto its light, and that light.
+/// Maximum distance between a neighboring letter's stroke, which is not moved, and its light.
 const BESIDE_PX: f64 = 1.5 * TOLERANCE_PX;
 
-/// Minimum length of a gap without `CLOSE_PX` at each end: 0.12 H. A cut corner leaves a shorter
-/// gap.
+/// Minimum length of a gap without `CLOSE_PX` at each end: 0.12 cap heights. A cut corner leaves a
+/// shorter gap.
 const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
 
-/// Maximum distance that the gap of a cut corner extends from the corner: 0.2 H.
+/// Maximum extent of a cut corner's gap from the corner: 0.2 cap heights.
 const CUT_PX: usize = 6;
 
-/// Minimum length of a line of extra light: 0.1 H.
+/// Minimum length of a line of extra light: 0.1 cap heights.
 const LEAST_EXTRA_PX: f64 = 3.2;
 
 /// The strokes of a letter, moved onto their light.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bent {
-    /// The runs of the pen.
+    /// The runs of the pen in the letter.
     pub(super) runs: Vec<Run>,
     /// Mean distance between the intended strokes and their light, over the points that have light.
     pub(super) mean_offset_px: f64,
 }
 
-/// A run of the pen.
+/// A run of the pen, that is, strokes drawn without a dark move.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Run {
     /// Intended points, a pixel apart.
@@ -65,7 +65,7 @@ pub(super) struct Run {
 /// A part of the intended strokes that has no light.
 #[derive(Clone, Debug)]
 pub(super) struct Gap {
-    /// Index of the run of the pen that has the gap.
+    /// Index of the run of the pen in which the gap is.
     pub(super) stroke: usize,
     /// Positions of the gap's start and end along the run.
     pub(super) along_px: [f64; 2],
@@ -104,11 +104,11 @@ impl Run {
 
     /// Returns the gap at a dark stretch, extended at each end by the tolerance.
     fn gap(&self, stroke: usize, dark: Range<usize>) -> Gap {
-        // Points near the last light count as lit, so the light ends before the dark points.
+        // Points up to `CLOSE_PX` from light count as lit, so the gap exceeds the dark stretch.
         let reach = whole(CLOSE_PX);
         let from = dark.start.saturating_sub(reach);
         let to = (dark.end + reach).min(self.on_light.len());
-        // The gap is drawn with the sideways offset of the light before it, or else after it.
+        // The gap is drawn with the offset of the light before it or, if there is none, after it.
         let neighbor = if from > 0 { from - 1 } else { to.min(self.on_light.len() - 1) };
         let offset = self.on_light[neighbor] - self.intended[neighbor];
         let points = self.intended[from..to].iter().map(|point| *point + offset).collect();
@@ -149,7 +149,7 @@ impl LightLines {
     fn offset(&self, point: Point, across: Vec2) -> Option<f64> {
         let mut nearest: Option<f64> = None;
         let mut first_lit = None;
-        // The last step is beyond the reach and counts as dark, so that it ends a lit stretch.
+        // The step beyond the maximum offset counts as dark, so that it ends a lit stretch.
         for step in -REACH_PX..=REACH_PX + 1 {
             let is_lit = step <= REACH_PX && self.is_lit(point + f64::from(step) * across);
             match (first_lit, is_lit) {
@@ -168,7 +168,7 @@ impl LightLines {
         nearest
     }
 
-    /// Points outside the page count as dark.
+    /// True if a point is lit. Points outside the page are dark.
     fn is_lit(&self, Point { x, y }: Point) -> bool {
         let height = self.lit.len() / self.width;
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < height as f64;
@@ -261,7 +261,7 @@ fn normal(segment: Line) -> Vec2 {
     Vec2::new(-y / length, x / length)
 }
 
-/// Returns the median of the offsets around a point. The window is widened until it contains light.
+/// Returns the median of the offsets around a point. The window widens until it contains light.
 fn smooth(offsets: &[Option<f64>], index: usize) -> f64 {
     let mut reach = AROUND;
     loop {

@@ -4,37 +4,37 @@ use serde::Serialize;
 
 use super::lattice::Choice;
 
-/// Range of the log-odds of a letter, which limits the weight of a single letter.
+/// Range to which the log-odds of a letter are limited, so that no single letter dominates.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
 
-/// Minimum probability of the other letters, which keeps log-odds finite.
+/// Minimum total probability of the other letters, so that log-odds stay finite.
 const LEAST_REST: f64 = 5e-4;
 
-/// Maximum magnitude of the log-odds against the rival word.
+/// Maximum magnitude of the word's log-odds against the rival word.
 const MOST_RIVAL: f64 = 9.0;
 
-/// Minimum of the spelling's mean logarithm of probability, and its mean over words and names.
+/// Minimum of a spelling's mean log-probability, and the mean of that value over words and names.
 const LEAST_SPELLING: f64 = -4.0;
 const MEAN_SPELLING: f64 = -2.2;
 
 /// `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival. `s`
-/// says how usual the spelling is: the mean, over its letters, of the natural logarithm of the
-/// probability of a letter after the four before it, plus 2.2, times 1 − m / 8 for m from 0 to 8.
+/// measures how common the spelling is: the mean natural logarithm of the probability of each
+/// letter after the preceding four, plus 2.2, multiplied by 1 − m / 8 for m from 0 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
-    /// The readers whose reading the regression predicts.
+    /// The human readers whose success the regression predicts.
     pub reader: &'static str,
     /// Constant of the regression.
     pub constant: f64,
     /// Weight of the letters' mean log-odds, each within −9 and 8.
     pub mean_log_odds: f64,
-    /// Weight of the log-odds of the word against the likeliest other one, within ±9.
+    /// Weight of the log-odds of the word against the likeliest other word, within ±9.
     pub rival: f64,
     /// Weight of the spelling, `s` above.
     pub spelling: f64,
 }
 
-/// The calibration of all verdicts. `examples/readings/fit.py` fitted it to the choosing half of
+/// The calibration of all verdicts. `examples/readings/fit.py` fitted it to the `choose` half of
 /// `examples/readings/readings.tsv` and to clean photographs (docs/calibration.md).
 pub const CALIBRATION: Calibration = Calibration {
     reader: "two at first sight",
@@ -45,13 +45,13 @@ pub const CALIBRATION: Calibration = Calibration {
 };
 
 /// Returns the probability that a viewer reads a word with these `choices` for its letters.
-/// `ln_odds_of_word` are its odds against the likeliest other word.
+/// `ln_odds_of_word` is the logarithm of its odds against the likeliest other word.
 pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
     let odds = choices.iter().map(|choice| choice.p / (1.0 - choice.p).max(LEAST_REST));
     let log_odds = odds.map(|odds| libm::log(odds).clamp(LOG_ODDS[0], LOG_ODDS[1]));
     let mean = log_odds.sum::<f64>() / choices.len().max(1) as f64;
     let rival_log_odds = ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
-    // The spelling has no weight for clear letters, which are read however unusual the word is.
+    // The spelling has no weight if letters are clear, because people then read even unusual words.
     let unclear = 1.0 - mean.clamp(0.0, LOG_ODDS[1]) / LOG_ODDS[1];
     let usualness = unclear * (ln_p_of_spelling.max(LEAST_SPELLING) - MEAN_SPELLING);
     let Calibration { constant, mean_log_odds, rival, spelling, .. } = CALIBRATION;

@@ -1,4 +1,4 @@
-//! Causes of errors, and advice: the kinds of faults, and the sentences about them.
+//! Kinds of faults in a photo, and the sentences of advice about them.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,15 +14,15 @@ pub struct Cause {
     pub letter: Option<usize>,
     /// Length, distance or width of the fault, in the plane of the word.
     pub length_mm: Option<f64>,
-    /// Center of the fault in the plane of the word: right and up.
+    /// Center of the fault in the plane of the word: x to the right and y upward.
     pub at_m: Option<[f64; 2]>,
-    /// The part of a stroke that is missing.
+    /// The missing part of a stroke, if the fault is one.
     pub missing: Option<MissingRun>,
-    /// Delay of the lamp, known if light leads from stroke to stroke and the speed is known.
+    /// Switching delay of the lamp, if light connects two strokes and the drone's speed is known.
     pub lamp_delay_s: Option<f64>,
-    /// Start and end of the log gap because of which a part of a stroke is missing.
+    /// Start and end times of the log gap that caused a missing part of a stroke.
     pub log_gap_s: Option<[f64; 2]>,
-    /// The letter that this one looks like, if the fault is one of design.
+    /// The letter that this one looks like, if the fault lies in the font's design.
     pub reads_as: Option<char>,
     /// Gain in the letter's probability, −1 to 1, if the photo is read without the fault. The gain
     /// is `None` if the fault cannot be removed.
@@ -30,7 +30,7 @@ pub struct Cause {
 }
 
 impl Cause {
-    /// Returns a fault of a kind without measures.
+    /// Creates a fault of a kind, without measurements.
     pub(super) fn new(kind: CauseKind, letter: Option<usize>) -> Self {
         Self { kind, letter, ..Self::default() }
     }
@@ -66,7 +66,7 @@ pub enum CauseKind {
     Overlap,
     /// Other light away from the strokes.
     OtherStray,
-    /// The letter is away from its intended position.
+    /// The letter is displaced from its intended position.
     Shifted,
     /// Lines are much wider than the pen.
     Glow,
@@ -92,15 +92,15 @@ pub struct Advice {
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a flight. The photo is dark there, because the lamps' position is unknown.
+/// A gap in the log of a flight. It is dark in photos, because the lamps' position is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {
     /// Times of the last sample before the gap and the first one after it, on the flight's clock.
     pub span_s: [f64; 2],
-    /// Positions of the drone at these times, in the plane of the word: right and up.
+    /// Positions of the drone at the ends of the gap, in the plane of the word.
     pub ends_m: [[f64; 2]; 2],
-    /// Length of the longest path that the lamps can have taken between these positions.
+    /// Length of the longest path that the lamps can have taken during the gap.
     pub way_m: f64,
 }
 
@@ -109,7 +109,7 @@ impl LogGap {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] for any other text.
+    /// Returns [`Error::Input`] if the text does not describe log gaps.
     pub fn parse(json: &str, place: &str) -> Result<Vec<Self>> {
         serde_json::from_str(json).map_err(|error| {
             let hint = "expose the flight again";
@@ -125,7 +125,7 @@ impl LogGap {
     }
 }
 
-/// What is known about the flight.
+/// Known properties of the flight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
     /// Speed of the drone along the strokes.
@@ -138,7 +138,7 @@ pub struct Known {
     pub gaps: Vec<LogGap>,
 }
 
-/// Minimum lag behind the setpoints that a sentence mentions.
+/// Minimum lag behind the setpoints that advice mentions.
 const LEAST_LAG_S: f64 = 0.02;
 
 /// Returns the sentence of advice about all faults of a kind.
@@ -150,7 +150,7 @@ pub(super) fn sentence(
 ) -> String {
     use CauseKind as Kind;
 
-    // Lengths of missing or extra light are added. Of distances and widths, the greatest is given.
+    // Lengths of missing or extra light are summed. For distances and widths, the maximum is given.
     let named_letters = named_letters(causes, letters);
     let length_mm: f64 = causes.iter().filter_map(|cause| cause.length_mm).sum();
     let most_mm = causes.iter().filter_map(|cause| cause.length_mm).fold(0.0, f64::max);
@@ -168,7 +168,7 @@ pub(super) fn sentence(
              ({}), not because of the lamps. Log fewer variables, or log to the \u{b5}SD card.",
             gap_times(causes)
         ),
-        // If the drone lags, light between strokes does not show the lamp's delay.
+        // If the drone lags, light between strokes does not reveal the lamp's delay.
         Kind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
             "Switch the light off earlier between strokes of {named_letters}: {length_mm:.0} mm of transit are \
              lit, as if the lamp were {:.0} ms late.",
@@ -224,7 +224,7 @@ fn gap_times(causes: &[&Cause]) -> String {
     gap_times.collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the letters of the causes as text, each with its position from 1, without duplicates.
+/// Lists the letters of the causes as text, each with its position (from 1), without duplicates.
 fn named_letters(causes: &[&Cause], letters: &[char]) -> String {
     let mut names: Vec<String> = Vec::new();
     for index in causes.iter().filter_map(|cause| cause.letter) {
@@ -236,7 +236,7 @@ fn named_letters(causes: &[&Cause], letters: &[char]) -> String {
     names.join(", ")
 }
 
-/// Returns text that says which letters are read as which others.
+/// Returns text that names the misread letters and what each one is read as.
 fn confused_letters(causes: &[&Cause], letters: &[char]) -> String {
     let confused_letters = causes.iter().filter_map(|cause| {
         Some(format!("{} is read as {}", letters[cause.letter?], cause.reads_as?))

@@ -1,22 +1,22 @@
 //! Separation of ink by color: only light in the color of the strokes is ink.
 //!
-//! The status lights of a Crazyflie draw lines along with its headlights. People can tell these
-//! blue and red lines from the white strokes, but luminance cannot if the lines are overexposed.
+//! A Crazyflie's status lights leave trails beside that of its headlights. People can tell these
+//! blue and red trails from white strokes, but overexposed ones have the same luminance.
 
 use std::cmp::Ordering;
 
 use super::light::{Rgb, luminance};
 
-/// Minimum ratio of a channel to the strongest channel of the ink for it to be compared.
+/// Minimum strength of a channel relative to the ink's strongest channel for it to be compared.
 const MIN_CHANNEL: f32 = 0.3;
 
-/// Factor by which light of another color is multiplied before it is subtracted from ink. An
-/// overexposed blue lamp is three quarters white. The white of a trail varies by a tenth along it.
+/// Factor by which light of another color is multiplied before it is subtracted from ink. The light
+/// of an overexposed blue lamp is three quarters white. A trail's white part varies by a tenth.
 const FOREIGN: f32 = 3.0;
 
 /// Returns the mean color of the `n_pixels` brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
-    // Integers take half the memory of pixels, of which there are half a million. Pixels of equal
+    // The half million pixels are sorted as integers, which take half the memory. Pixels of equal
     // luminance are sorted by color, so that the result does not depend on their order.
     let ranks = light.iter().map(|light| rank(luminance(*light)));
     let mut sorted: Vec<(i32, u32)> = ranks.zip(0..).collect();
@@ -39,13 +39,13 @@ fn rank(value: f32) -> i32 {
     bits ^ ((bits >> 31).cast_unsigned() >> 1).cast_signed()
 }
 
-/// Returns a function for the luminance of the largest amount of `color` that a pixel's light
-/// contains. The scarcest channel limits this amount.
+/// Returns a function that computes the luminance of the largest amount of `color` that a pixel's
+/// light contains. The scarcest channel limits this amount.
 fn luminance_of_color(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
-    // A channel that the color barely uses sets no limit, written as 0 · light + ∞. The sum has no
-    // branch, so that the compiler can vectorize a row of pixels.
+    // A channel that the color barely uses sets no limit: its limit is 0 · light + ∞. This needs no
+    // branch, so the compiler can vectorize a row of pixels.
     let terms = color.map(|c| {
         let is_limit = c >= MIN_CHANNEL * strongest && c > 0.0;
         if is_limit { (scale / c, 0.0) } else { (0.0, f32::INFINITY) }
@@ -57,8 +57,8 @@ fn luminance_of_color(color: Rgb) -> impl Fn(Rgb) -> f32 {
     }
 }
 
-/// Returns a function for the light of `color` in a pixel, minus light of other colors. A status
-/// light that is overexposed nearly to white is thus not taken for a stroke.
+/// Returns a function that computes a pixel's light of `color` minus light of other colors, so that
+/// a status light overexposed nearly to white does not count as a stroke.
 pub(super) fn pure(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let luminance_of_color = luminance_of_color(color);
     move |light| {

@@ -1,6 +1,6 @@
 //! Explanation of a verdict: the faults of each letter, and the gain from mending each fault.
 //!
-//! The photo is read again without each fault. The difference from the first reading is the gain.
+//! The photo is read again with each fault removed. The gain is the change from the first reading.
 
 use kurbo::Point;
 
@@ -20,28 +20,28 @@ use noctograph_core::photo::Photo;
 /// Cap height in the photo, in pixels, below which the letters have too few pixels.
 const FEW_PX: f64 = 30.0;
 
-/// Ratio of full light to the lowest visible light below which a photo is dim.
+/// Ratio of the fully lit level to the lowest visible level below which a photo counts as dim.
 const DIM: f32 = 2.0;
 
-/// Probability below which a letter, drawn without fault, is a flaw of its font.
+/// Probability of a letter in its faultless drawing below which the font is at fault.
 const STRANGE: f64 = 0.5;
 
-/// Minimum probability of another letter in a faultless drawing for the font to be the cause when
-/// the photo is read as that letter. For example, the team's J has a small hook and is read as T.
+/// Minimum probability of another letter in a faultless drawing at which the font is blamed if the
+/// photo is read as that letter. The team's J, for example, which has a small hook, is read as T.
 const AMBIGUOUS: f64 = 0.01;
 
-/// Probability above which mending a letter gains nothing.
+/// Probability of a letter above which its faults are not mended.
 const SURE: f64 = 0.97;
 
-/// Minimum gain in readability for a sentence of advice.
+/// Minimum gain in readability that justifies a sentence of advice.
 const LEAST_GAIN: f64 = 0.005;
 
 /// Maximum number of letters whose faults are mended, the least probable first. Each mended fault
 /// costs one more reading.
 const MOST_MENDED: usize = 12;
 
-/// Maximum number of letters in a word whose faults are mended. In longer words, causes have no
-/// gains.
+/// Maximum number of letters in a word whose faults are mended. In longer words, causes do not
+/// report gains.
 const LONGEST_MENDED: usize = 32;
 
 /// Maximum number of sentences of advice.
@@ -54,9 +54,9 @@ pub struct Marks {
     pub intended: Vec<Vec<[f64; 2]>>,
     /// Parts of the intended strokes that have no light.
     pub missing: Vec<Vec<[f64; 2]>>,
-    /// Points of light where none was intended.
+    /// Points at which there is light but no intended stroke.
     pub stray: Vec<Vec<[f64; 2]>>,
-    /// Corners of the cells of letters with light, clockwise from the upper left.
+    /// Corners of each lit letter's cell, clockwise from the upper left.
     pub cells: Vec<Vec<[f64; 2]>>,
 }
 
@@ -72,7 +72,7 @@ impl Reader {
         let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        // Only faults of letters have gains, since those of font and photo cannot be mended.
+        // Only letter faults have gains, because faults of the font or the photo cannot be mended.
         let mut faults = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         let in_place = self.gains(seen, &sketches, &mut faults);
         self.flaws_of_design(&verdict, &mut faults);
@@ -88,8 +88,8 @@ impl Reader {
         Ok((verdict, marks))
     }
 
-    /// Sets the gain of each fault by reading its letter again without the fault. Faults of letters
-    /// that are not read again lose their mending. Returns the judgment with all faults.
+    /// Sets the gain of each fault by reading its letter again without the fault. Drops the
+    /// mendings of letters that are not read again. Returns the judgment of the unmended photo.
     fn gains(&self, seen: &Seen, sketches: &[Sketch], faults: &mut [Fault]) -> Judgment {
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
@@ -104,7 +104,7 @@ impl Reader {
                 continue;
             };
             let place = self.expected.indices.iter().position(|judged| *judged == index);
-            // Punctuation has no choice, but is mended together with the letters for the advice.
+            // Punctuation is not judged, but advice mends it together with the letters.
             let Some(place) = place else { continue };
             if !worst.contains(&place) {
                 *mending = None;
@@ -133,8 +133,8 @@ impl Reader {
     ) -> Vec<Fault> {
         let placed = &seen.placed;
         let mut faults: Vec<Fault> = Vec::new();
-        // Number of stroke segments, and the same number weighted by the recall and by the
-        // precision of each letter.
+        // Sums over all letters: number of stroke segments, and this number weighted by recall and
+        // by precision.
         let [mut length, mut recalled, mut precise] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
@@ -148,7 +148,7 @@ impl Reader {
             recalled += recall * n_segments;
             precise += precision * n_segments;
 
-            // Measures of the letter in the word's plane, in millimeters and meters.
+            // Computes the measures of the letter in the word's plane, in millimeters and meters.
             let pitch_mm = 1000.0 * page.grid.pitch_m;
             let missing_px: f64 = gaps.iter().map(|gap| gap.along_px[1] - gap.along_px[0]).sum();
             let extra_px = extra.iter().map(|line| line.points.len()).sum::<usize>() as f64;
@@ -160,7 +160,7 @@ impl Reader {
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
 
-            // Marks of the letter's faults, as polylines on the photo.
+            // Adds marks for the letter's faults, as polylines on the photo.
             let on_photo = |points: &[Point]| -> Vec<[f64; 2]> {
                 let in_plane = points.iter().map(|point| page.grid.plane_from_page(*point));
                 in_plane.filter_map(|point_m| placed.image_point(view, point_m)).collect()
@@ -173,14 +173,14 @@ impl Reader {
             marks.cells.push(on_photo(&corners.map(Point::from)));
             faults.extend(self.faults(index, sketch, (gaps, extra), (placed, known)));
         }
-        // The faithfulness is F1, the harmonic mean of both fractions.
+        // The faithfulness is F1, the harmonic mean of recall and precision.
         let [recall, precision] = [recalled, precise].map(|sum| sum / length.max(1e-9));
         verdict.faithfulness = Some(2.0 * recall * precision / (recall + precision).max(1e-9));
         faults
     }
 
-    /// Returns one sentence for each kind of fault, sorted by gain in readability. Kinds that
-    /// cannot be mended come last, and only if the word is not legible.
+    /// Returns one sentence for each kind of fault, sorted by gain in readability. Kinds of faults
+    /// that cannot be mended come last, and are only listed if the word is not legible.
     fn advise(
         &self,
         (seen, in_place): (&Seen, &Judgment),
@@ -197,7 +197,7 @@ impl Reader {
                 continue;
             }
             kinds.push(*kind);
-            // All faults of a kind are mended together, since one change to the flight does so.
+            // All faults of a kind are mended together, because one change mends all.
             let same_kind = faults.iter().filter(|(cause, _)| cause.kind == *kind);
             let (causes, mendings): (Vec<&Cause>, Vec<_>) = same_kind
                 .map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref())))
@@ -222,7 +222,7 @@ impl Reader {
         advice
     }
 
-    /// Returns the word's columns after some faults were mended, each given with its letter's
+    /// Returns the word's columns after mending some faults. Each mending comes with the letter's
     /// index.
     fn mended(&self, seen: &Seen, sketches: &[Sketch], mendings: &[(usize, &Mending)]) -> Columns {
         let (mut strips, mut columns) = (seen.strips.clone(), seen.columns.clone());

@@ -1,5 +1,5 @@
-//! Faults of a letter: missing strokes, extra light and its kind, shift, and glow. A fault can be
-//! removed from the letter's picture, so that the letter can be read without it.
+//! Faults of a letter: missing strokes, kinds of extra light, shift, and glow. A fault can be
+//! removed from the picture of the letter, so that the letter can be read as if it were faultless.
 
 use kurbo::{Point, Vec2};
 
@@ -12,42 +12,42 @@ use super::sketch::Sketch;
 use super::trace::{self, LightLines};
 use super::{PEN_H, PX_PER_H};
 
-/// One cap height in pixels, H.
+/// One cap height, in pixels.
 const H_PX: f64 = PX_PER_H as f64;
 
-/// Minimum shift of a letter that is a fault: 0.06 H. Clean letters shift by less than half of it.
+/// Minimum shift of a letter that counts as a fault. Clean letters shift by less than half as much.
 const SHIFTED_PX: f64 = 0.06 * H_PX;
 
-/// Minimum fraction of extra light within `NEAR_MOVE_PX` of a dark move to which it belongs.
+/// Minimum fraction of a line of extra light near a dark move at which that move counts as lit.
 const ALONG_MOVE: f64 = 0.6;
 
-/// Maximum distance between a dark move and light that belongs to it: 0.15 H.
+/// Maximum distance between a dark move and light that belongs to the move.
 const NEAR_MOVE_PX: f64 = 0.15 * H_PX;
 
-/// Distance below or above the letters beyond which light leads to or from the floor: 0.12 H.
+/// Distance below or above the letters beyond which extra light is a streak to the floor.
 const OUTSIDE_PX: f64 = 0.12 * H_PX;
 
-/// Maximum length and minimum thickness of a spot: 0.35 H, and the width of four pens.
+/// Maximum length of a spot, and its minimum thickness: four widths of the pen.
 const MAX_SPOT_LENGTH_PX: f64 = 0.35 * H_PX;
 const MIN_SPOT_THICKNESS_PX: f64 = 4.0 * PEN_H * H_PX;
 
-/// Line width above which lines glow: 0.16 H, more than twice the width of the pen.
+/// Width above which a line counts as glowing: more than twice the width of the pen.
 const GLOWING_PX: f64 = 0.16 * H_PX;
 
-/// Mean distance between a letter's light and its strokes above which it is a fault: 0.05 H.
+/// Mean distance between a letter's light and its strokes above which it counts as a fault.
 const OFF_PATH_PX: f64 = 0.05 * H_PX;
 
 /// Minimum fraction of a missing part that must lie in a gap of the log for the gap to be its
 /// cause. The fraction is less than 1, because faults of the lamps may lengthen the missing part.
 const LOST_IN_LOG: f64 = 0.5;
 
-/// Maximum distance of light that belongs to a line of extra light or to a stroke: 0.12 H.
+/// Maximum distance from a line of extra light, or from a stroke, to the light that belongs to it.
 const BELONGS_PX: f64 = 0.12 * H_PX;
 
-/// Distance from a stroke within which extra light is not erased, because it may be the stroke's.
+/// Distance from a stroke within which light is not erased, because the stroke may emit it.
 const OWN_PX: f64 = 0.06 * H_PX;
 
-/// A fault, and the mending that removes it from a picture, if any can.
+/// A fault, and the mending that removes it from a picture, if there is one.
 pub(super) type Fault = (Cause, Option<Mending>);
 
 /// A change of a picture that removes a fault.
@@ -95,14 +95,14 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
 
 /// Lights all pixels within half a pen width of the points.
 fn draw(picture: &mut Raster, points: &[Point]) {
-    // The small addition is needed because points are up to a pixel apart.
+    // The added 0.2 px close the gaps between points, which are up to a pixel apart.
     let reach_px = 0.5 * PEN_H * H_PX + 0.2;
     paint(picture, 1.0, |pixel| {
         points.iter().any(|point| trace::distance(*point, pixel) <= reach_px)
     });
 }
 
-/// Sets those pixels to `light` for whose centers `is_painted` is true.
+/// Sets every pixel whose center satisfies `is_painted` to `light`.
 fn paint(picture: &mut Raster, light: f32, is_painted: impl Fn(Point) -> bool) {
     let width = picture.width;
     for (index, value) in picture.values.iter_mut().enumerate() {
@@ -123,7 +123,7 @@ impl Reader {
     ) -> Vec<Fault> {
         let page = &self.pages[index];
         let mut faults: Vec<Fault> = Vec::new();
-        // Parts of strokes without light, because of a gap in the log or because of the lamp.
+        // Adds parts of strokes that are dark because of a gap in the log or because of the lamp.
         for gap in gaps {
             let log_gap_s = lost_in(&gap.points, page, placed, known).map(|log| log.span_s);
             let [from_mm, to_mm] = gap.along_px.map(|px| px * 1000.0 * page.grid.pitch_m);
@@ -138,16 +138,16 @@ impl Reader {
             };
             faults.push((cause, Some(Mending::Draw(gap.points))));
         }
-        // Light away from the strokes.
+        // Adds light away from the strokes.
         faults.extend(extra.into_iter().map(|line| self.extra_light(index, line, sketch, known)));
-        // The letter as a whole, away from its intended position.
+        // Adds a shift of the whole letter from its intended position.
         let [right, down] = sketch.shift.map(|px| px as f64);
         let shift_px = libm::hypot(right, down);
         if shift_px >= SHIFTED_PX {
             let mending = Mending::Move(sketch.shift);
             faults.push(self.measured(index, CauseKind::Shifted, shift_px, mending));
         }
-        // Strokes away from the intended path, after the letter's shift is removed.
+        // Adds strokes away from the intended path, after removing the letter's shift.
         let offset_px = sketch.bent.mean_offset_px;
         if offset_px > OFF_PATH_PX {
             let runs = sketch.bent.runs.iter();
@@ -189,7 +189,7 @@ impl Reader {
         let [left, top, right, bottom] = self.pages[index].cell();
         let [is_first, is_last] = [index == 0, index + 1 == self.pages.len()];
         let n_points = line.points.len() as f64;
-        // Numbers of points outside the word, along a dark move, and in the cell of a neighbor.
+        // Counts the points outside the word, along dark moves, and in neighboring cells.
         let [mut outside, mut along_move, mut beside] = [0.0; 3];
         for point in &line.points {
             let is_outside = point.y > bottom + OUTSIDE_PX
@@ -214,7 +214,7 @@ impl Reader {
     }
 }
 
-/// Returns the first gap of the log during which the lamps can have been at most of these points.
+/// Returns the first log gap during which the lamps may have passed through most of these points.
 pub(super) fn lost_in<'a>(
     points: &[Point],
     page: &LetterPage,
@@ -228,7 +228,7 @@ pub(super) fn lost_in<'a>(
     })
 }
 
-/// Returns the mean of points on a page, in the plane of the word, or `None` without points.
+/// Returns the mean of points on a page, in the plane of the word, or `None` if there are none.
 fn middle_m(page: &LetterPage, points: &[Point]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let sum: Vec2 = points.iter().map(|point| point.to_vec2()).sum();

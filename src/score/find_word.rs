@@ -1,8 +1,8 @@
 //! Locates a word in a photo without a known camera.
 //!
-//! The letters that [`read`](super::read) finds are matched with the word's cells: one by one if
-//! their numbers agree, and otherwise only the first and the last. The plane is assumed to be seen
-//! square on, with separate horizontal and vertical scales and a sloping line.
+//! The letters found by [`read`](super::read) are matched with the word's cells: one by one if
+//! there are equally many, and otherwise only the first and the last. The camera is assumed to face
+//! the plane, with separate horizontal and vertical scales and a sloping line.
 
 use super::reader::lit_bounds_m;
 use super::reading::Reading;
@@ -12,7 +12,7 @@ use noctograph_core::photo::Photo;
 use noctograph_core::statistics::median;
 use noctograph_core::strokes::Strokes;
 
-/// Maximum ratio between the two scales.
+/// Maximum ratio between the horizontal and the vertical scale.
 const MAX_STRETCH: f64 = 2.5;
 
 /// Maximum slope of a line.
@@ -26,7 +26,7 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
     let letters = &reading.letters;
     let [first_box, last_box] = [boxes.first()?, boxes.last()?];
     let [first, last] = [letters.first()?, letters.last()?];
-    // Horizontally, the edges of letters in the photo are a linear function of those in the plane.
+    // Horizontally, letter edges in the photo are fitted by a linear function of the intended ones.
     let mut edges: Vec<[f64; 2]> = Vec::new();
     if letters.len() == boxes.len() {
         for (plane, letter) in boxes.iter().zip(letters) {
@@ -42,7 +42,7 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
     let letter_height_px =
         median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1])).expect("letters");
     let px_per_m_down = letter_height_px / (top - bottom);
-    // Slope of the line, and its height in the photo at x = 0.
+    // Computes the slope of the line of writing, and its height in the photo at x = 0.
     let middles = letters.iter().map(|letter| {
         let [left, top, right, bottom] = letter.box_px;
         [0.5 * (left + right), 0.5 * (top + bottom)]
@@ -62,7 +62,7 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
         [x, line_y_px + slope * x - 0.5 * above * letter_height_px]
     });
     let size_px = [photo.width_px, photo.height_px];
-    // The corners of a single I have no area, so they give no view.
+    // A single I has no area, so its corners determine no view.
     Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 

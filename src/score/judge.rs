@@ -1,4 +1,4 @@
-//! Judges a word's columns: the choice for each letter, the likeliest other word, the readability.
+//! Judges a word's columns: choices for the letters, likeliest other word, and readability.
 
 use std::ops::Range;
 
@@ -20,19 +20,19 @@ const LEAST_CONFUSION: f64 = 0.001;
 /// Maximum number of rivals in the verdict on a letter.
 const N_RIVALS: usize = 3;
 
-/// Minimum probability of a class in an untrained letter's drawing for it to count as that letter.
+/// Minimum probability of a class in an untrained letter's drawing to count as that letter.
 const LEAST_TAKEN: f64 = 0.02;
 
 /// Number of letters on each side that influence the choice for a letter.
 const NEAR: usize = 4;
 
-/// Maximum readability if a word of another length is likelier: an even chance.
+/// Maximum readability if a word of another length is likelier.
 const MOST_OF_OTHER_LENGTH: f64 = 0.5;
 
 /// Number of unconstrained readings that are tried as rivals.
 const N_FREE: usize = 2;
 
-/// The word that columns are expected to show, without its punctuation.
+/// The word that the columns should show, without punctuation.
 pub(super) struct Expected {
     /// Index of each judged character in the word, twice for a ligature that is read as two
     /// letters.
@@ -46,7 +46,7 @@ pub(super) struct Expected {
     line_ends: Vec<usize>,
 }
 
-/// The evidence for a word in columns.
+/// The evidence that columns give for a word.
 pub(super) struct Judgment {
     /// One choice for each judged character.
     pub(super) choices: Vec<Choice>,
@@ -89,8 +89,8 @@ impl LineEnd {
 }
 
 impl Judgment {
-    /// Replaces the rival with `other` if that is likelier. If the new rival is likelier than the
-    /// word and has another length, it limits the readability.
+    /// Replaces the rival with `other` if the latter is likelier. A rival that is likelier than the
+    /// word and has another length limits the readability.
     pub(super) fn against(mut self, other: Option<Odds>) -> Self {
         let other = other.map(|odds| (1.0 / (1.0 + libm::exp(-odds.ln_odds)), odds.word));
         let words =
@@ -200,7 +200,7 @@ impl Expected {
         part.choices(classes, &self.characters[letters]).swap_remove(place - start)
     }
 
-    /// True if the word is so short that its middle letter is near all others.
+    /// True if the word is so short that its middle letter influences all other letters.
     fn is_short(&self) -> bool {
         self.classes.len() <= 2 * NEAR + 1
     }
@@ -215,8 +215,8 @@ impl Expected {
         columns.middles(&self.classes)
     }
 
-    /// Returns all letters and digits with their classes. In a number, ambiguous classes are
-    /// digits.
+    /// Returns all letters and digits with their classes. If the word is a number, ambiguous
+    /// classes count as digits.
     fn names(&self) -> Vec<(char, Classes)> {
         names(0, self.characters.iter().all(char::is_ascii_digit))
     }
@@ -236,8 +236,8 @@ impl Expected {
         let line_ends: Vec<LineEnd> = line_ends.collect();
         let names = self.names();
         let mut odds = Vec::new();
-        // Words with one more letter. Single letters are tried only if the set of all letters is
-        // likelier than no letter there.
+        // Tries words with one more letter. Single letters are tried only if any letter at all is
+        // likelier than none.
         for end in &line_ends {
             let mut classes = self.classes[end.letters.clone()].to_vec();
             let added = end.index - end.letters.start;
@@ -250,7 +250,7 @@ impl Expected {
                 odds.push(Odds::new(word, end.ln_odds(&classes)));
             }
         }
-        // Words without the first or the last letter of a line.
+        // Tries words without the first or the last letter of a line.
         for pair in line_ends.windows(2).filter(|_| n_letters > 1) {
             for (end, removed) in [(&pair[0], pair[0].index), (&pair[1], pair[1].index - 1)] {
                 let mut word = self.characters.clone();
@@ -281,7 +281,7 @@ impl Expected {
             if let Some(&(letter, p)) = choice.others.first() {
                 let mut word = self.characters.clone();
                 word[index] = with_case_of(letter, word[index]);
-                // The bound keeps the odds finite if the letter's probability is 0.
+                // The lower bound keeps the odds finite if the letter's probability is 0.
                 odds.push(Odds::new(word, libm::log(p / choice.p.max(1e-300))));
             }
         }
@@ -289,7 +289,7 @@ impl Expected {
         let ln_p = columns.ln_p(&self.classes);
         let names = self.names();
         let free = search(columns, &names, &names).into_iter();
-        // Unexplained light beside the word does not make it another word.
+        // Unexplained light beside a word does not turn it into another word.
         let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
         let free = free.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
         for text in free.take(N_FREE) {

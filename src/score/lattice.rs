@@ -13,7 +13,7 @@ use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
 
-/// Minimum probability of a class at a column. Lower values of the net are noise from its training.
+/// Minimum probability of a class at a column. Lower outputs of the net are training noise.
 const LEAST: f64 = 1e-6;
 
 /// Probabilities of the classes at each column.
@@ -26,7 +26,7 @@ impl Columns {
         Self(net::logits(strip).iter().map(softmax).collect())
     }
 
-    /// Averages the probabilities with those of the strip's moved, scaled and darkened copies.
+    /// Averages the probabilities with those of shifted, scaled and darkened copies of the strip.
     pub(super) fn agreed(mut self, strip: &Strip) -> Self {
         let neighbors: Vec<Self> = strip.neighbors().par_iter().map(Self::along).collect();
         let weight = 1.0 / (neighbors.len() + 1) as f64;
@@ -39,7 +39,7 @@ impl Columns {
         self
     }
 
-    /// Recomputes the probabilities that depend on some columns of a strip.
+    /// Recomputes the probabilities that depend on the given columns of a strip.
     pub(super) fn replace(&mut self, strip: &Strip, part: Range<usize>) {
         let (first, logits) = net::logits_around(strip, part);
         for (column, logits) in self.0[first..].iter_mut().zip(&logits) {
@@ -47,7 +47,7 @@ impl Columns {
         }
     }
 
-    /// Counts unexplained light as blank, because trails to the floor pass beside every word.
+    /// Counts unexplained light as blank, because every word has trails to the floor beside it.
     pub(super) fn unexplained_as_dark(mut self) -> Self {
         for column in &mut self.0 {
             column[0] += std::mem::replace(&mut column[N_CLASSES - 1], LEAST) - LEAST;
@@ -77,7 +77,7 @@ impl Columns {
         libm::log(lattice.total()) + lattice.ln_scale()
     }
 
-    /// Returns the mean column of each letter of a word.
+    /// Returns the mean position, as a column, of each letter of a word.
     pub(super) fn middles(&self, word: &[Classes]) -> Vec<f64> {
         let lattice = Lattice::new(self, word);
         (0..word.len()).map(|index| lattice.middle(index, &self.of_set(word[index]))).collect()
@@ -89,7 +89,7 @@ impl Columns {
         let total = lattice.total();
         let mut choices = Vec::with_capacity(word.len());
         for (index, &expected) in word.iter().enumerate() {
-            // Probabilities of the word with another letter here, in units of the lattice.
+            // Computes the word's probabilities with other letters here, in the lattice's unit.
             let no_letter = NO_LETTER & !expected;
             let none = lattice.replaced(index, &self.of_set(no_letter), no_letter)
                 + lattice.without(index);
@@ -119,8 +119,8 @@ fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     weights.map(|weight| (weight / sum).max(LEAST))
 }
 
-/// Probabilities of what one position shows if all other letters are right. These probabilities add
-/// up to 1.
+/// Probabilities of what one position may show, given that all other letters are right. Their sum
+/// is 1.
 pub(super) struct Choice {
     /// Probability of the expected letter.
     pub(super) p: f64,
@@ -138,7 +138,7 @@ impl Choice {
         Self { p: self.p * second.p, none: worse.none, others: worse.others.clone() }
     }
 
-    /// Returns the likeliest letter, or `None` if none is likelier, and its probability.
+    /// Returns the likeliest letter, or `None` if "no letter" is likelier, and its probability.
     pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
         let other = self.others.first().filter(|(_, p)| *p > self.p);
         let (letter, most) =
@@ -175,7 +175,7 @@ impl<'a> Lattice<'a> {
         let states: Vec<&[f64]> =
             letters.iter().flat_map(|letter| [&blanks[..], letter]).chain([&blanks[..]]).collect();
         let forward = path_sums(word, &states, 0..blanks.len());
-        // For the sums from the right, the word is spelled backward.
+        // The sums from the right are computed with the word spelled backward.
         let word_back: Vec<Classes> = word.iter().rev().copied().collect();
         let states_back: Vec<&[f64]> = states.into_iter().rev().collect();
         let mut backward = path_sums(&word_back, &states_back, (0..blanks.len()).rev());
@@ -184,7 +184,7 @@ impl<'a> Lattice<'a> {
         Self { word, forward, backward, scales }
     }
 
-    /// Returns the probability of the word, in the unit that [`Self::ln_scale`] gives.
+    /// Returns the probability of the word, in the unit whose logarithm is [`Self::ln_scale`].
     pub(super) fn total(&self) -> f64 {
         self.ends(2 * self.word.len())
     }
@@ -203,8 +203,8 @@ impl<'a> Lattice<'a> {
         let [from_letter, to_letter] = [index.checked_sub(1), Some(index + 1)].map(|near| {
             near.and_then(|near| self.word.get(near)).is_some_and(|letter| letter & set == 0)
         });
-        // A path that is in the letter at a column was there before, or comes from the blank or the
-        // letter before it. A path is counted when it leaves the letter, and thus only once.
+        // At each column, a path in the letter was already in it, or comes from the blank or letter
+        // before. Each path is counted only once, when it leaves the letter.
         let (mut letter, mut total) = (0.0, 0.0);
         for column in 0..self.scales.len() {
             let paths = match column.checked_sub(1).map(|before| &self.forward[before]) {
@@ -228,7 +228,7 @@ impl<'a> Lattice<'a> {
         let blank = 2 * index;
         let Some(next) = self.word.get(index + 1) else { return self.ends(blank) };
         // A path enters the next letter from the blank before the missing letter or from the letter
-        // before that blank. A missing first letter also lets it start there.
+        // before that blank. If the first letter is missing, a path may also start there.
         let from_letter = index > 0 && self.word[index - 1] & next == 0;
         let first = if index == 0 { self.backward[0][blank + 3] } else { 0.0 };
         let later = self.forward.iter().zip(&self.backward[1..]).map(|(left, right)| {
@@ -274,7 +274,7 @@ fn path_sums(
     for column in columns {
         let next = (0..states.len()).map(|state| {
             let paths = match sums.last() {
-                // A word starts with a blank or with its first letter.
+                // A path starts at a blank or at the word's first letter.
                 None => f64::from(u8::from(state < 2)),
                 Some(before) => {
                     let paths = before[state] + if state > 0 { before[state - 1] } else { 0.0 };
@@ -295,7 +295,7 @@ mod tests {
     use super::*;
 
     /// Returns columns that each show one character of `text` with a probability of 0.9, where ' '
-    /// is the blank. The other classes divide the rest.
+    /// is the blank. The other classes share the rest equally.
     fn columns(text: &str) -> Columns {
         let columns = text.chars().map(|c| {
             let mut column = [0.1 / (N_CLASSES - 1) as f64; N_CLASSES];

@@ -1,15 +1,15 @@
 //! Score turns a photo into a verdict on whether its word is read at first sight.
 //!
 //! Input: a [`Photo`], the [`Strokes`] of the expected word, and the [`View`] of the camera.
-//! Output: a [`Verdict`], which a [`Reader`] makes.
+//! Output: a [`Verdict`] from a [`Reader`].
 //!
 //! 1. The photo's linear light is resampled into the plane of the word. The word is located near
 //!    its expected position, and each of its lines is cut out as a strip of fixed height.
 //! 2. A small convolutional net with integer weights gives the probabilities of all characters
 //!    along the strip. The net was trained on drawn and simulated words of random letters
 //!    (`examples/readings`).
-//! 3. From these probabilities follow the probability of each letter, the likeliest other word, and
-//!    the readability, which is calibrated with readers at first sight (docs/calibration.md).
+//! 3. These probabilities determine the probability of each letter, the likeliest other word, and
+//!    the readability, which is calibrated on human readers (docs/calibration.md).
 //! 4. The light is compared with the intended strokes to find the faithfulness, causes and advice.
 
 #![forbid(unsafe_code)]
@@ -84,21 +84,21 @@ const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
 /// Cap height in the photo, in pixels, below which the reason is [`Reason::TooSmall`].
 const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 
-/// Minimum and maximum readable ratio of a cell's width to its cap height. The team's ratio is 0.6.
+/// Minimum and maximum ratio of cell width to cap height. In the team's font the ratio is 0.6.
 const ASPECTS: [f64; 2] = [0.05, 5.0];
 
-/// Maximum length of a word, in cap heights. 256 of the team's letters with spaces take 400.
+/// Maximum length of a word, in cap heights. 256 letters of the team's font, with spaces, need 400.
 const MAX_LENGTH_H: f64 = 1000.0;
 
 settings! {
-    /// Options that say when a word counts as read.
+    /// Options that determine when a word counts as read.
     pub struct ScoreOptions {
         /// Minimum readability of a legible word.
         legible_probability: f64 = 0.7, in 0.0..=1.0;
     }
 }
 
-/// True if strokes can be judged: they have letters or digits, all of which the reader knows.
+/// True if strokes can be judged, that is, if they are letters or digits that the reader knows.
 pub fn is_judged(strokes: &Strokes) -> bool {
     let mut characters = strokes.glyphs.iter().map(|glyph| glyph.character);
     strokes.font.is_some()
@@ -106,7 +106,7 @@ pub fn is_judged(strokes: &Strokes) -> bool {
         && characters.any(|character| classes_of(character).is_some())
 }
 
-/// Refuses strokes unless they are a word whose letters the reader knows and all leave light.
+/// Returns an error unless the reader knows each of the word's letters and each one leaves light.
 fn check(strokes: &Strokes) -> Result<()> {
     let hint = "write the word with Latin letters and digits, or judge the photo by eye";
     if strokes.glyphs.is_empty() {
@@ -140,7 +140,7 @@ fn check(strokes: &Strokes) -> Result<()> {
     within("length of the word divided by its height", length, 0.0, MAX_LENGTH_H)
 }
 
-/// Refuses a photo whose size differs from that of the view's camera.
+/// Returns an error if a photo's size differs from that of the view's camera.
 fn check_size(photo: &Photo, view: &View) -> Result<()> {
     let PhotoData { width_px, height_px, .. } = **photo;
     let [width, height] = view.size_px();

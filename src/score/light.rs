@@ -1,4 +1,4 @@
-//! The light of a photo: linear light above the sky's, and the level that counts as fully lit.
+//! The light of a photo: linear light minus the sky's, and the level that counts as fully lit.
 
 use std::ops::Range;
 
@@ -10,10 +10,10 @@ use noctograph_core::srgb::linear_from_level;
 pub(super) use noctograph_core::srgb::luminance_f32 as luminance;
 use noctograph_core::statistics::median;
 
-/// Minimum number of photo pixels per plane pixel after the photo was reduced by a whole factor.
+/// Minimum number of photo pixels per plane pixel after the photo is downscaled by a whole factor.
 const SAMPLES_PER_PIXEL: f64 = 2.0;
 
-/// Maximum reduction of a photo. The sum over 128² pixels of 16 bits still fits into 32 bits.
+/// Maximum downscaling factor. The sum of 128² values of 16 bits each still fits into 32 bits.
 const MAX_STEP: f64 = 128.0;
 
 /// Side of a block in which the sky is measured, in plane pixels: one eighth of a cap height.
@@ -22,41 +22,41 @@ const BLOCK_PLANE_PX: f64 = 4.0;
 /// Maximum number of sky blocks. Only a word that the camera sees nearly edge-on has more.
 const MAX_BLOCKS: f64 = 131_072.0;
 
-/// Number of blocks on each side over which the sky is measured, together about one cap height. In
-/// such an area a letter's strokes are a minority, but the glow of a floor or a window is not.
+/// Number of blocks on each side over which the sky is measured, together about one cap height. A
+/// letter's strokes cover less than half of this area, but the glow of a floor covers more.
 const BLOCKS_AROUND: usize = 4;
 
-/// Quantile of the blocks around a block that is its sky. The median would include the light of a
-/// bold letter itself. A much lower quantile would leave half of a glow's gradient.
+/// Quantile of the surrounding blocks' light that is taken as a block's sky. The median would
+/// include a bold letter's own light. A much lower quantile would leave half of a glow's gradient.
 const SKY_RANK: f64 = 0.4;
 
 /// Maximum sky level for which white stays white when the position of the word is known.
 const MAX_SKY: f32 = 0.9;
 
-/// Maximum sky level for which white stays white when the whole photo is read. A larger value would
-/// amplify a floor's glow to ink.
+/// Maximum sky level for which white stays white when the whole photo is read. At a larger value, a
+/// floor's glow would be amplified until it counts as ink.
 const MAX_SKY_OF_WHOLE: f32 = 0.3;
 
-/// Minimum light above the sky that is visible, in standard deviations of the sky.
+/// Minimum visible light above the sky, in standard deviations of the sky's noise.
 const LIGHT_SIGMAS: f32 = 5.0;
 
 /// Fraction of the intended ink's area that is brighter than the fully lit level. With a smaller
 /// fraction, a single glaring spot would darken the rest of the word.
 const GLARE_RANK: f64 = 0.1;
 
-/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels cover less of
-/// it.
+/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels cover less than
+/// this.
 const MIN_INK_RANK: f64 = 0.05;
 
-/// Linear light above the sky in red, green and blue, where 1 is white.
+/// Linear light minus that of the sky, in red, green and blue, where 1 is white.
 pub(super) type Rgb = [f32; 3];
 
-/// The part of a photo that shows the word, in linear light above the sky. Everything outside is
-/// sky.
+/// The part of a photo that shows the word, in linear light above the sky. Everything outside
+/// counts as sky.
 pub(super) struct Light {
     /// Number of photo pixels along the side of one pixel of this picture.
     step: usize,
-    /// First column and first row, in pixels of this picture.
+    /// Position of the picture's first column and row in the photo, in pixels of this picture.
     origin: [usize; 2],
     pub(super) width: usize,
     pub(super) height: usize,
@@ -92,7 +92,7 @@ impl Light {
         Some((light, sky))
     }
 
-    /// Decodes the whole photo, reduced by `step`. The photo's letters are assumed to be
+    /// Decodes the whole photo, downscaled by `step`. The photo's letters are assumed to be
     /// `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
         let plane_px = letter_px / f64::from(super::PX_PER_H);
@@ -107,7 +107,7 @@ impl Light {
         let origin = [left, top].map(|px| whole(px) / step);
         let [right, bottom] = [right, bottom].map(|px| whole(px.ceil()).div_ceil(step));
         let (width, height) = (right - origin[0], bottom - origin[1]);
-        // The compiler makes faster code for steps that are constants.
+        // The compiler generates faster code if the step is a constant.
         let values = match step {
             1 => means::<1>(photo, origin, [width, height], 1),
             2 => means::<2>(photo, origin, [width, height], 2),
@@ -116,7 +116,7 @@ impl Light {
         Self { step, origin, width, height, values }
     }
 
-    /// Returns the mean of a measure of the light in a rectangle of the photo.
+    /// Averages `measure` over the light in a rectangle of the photo.
     pub(super) fn mean_of(&self, frame: Frame, measure: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
@@ -152,7 +152,7 @@ impl Light {
         (top..bottom).flat_map(|y| &self.values[y * self.width..][left..right]).copied().collect()
     }
 
-    /// Subtracts the sky from each pixel, interpolated between the centers of blocks.
+    /// Subtracts from each pixel the sky, which is interpolated between block centers.
     fn subtract_sky(&mut self, block: usize, max_sky: f32) {
         let Self { width: n_columns, height: n_rows, ref mut values, .. } = *self;
         let size = [n_columns.div_ceil(block), n_rows.div_ceil(block)];
@@ -183,7 +183,7 @@ impl Light {
             let lights = values.as_flattened_mut().iter_mut();
             noctograph_core::dispatch!(|| {
                 for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
-                    // White stays white, because the sky behind a saturated pixel is unknown.
+                    // White stays white: the sky behind a saturated pixel is unknown.
                     let sky = above + down * (below - above);
                     *light = (*light - sky) / (1.0 - sky.min(max_sky));
                 }
@@ -197,7 +197,7 @@ fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
 
-/// Returns the means over blocks of `step` × `step` pixels. `STEP` is `step` as a constant, or 0.
+/// Returns the means over blocks of `step` × `step` pixels. `STEP` is a constant `step`, or 0.
 #[inline(always)]
 fn means<const STEP: usize>(
     photo: &Photo,
@@ -215,7 +215,7 @@ fn means<const STEP: usize>(
         let n_rows = rows.len();
         sums.fill([0; 3]);
         for bytes in rows {
-            // Blocks of full width, which may be a constant, come first, then the rest of the row.
+            // Blocks of full width, which may be a constant, come first, then the row's remainder.
             let blocks = bytes[3 * left * step..].chunks_exact(3 * step);
             let (rest, n) = (blocks.remainder(), blocks.len());
             sums.iter_mut().zip(blocks).for_each(|(sum, block)| add(sum, block, &light_of_level));
@@ -284,7 +284,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
         let rows = near(y, height);
         let mut window = Window::new(means.len());
         let column = |x: usize| rows.clone().map(move |row| row * width + x);
-        // Begins left of the row, so that each step adds one column and removes another.
+        // The window begins left of the row. Each step adds one column and removes another.
         (0..width.min(BLOCKS_AROUND)).flat_map(column).for_each(|k| window.add(ranks[k]));
         for x in 0..width {
             let columns = near(x, width);
@@ -301,12 +301,12 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     sky
 }
 
-/// A set of numbers, stored as the bits of words. It finds the n-th number quickly if n is near
-/// that of the last search.
+/// A set of numbers, stored as a bitmap. Finding the n-th smallest number is fast if n is close to
+/// that of the previous search.
 struct Window {
     words: Vec<u64>,
-    /// Index of the word that holds the last number found, and the number of elements before this
-    /// word.
+    /// Index of the bitmap word that contains the last number found, and number of elements before
+    /// it.
     word: usize,
     n_before: usize,
 }
@@ -329,8 +329,8 @@ impl Window {
         self.n_before -= usize::from(number / 64 < self.word);
     }
 
-    /// Returns the number that exceeds `n_less` others. The set must have more than `n_less`
-    /// elements.
+    /// Returns the number that is greater than exactly `n_less` others. The set must have more than
+    /// `n_less` elements.
     fn nth(&mut self, n_less: usize) -> usize {
         let n_in = |word: u64| word.count_ones() as usize;
         while self.n_before > n_less {
@@ -342,7 +342,7 @@ impl Window {
             self.word += 1;
         }
         let mut bits = self.words[self.word];
-        // Clears the lowest bits.
+        // Clears the lowest set bits, one by one.
         (self.n_before..n_less).for_each(|_| bits &= bits - 1);
         64 * self.word + bits.trailing_zeros() as usize
     }
@@ -357,7 +357,7 @@ pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     values
 }
 
-/// Returns the median absolute value. Comparing bits gives the same order in less time.
+/// Returns the median absolute value. Comparing their bits gives the same order in less time.
 pub(super) fn median_abs(values: &[f32]) -> f32 {
     let sizes = values.iter().map(|value| value.abs().to_bits());
     f32::from_bits(median(sizes).expect("a picture has pixels"))
@@ -371,7 +371,7 @@ pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f
     let noise = 1.4826 * median_abs(&seen.values);
     let sigma = noise.max(code_step(sky) / 12.0_f32.sqrt());
     let lit = LIGHT_SIGMAS * sigma;
-    // The levels that given fractions of the intended ink's area exceed.
+    // The levels that are exceeded by the given fractions of the intended ink's area.
     let mut values = seen.values.clone();
     let [least, glare] = [MIN_INK_RANK, GLARE_RANK].map(|part| {
         let rank = whole(part * ink_px).min(values.len() - 1);
@@ -402,7 +402,7 @@ mod tests {
 
     #[test]
     fn the_sky_is_the_quantile_of_the_means_around() {
-        // Means repeat, and a block has a sky of its own.
+        // The means contain repeated values. The expected sky comes from a direct sort.
         let means = |n: usize| (0..n).map(|k| ((k * 7919) % 101) as f32 * 0.01 - 0.2).collect();
         for ([width, height], x, y) in [
             ([23, 17], 0, 0),
@@ -426,7 +426,7 @@ mod tests {
 
     #[test]
     fn a_word_seen_edge_on_has_no_more_blocks_than_any_other() {
-        // The word's pixels are nearly zero wide, and the whole photo is searched for it.
+        // The word's pixels have almost no width, and the search covers the whole photo.
         let [width_px, height_px] = [1920, 1080];
         let rgb8 = vec![90; 3 * 1920 * 1080];
         let photo = Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None });

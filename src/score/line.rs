@@ -11,8 +11,8 @@ use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use noctograph_core::photo::Photo;
 
-/// Maximum side of the searched picture, in pixels. Letters half as high still have hundreds of
-/// pixels.
+/// Maximum side of the searched picture, in pixels. Letters of half this height still have hundreds
+/// of pixels.
 const MAX_SIDE: u32 = 1200;
 
 /// Assumed height of the letters when the sky is subtracted, as a fraction of the photo's height.
@@ -38,7 +38,7 @@ const MIN_CROSSINGS: f64 = 0.4;
 /// Maximum distance of a letter's ink above and below the line, in line heights.
 const SLACK_H: f64 = 0.25;
 
-/// Fraction of the line's height at which the part in the ink's color counts as the whole letter.
+/// Minimum fraction of a line's height at which a part in the ink's color is the whole letter.
 const WHOLE_LETTER: f64 = 0.7;
 
 /// Minimum height of a single letter, in stroke widths. A mere horizontal bar is lower.
@@ -55,16 +55,16 @@ pub(super) const LEAST_PX: usize = 8;
 /// Maximum ratio between the letter heights of two lines of one text.
 const MAX_RATIO: f64 = 1.8;
 
-/// Ratio of heights at which the smaller of two lines is only a credit.
+/// Minimum height ratio of two lines at which the smaller one counts as a credit line.
 const LARGER: f64 = 3.0;
 
-/// Maximum height of a line beside a credit, as a fraction of the photo's height.
+/// Maximum height of a line beside a credit line, as a fraction of the photo's height.
 const ROOM: f64 = 0.6;
 
 /// The light of a photo in which lines are searched.
 #[derive(Clone)]
 pub(super) struct Ink {
-    /// Number of photo pixels along one pixel of the rasters.
+    /// Number of photo pixels per pixel of the rasters, along each axis.
     step: f64,
     /// The light of any color, and the light in the brightest pixels' color, where 1 is fully lit.
     light: [Arc<Raster>; 2],
@@ -87,7 +87,7 @@ pub(super) struct Line {
     columns: [usize; 2],
 }
 
-/// Returns the ink of a photo by each rule for ink, or an empty list if too few pixels are lit.
+/// Returns the ink of a photo according to each rule, or an empty list if too few pixels are lit.
 pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
     let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
     let light = Light::of_whole(photo, step, LETTER_PART * f64::from(photo.height_px));
@@ -150,15 +150,15 @@ impl Ink {
         lines
     }
 
-    /// Returns a single line with all of the ink. This line serves for single letters, which have
-    /// too few crossings to show one.
+    /// Returns a single line with all of the ink, for single letters, which have too few crossings
+    /// to reveal a line.
     pub(super) fn line_of_any(&self) -> Option<Line> {
         Line::from_mask(self, &self.mask(), Band::OfAny)
     }
 
     /// Returns the line with the most crossings among those that are at least [`LARGER`] times as
-    /// high as `than_px`. This rule is needed because a credit or a date has more crossings than
-    /// the larger writing beside it.
+    /// high as `than_px`. A credit or a date often has more crossings than the larger writing
+    /// beside it.
     pub(super) fn larger(&self, than_px: f64) -> Option<Line> {
         let least_px = LARGER * than_px;
         if least_px > ROOM * self.raster().height as f64 {
@@ -169,8 +169,8 @@ impl Ink {
 }
 
 impl Line {
-    /// Returns the line of writing in a mask of ink. Returns `None` if the line is less than a
-    /// pixel high without its strokes.
+    /// Returns the line of writing in a mask of ink. Returns `None` if the line's height minus a
+    /// stroke width is less than a pixel.
     fn from_mask(ink: &Ink, mask: &[bool], by: Band) -> Option<Self> {
         let Raster { width, height, .. } = *ink.raster();
         let [top, bottom] =
@@ -232,7 +232,7 @@ impl Line {
         let Raster { width, ref values, .. } = *self.ink.raster();
         let column = |x| (self.rows[0]..self.rows[1]).map(|y| values[y * width + x]).sum();
         let ink: Vec<f32> = (0..width).map(column).collect();
-        // Two letters are separated at the column with the least ink between their centers.
+        // Neighboring letters are separated at the column with the least ink between their centers.
         let between = middles.windows(2).map(|pair| {
             let (from, to) = (pair[0], pair[1].max(pair[0] + 1));
             (from..to).min_by(|a, b| ink[*a].total_cmp(&ink[*b])).unwrap_or(to)
@@ -248,7 +248,7 @@ impl Line {
 
     /// Returns the box of the ink between two columns, at the centers of its outer strokes.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
-        // The ink's own color decides the box, because trails of other lamps may lead to a letter.
+        // Only the ink's color determines the box, because other lamps' trails may lead to it.
         let colored = self.box_of(&self.ink.light[1], from, to);
         let whole =
             colored.filter(|[_, top, _, bottom]| bottom - top >= WHOLE_LETTER * self.letter_px);
@@ -289,14 +289,14 @@ enum Band {
     OfAny,
 }
 
-/// Returns the first row of the letters and the one after their last, around the most crossings.
+/// Returns the letters' first row and the row after their last, around the row with most crossings.
 fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     // Counts the strokes that each row crosses.
     let crossings = mask.chunks_exact(width).map(|row| {
         u32::from(row[0]) + row.iter().zip(&row[1..]).map(|(a, b)| u32::from(!a & b)).sum::<u32>()
     });
     let rows: Vec<u32> = noctograph_core::dispatch!(|| crossings.collect());
-    // Averages the counts over some rows, because noise has crossings, too, but only in few rows.
+    // Averages the counts over neighboring rows, because noise adds crossings to only a few rows.
     let reach = (rows.len() / 100).max(1);
     let smooth = (0..rows.len()).map(|y| {
         let around = &rows[y.saturating_sub(reach)..(y + reach + 1).min(rows.len())];
@@ -319,7 +319,7 @@ fn stroke_width(mask: &[bool], width: usize) -> f64 {
         noctograph_core::dispatch!(|| a.iter().zip(b).map(|(a, b)| u32::from(a != b)).sum())
     };
     let across: u32 = mask.chunks_exact(width).map(|row| differing(row, &row[1..])).sum();
-    // A slanting edge has more pixel steps than its length, by a factor of 4 / π on average.
+    // On average, a slanted edge has 4 / π times as many pixel steps as its length in pixels.
     let edge = core::f64::consts::FRAC_PI_4 * f64::from(across + differing(mask, &mask[width..]));
     (2.0 * area as f64 / edge.max(1.0)).max(1.0)
 }

@@ -1,5 +1,5 @@
-//! The neural network ("the net"): from a strip of light to every character's logits at every
-//! second column.
+//! The neural network ("the net"), which computes the logits of all characters at every second
+//! column of a strip of light.
 //!
 //! The net consists of integer convolutions (Jacob and others 2018): 8-bit light, activations and
 //! weights, 32-bit sums, and one multiplier per channel. Integer sums are equal on every machine.
@@ -22,23 +22,23 @@ pub(super) const N_CLASSES: usize = 64;
 /// Number of strip columns for each column of logits.
 pub(super) const COLUMN_PX: usize = 2;
 
-/// Number of strip columns on each side of a logit's own that must be dark for it to be a blank.
+/// Number of dark columns required on each side of a logit's columns to make it a blank.
 const DARK_PX: usize = 2;
 
-/// Value of one unit in the sums of the last layer, as a logit.
+/// Logit that corresponds to one unit in the sums of the last layer.
 const LOGIT: f64 = 1.0 / 256.0;
 
-/// The layers of the net with the weights of this program.
+/// The layers of the net with the program's built-in weights.
 static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
 
 /// A convolution layer. If it is dilated, its input is added to its output. The result is then
-/// reduced to maxima over blocks of rows and columns.
+/// max-pooled over blocks of rows and columns.
 struct Layer {
     /// Numbers of rows and columns of the kernel.
     kernel: [usize; 2],
     /// Numbers of input and output channels.
     channels: [usize; 2],
-    /// Numbers of rows and columns of the blocks that are pooled to their maximum.
+    /// Numbers of rows and columns of the blocks for max pooling.
     pool: [usize; 2],
     /// Dilation: distance in columns between neighboring kernel columns, or `None` if adjacent.
     dilation: Option<usize>,
@@ -52,7 +52,7 @@ struct Layer {
     biases: Vec<i32>,
 }
 
-/// Number of channels in a vector.
+/// Number of channels in a vector register.
 const LANES: usize = 8;
 
 /// Maximum number of vectors of sums that fit into the registers.
@@ -83,8 +83,8 @@ pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
 
 /// Returns the logits that depend on a part of a strip, and the index of the first of them.
 pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
-    // Every logit whose receptive field touches the part changes. Computing it takes all columns of
-    // its own receptive field.
+    // Every logit whose receptive field touches the part changes. Computing such a logit requires
+    // all columns of its receptive field.
     let [wanted, needed] = [*REACH_PX, 2 * *REACH_PX].map(|reach| {
         let [first, end] = [part.start.saturating_sub(reach), part.end + reach]
             .map(|column| column.clamp(strip.read.start, strip.read.end));
@@ -106,7 +106,7 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let sums = last.sums(&map);
     let logits = sums.as_chunks().0.iter().map(|sums| sums.map(|sum| f64::from(sum) * LOGIT));
     let mut logits: Vec<[f64; N_CLASSES]> = logits.collect();
-    // A dark column is made a blank, since the net reads "no letter" in a gap between words.
+    // Dark columns become blanks, because the net outputs "no letter" in gaps between words.
     for (column, logits) in columns.step_by(COLUMN_PX).zip(&mut logits) {
         if strip.is_dark(column.saturating_sub(DARK_PX)..column + COLUMN_PX + DARK_PX) {
             logits[N_CLASSES - 1] = f64::NEG_INFINITY;
@@ -203,7 +203,7 @@ impl Layer {
     }
 }
 
-/// The sums of a layer, with eight channels per register. All kinds of registers give equal sums.
+/// Sums of a layer, with eight channels per register. All kinds of registers give the same sums.
 struct Sums<'a> {
     layer: &'a Layer,
     width: usize,
@@ -273,7 +273,7 @@ impl<R: Registers> NullaryFnOnce for With<'_, R> {
     #[inline(always)]
     fn call(self) {
         let Self(registers, mut sums) = self;
-        // Each size of a group has code of its own, so that the totals stay in registers.
+        // Each group size is compiled separately, so that the totals stay in registers.
         match sums.layer.eights {
             1 => sums.add_groups::<1>(registers),
             2 => sums.add_groups::<2>(registers),
@@ -307,7 +307,7 @@ impl Sums<'_> {
         for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
             for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
                 for (group, weights) in groups.clone().enumerate() {
-                    // The totals start from the biases and stay in registers.
+                    // The totals are initialized with the biases, and stay in registers.
                     let first = group * N * LANES;
                     let mut totals: [i32x8; N] = std::array::from_fn(|n| {
                         let eight = biases[first + n * LANES..].first_chunk::<LANES>();
@@ -346,7 +346,7 @@ impl Sums<'_> {
 }
 
 impl Map {
-    /// Returns the maxima over blocks of rows and columns, without incomplete blocks at the edges.
+    /// Returns the maxima over blocks of rows and columns, ignoring incomplete blocks at the edges.
     fn pooled(self, [rows, columns]: [usize; 2]) -> Self {
         if [rows, columns] == [1, 1] {
             return self;
@@ -369,7 +369,7 @@ mod tests {
     use super::*;
     use noctograph_core::digest::fnv_1a;
 
-    /// FNV-1a hash of the logits that the weights of this program give for the pattern below.
+    /// FNV-1a hash of the logits that the built-in weights give for the pattern below.
     const LOGITS_FNV_1A: u64 = 7_987_465_851_812_230_209;
 
     fn pattern(width: usize) -> Strip {

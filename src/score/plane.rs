@@ -10,7 +10,7 @@ use super::{PX_PER_H, cap_height_m};
 use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::{Cell, Strokes};
 
-/// Maximum shift that is searched, in cap heights: a little more than what counts as legible.
+/// Maximum shift that is searched, in cap heights: slightly more than the limit for legible words.
 pub(super) const SEARCH_H: f64 = 0.75;
 
 /// Maximum scale that is searched. The minimum scale is the inverse of this.
@@ -19,7 +19,7 @@ pub(super) const SEARCH_SCALE: f64 = 1.25;
 /// Maximum shift of a letter that is searched, in pixels: a quarter of a cap height.
 pub(super) const REACH_PX: usize = 8;
 
-/// Margins beside the cell, and above and below it, in pixels.
+/// Horizontal and vertical margins around the cell, in pixels.
 const MARGIN_PX: [f64; 2] = [5.0, 12.0];
 
 /// Width of the pen including its blur, in pixels.
@@ -69,7 +69,7 @@ impl Placed {
         self.center_m + self.shift_m + Vec2::new(a * x - b * y, b * x + a * y)
     }
 
-    /// Returns the photo pixel of a point of the intended word, if the photo can show it.
+    /// Returns the photo pixel of a point of the intended word, or `None` if it is not visible.
     pub(super) fn image_point(&self, view: &View, point_m: Point) -> Option<[f64; 2]> {
         view.image_from_plane(xy(self.apply(point_m)))
     }
@@ -85,7 +85,7 @@ impl Grid {
     pub(super) fn around(strokes: &Strokes, home: &Placed) -> Self {
         let [left, bottom, right, top] = strokes.bounds_m();
         let pitch_m = cap_height_m(strokes) / f64::from(PX_PER_H);
-        // The margin is the maximum shift, and half a cap height for the window and the blur.
+        // The margin is the maximum shift plus half a cap height for window and blur.
         let margin_m = (SEARCH_H + 0.5) * cap_height_m(strokes);
         // The sides are multiples of 4, because the alignment halves them twice.
         let [width, height] = [right - left, top - bottom].map(|length_m| {
@@ -121,7 +121,7 @@ impl Grid {
         Transform::from_row(a, -b, -b, -a, x, y)
     }
 
-    /// Returns the mean of a measure of the light in each pixel of the grid, placed like the word.
+    /// Averages `measure` over the light in each pixel of the grid, which is placed like the word.
     pub(super) fn resample(
         &self,
         light: &Light,
@@ -129,7 +129,7 @@ impl Grid {
         placed: &Placed,
         measure: impl Fn(Rgb) -> Rgb,
     ) -> Vec<Rgb> {
-        // The lower corners of one row of pixels are the upper corners of the next row.
+        // The lower corners of one row of pixels are reused as the upper corners of the next row.
         let mut rows = (0..=self.height).map(|y| {
             (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect::<Vec<_>>()
         });
@@ -157,12 +157,12 @@ impl Grid {
         Some(bounds([a?, b?, c?, d?]))
     }
 
-    /// Returns the side of the page's middle pixel, in photo pixels, if the camera can show it.
+    /// Returns the side of the page's middle pixel in photo pixels, or `None` if it is not visible.
     pub(super) fn pixel_px(&self, view: &View, placed: &Placed) -> Option<f64> {
         let middle = [self.width / 2, self.height / 2];
         let [x, y] = self.image_point(view, placed, middle)?;
         let [right, below] = self.image_point(view, placed, [middle[0] + 1, middle[1] + 1])?;
-        // The side is the geometric mean of width and height, because the pixel is hardly rotated.
+        // The side is the geometric mean of width and height, because rotation is small.
         Some(((right - x).abs() * (below - y).abs()).sqrt())
     }
 
@@ -176,12 +176,12 @@ impl Grid {
 #[derive(Clone, Debug)]
 pub(super) struct LetterPage {
     pub(super) grid: Grid,
-    /// Width and height of the cell, which is in the middle of the page, in pixels.
+    /// Width and height of the cell, which is centered on the page, in pixels.
     cell_px: [f64; 2],
 }
 
 impl LetterPage {
-    /// Makes a page centered on a cell, with a margin and room for shifts.
+    /// Creates a page centered on a cell, with margins and room for shifts.
     pub(super) fn new(cell: &Cell) -> Self {
         let pitch_m = cell.cap_height_m / f64::from(PX_PER_H);
         let cell_px = [cell.width_m / pitch_m, f64::from(PX_PER_H)];
@@ -204,7 +204,7 @@ impl LetterPage {
         [x - half_width, y - half_height, x + half_width, y + half_height]
     }
 
-    /// Returns the page's columns that show the cell, without brighter letters beside it.
+    /// Returns the columns of the page that show the cell, without brighter letters beside it.
     pub(super) fn columns_of_cell(&self) -> Grid {
         let [left, _, right, _] = self.cell();
         let [from, to] = [(left - PEN_PX).floor(), (right + PEN_PX).ceil()];

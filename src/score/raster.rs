@@ -120,7 +120,7 @@ impl Page {
             line_join: LineJoin::Round,
             ..Stroke::default()
         };
-        // The path is transformed first and stroked then, so that the pen stays round.
+        // The path is transformed before it is stroked, so that the pen stays round.
         let path = path_of(moves).and_then(|path| path.transform(page_from_plane));
         if let Some(line) = path.and_then(|path| path.stroke(&stroke, 1.0)) {
             self.0.fill_path(&line, FillRule::Winding, true, Transform::identity());
@@ -185,14 +185,14 @@ pub(super) fn whole(pixels: f64) -> usize {
     pixels as usize
 }
 
-/// Converts a value to the precision of rasters.
+/// Converts a value to the single precision of rasters.
 #[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
 pub(super) fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// Returns the scalar product of each row with another one. The order of the additions is fixed, so
-/// that the result has the same bits on every machine.
+/// Returns the dot product of each row with `with`. The order of the additions is fixed, so that
+/// the result has the same bits on every machine.
 pub(super) fn dots<const N: usize>(rows: [&[f32]; N], with: &[f32]) -> [f32; N] {
     let (with, with_rest) = with.as_chunks::<8>();
     let rows = rows.map(|row| row.as_chunks::<8>());

@@ -1,4 +1,4 @@
-//! A reader of one word, which is prepared once and then reads each photo in a few milliseconds.
+//! The reader for one word. Once prepared, the reader judges each photo in a few milliseconds.
 
 use rayon::prelude::*;
 
@@ -25,33 +25,33 @@ use noctograph_core::photo::Photo;
 use noctograph_core::settings::Described;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Fraction of the ink's area whose brightest pixels give its mean color. Even a word with half of
-/// its letters missing has as much ink.
+/// Fraction of the ink's area from whose brightest pixels the mean color is computed. Even with
+/// half of its letters missing, a word has this much ink.
 const INK_PART: f64 = 0.5;
 
 /// Minimum fraction of the light in a letter's cell that must have the color of its page. With a
-/// smaller fraction, the letter has its own color. White light beside an overexposed blue line
-/// still has 0.5.
+/// smaller fraction, the letter is assumed to differ in color. White light beside an overexposed
+/// blue line has 0.5.
 const LEAST_OF_COLOR: f32 = 0.25;
 
-/// Minimum probability at which a letter that is read outside the word counts.
+/// Minimum probability at which a letter that is read outside the word is taken seriously.
 const CLEAR_P: f64 = 0.6;
 
-/// Ratio between the odds in the blindly located line and those at the word's position above which
-/// the two contradict each other. A white patch's outline, for example, is an O in only one.
+/// Ratio between the odds in the blindly located line and at the word's position above which the
+/// two contradict each other. For example, only one of them reads a white patch as an O.
 const CONTRADICTION: f64 = 20.0;
 
-/// Number of letters from which a blind reading cannot match the word by chance.
+/// Minimum number of letters at which a blind reading is unlikely to match the word by chance.
 const MANY_LETTERS: usize = 3;
 
-/// A reader of photos of one word.
+/// A reader for photos of one word.
 pub struct Reader {
     options: ScoreOptions,
     pub(super) strokes: Strokes,
     pub(super) home: Placed,
     finder: Finder,
     pub(super) expected: Expected,
-    /// The grid of each line's strip.
+    /// The grid of the strip for each line of the word.
     pub(super) lines: Vec<Grid>,
     /// Index of the line that each letter belongs to.
     pub(super) line_of: Vec<usize>,
@@ -84,7 +84,7 @@ impl std::fmt::Debug for Reader {
 }
 
 impl Reader {
-    /// Prepares a reader for a word.
+    /// Creates a reader for a word.
     ///
     /// # Errors
     ///
@@ -95,7 +95,7 @@ impl Reader {
         options.check("score", None)?;
         check(strokes)?;
         let home = Placed::home(strokes);
-        // The area of the ink is the length of the strokes times the width of the pen.
+        // The ink's area is the strokes' total length multiplied by the pen's width.
         let ink_px = strokes.glyphs.iter().map(|glyph| {
             let lit = glyph.moves.iter().filter(|step| step.lit);
             let length_m: f64 = lit.map(|step| distance(step.from_m, step.to_m)).sum();
@@ -126,7 +126,7 @@ impl Reader {
     pub(super) fn drawn_columns(&self) -> Columns {
         let drawn = self.lines.iter().map(|grid| {
             let light = draw(grid, &self.home, &self.strokes.glyphs, CAP_PX as f32).values;
-            // The light is doubled because the blur halves that of thin strokes.
+            // The light is doubled because the blur halves the light of thin strokes.
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
             Columns::along(&Strip::drawn(grid.width, light))
         });
@@ -210,7 +210,7 @@ impl Reader {
             })
     }
 
-    /// Locates the word's light in a photo of the view's size, or says why there is none.
+    /// Locates the word's light in a photo of the view's size, or the reason for its absence.
     fn find_light(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
         // Crops the photo to the part that may show the word, and measures its exposure.
         let grid = &self.finder.grid;
@@ -224,7 +224,7 @@ impl Reader {
         let (full_light, contrast) = full_light(&bright, sky, ink_px).ok_or(Reason::NoLight)?;
         let color = color::of_brightest(&colors, whole(INK_PART * ink_px));
 
-        // Cuts a strip for each line, and then a wider one that includes the light beside it.
+        // Cuts out a strip for each line, and then a wider one with the light beside it.
         let placed = self.finder.place(&bright.exposed(full_light));
         let wide: Vec<Grid> = self.lines.iter().map(around).collect();
         let grids = self.lines.iter().enumerate().chain(wide.iter().enumerate());
@@ -271,7 +271,7 @@ impl Reader {
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
         let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
         let is_read = letters.iter().all(|letter| letter.best == Some(letter.expected));
-        // If touching letters are joined into one glyph, not all of them were judged.
+        // If touching letters form one glyph, not every letter was judged.
         let is_whole = !self.is_joined();
         let legible = is_whole && is_likeliest && readability >= self.options.legible_probability;
         // Selects the first reason that applies. Reasons that concern the photo come before those
@@ -303,8 +303,8 @@ impl Reader {
         judged_characters(glyphs).len() != judged_characters(self.strokes.word.chars()).len()
     }
 
-    /// Returns the likeliest spelling of each word, with the spaces, line ends and punctuation of
-    /// the expected text.
+    /// Returns the likeliest spelling of each word, with spaces, line ends and punctuation copied
+    /// from the expected text.
     fn spelled(&self, choices: &[Choice]) -> String {
         if self.is_joined() {
             let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
@@ -329,12 +329,12 @@ impl Reader {
     }
 }
 
-/// Returns those characters that are letters or digits.
+/// Keeps only the letters and digits.
 fn judged_characters(characters: impl Iterator<Item = char>) -> Vec<char> {
     characters.filter(|character| classes_of(*character).is_some()).collect()
 }
 
-/// Returns the grid of a line, widened by the margin that is searched for extra letters.
+/// Returns the grid of a line, widened by the margin in which extra letters are searched.
 fn around(line: &Grid) -> Grid {
     line.widened(SIDE_PX - MARGIN_PX)
 }
@@ -363,8 +363,8 @@ pub(super) fn lit_bounds_m(glyphs: &[Glyph]) -> [f64; 4] {
 /// Returns the light on a letter's page that has the color of the strokes.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
-    // The color is measured in the photo's own pixels, because one pixel of the page may mix a
-    // stroke with the status light beside it.
+    // The color is measured in the photo's pixels, because a page pixel may mix the light of a
+    // stroke with that of a status light beside it.
     let [mut color, cell_color] = [grid, &page.columns_of_cell()].map(|part| {
         let frame = part.frame(view, &seen.placed);
         let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(frame));
@@ -372,16 +372,16 @@ pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View)
         let n_brightest = whole(fraction * pixels.len() as f64);
         if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) }
     });
-    // The page also shows parts of other letters, which may be brighter and of another color.
+    // The page also shows parts of other letters, which may be brighter or differ in color.
     if color::pure(color)(cell_color) < LEAST_OF_COLOR * luminance(cell_color) {
         color = cell_color;
     }
     let in_color = color::pure(color);
     let light = grid.resample(&seen.light, view, &seen.placed, |light| [in_color(light); 3]);
     let ink = brightness(grid, &light);
-    // A thin stroke fills half of a pixel, so full light is at most the median of the ink.
+    // Thin strokes fill half a pixel. Therefore, the fully lit level is at most the ink's median.
     let mut levels = ink.values.clone();
-    // A letter's page always has pixels, so there is a last level.
+    // A letter's page is never empty, so the index does not underflow.
     let rank = whole(INK_PART * ink_px).min(levels.len() - 1);
     let level = *levels.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1;
     ink.exposed(seen.full_light.min(level))

@@ -18,39 +18,39 @@ use super::spelling::likeliest;
 use super::strip::CAP_PX;
 use noctograph_core::photo::Photo;
 
-/// Ratios of cap height to letter height that are tried. Small letters are 2/3 of a capital.
+/// Ratios of cap height to letter height that are tried. Small letters are 2/3 as high as capitals.
 const SIZES: [f64; 3] = [1.0, 1.2, 1.5];
 
-/// Natural logarithm of the relative frequency of words in capitals, in small letters, capitalized,
-/// of digits, and of capitals mixed with digits.
+/// Natural logarithms of the relative frequencies of words in capitals, small letters, capitalized
+/// words, digits, and capitals mixed with digits.
 const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 
-/// Minimum mean probability of the letters of a clear line.
+/// Minimum mean probability of the letters in a line that counts as clear.
 const LEAST_CLEAR: f64 = 0.6;
 
 /// Minimum gap that is read as a space, in cap heights. The spaces of the shipped fonts are wider.
 const SPACE_H: f64 = 0.65;
 
-/// Minimum mean natural logarithm of the letters' probabilities in a line that is certain.
+/// Minimum mean natural logarithm of the letters' probabilities in a line that counts as certain.
 const SURE: f64 = -0.1;
 
-/// Probability at which a letter neither adds to nor reduces the worth of a reading.
+/// Probability at which a letter neither increases nor decreases the score of a reading.
 const NEUTRAL: f64 = 0.5;
 
-/// Maximum number of columns in all strips that are read: twice as many as in the longest word, or
-/// about one second of work.
+/// Maximum number of columns in all strips that are read: twice as many as in the longest word,
+/// which take about one second.
 const MOST_COLUMNS: usize = 12_000;
 
 /// Minimum mean probability of letters that count as writing, and minimum probability of a single
-/// letter. A heart stays below it, a paw is read as 0990 with 0.69, and a face as an O with 0.87.
+/// letter. A heart is below both, a paw is read as 0990 with 0.69, and a face as an O with 0.87.
 const LEAST_WRITING: f64 = 0.72;
 const LEAST_LETTER: f64 = 0.9;
 
 /// The text that was read in a photo.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Reading {
-    /// The text, with a line break between lines and a space per wide gap, or empty without
-    /// writing.
+    /// The text, with a line break between lines and a space for each wide gap. The text is empty
+    /// if there is no writing.
     pub text: String,
     /// The letters, from left to right and line by line.
     pub letters: Vec<ReadLetter>,
@@ -62,7 +62,7 @@ pub struct Reading {
     pub(super) columns: Columns,
 }
 
-/// A letter that was read.
+/// A letter in a reading.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReadLetter {
     /// The letter, or `?` for light that no letter explains.
@@ -81,7 +81,7 @@ impl ReadLetter {
 }
 
 impl Reading {
-    /// Returns the reading if it is clear enough to be writing, and an empty one otherwise.
+    /// Returns the reading if it is clear enough to be writing, or an empty reading otherwise.
     #[must_use]
     pub fn of_writing(self) -> Self {
         let least = if self.letters.len() == 1 { LEAST_LETTER } else { LEAST_WRITING };
@@ -101,7 +101,7 @@ pub(super) fn is_clear(letters: &[ReadLetter]) -> bool {
     !letters.is_empty() && sum >= LEAST_CLEAR * letters.len() as f64
 }
 
-/// A line after it was read.
+/// A line of writing and its reading.
 struct ReadLine {
     text: String,
     letters: Vec<ReadLetter>,
@@ -110,8 +110,8 @@ struct ReadLine {
     columns: Columns,
 }
 
-/// Returns the worth of lines. The worth rises with the number of clear letters, and falls with the
-/// number of doubtful ones. A mean probability would not prefer readings that have all the letters.
+/// Computes a score that rises with the number of clear letters and falls with the number of
+/// doubtful ones. The mean probability would not favor readings that contain all letters.
 fn worth(lines: &[ReadLine]) -> f64 {
     let letters = lines.iter().flat_map(|line| &line.letters);
     letters.map(|letter| letter.letter_p() - NEUTRAL).sum()
@@ -123,7 +123,7 @@ pub fn read(photo: &Photo) -> Reading {
     let mut lines: Vec<ReadLine> = Vec::new();
     let mut best_lines: Vec<Line> = Vec::new();
     let mut budget = MOST_COLUMNS;
-    // Keeps the lines of the ink whose reading has the greatest worth.
+    // Keeps the lines of the ink whose reading has the highest score.
     for ink in &inks {
         let inked = ink.lines();
         let is_sure = lines.iter().any(|line| line.ln_p > SURE);
@@ -147,7 +147,7 @@ pub fn read(photo: &Photo) -> Reading {
     {
         lines = vec![letter];
     }
-    // A second line is noise if it has a single letter or doubtful letters.
+    // Further lines with a single letter or doubtful letters are noise.
     if lines.len() > 1 {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
@@ -201,7 +201,7 @@ fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
     sizes_px
 }
 
-/// Reads a line at its clearest size, and averages that with the strip's neighbors.
+/// Reads a line at its clearest size, averaged with the readings of the strip's neighbors.
 fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let tries = sizes_px.into_par_iter().filter_map(|cap_px| {
         let (strip, left_px, pitch_px) = line.strip(cap_px);
@@ -209,7 +209,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
         let (_, ln_p) = spell(&columns)?;
         Some((strip, ln_p, columns, left_px, pitch_px))
     });
-    // On a tie the first size is used, so that the result does not depend on the number of threads.
+    // On a tie the first size wins, so the result does not depend on the number of threads.
     let best = tries.collect::<Vec<_>>().into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
     let (strip, _, columns, left_px, pitch_px) = best?;
     let columns = columns.agreed(&strip);
@@ -217,7 +217,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let seen: Vec<char> = text.chars().collect();
     let word: Vec<Classes> = seen.iter().map(|letter| seen_as(*letter)).collect();
 
-    // The spelling model chooses the letters. Each letter gets its probability and its box.
+    // The spelling model chooses the letters. Their probabilities and boxes are then added.
     let choices = columns.choices(&word, &seen);
     let mut middles_px = columns.middles(&word);
     for middle in &mut middles_px {
@@ -250,16 +250,16 @@ fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
 }
 
 /// Returns the likeliest text of columns and the mean natural logarithm of its letters'
-/// probabilities, or `None` if no letter is read. How common each kind of word is affects the
-/// choice of the text but not these probabilities, because a clear single digit would then count
-/// as a doubtful letter of another size.
+/// probabilities, or `None` if no letter is read. The frequency of each kind of word affects the
+/// choice of the text but not these probabilities, because a clear single digit would otherwise
+/// count as a doubtful letter of another size.
 fn spell(columns: &Columns) -> Option<(String, f64)> {
-    // In a word of a single kind, each character stands for all characters of its shape.
+    // In a word of one kind, each character represents all characters of its shape.
     let [capitals, small, digits] = ['A'..='Z', 'a'..='z', '0'..='9']
         .map(|kind| kind.map(|c| (c, alike(c))).collect::<Vec<(char, Classes)>>());
     let mixed = ('A'..='Z').chain('0'..='9').filter_map(|c| Some((c, 1 << class_of(c)?)));
     let mixed: Vec<_> = mixed.collect();
-    // Each kind has its symbols for the first character and for the others.
+    // Each kind of word has symbols for its first character and for the others.
     let kinds: [(&Symbols, &Symbols); 5] = [
         (&capitals, &capitals),
         (&small, &small),

@@ -3,7 +3,7 @@
 use super::alphabet::{BLANK, Classes, NO_LETTER};
 use super::lattice::Columns;
 
-/// Width of the beam, in prefixes. A wider beam finds no other words.
+/// Width of the beam, in prefixes. A wider beam does not change the words that are found.
 const N_PREFIXES: usize = 12;
 
 /// Minimum probability of a character that is tried at a column.
@@ -12,7 +12,7 @@ const LEAST_STEP: f64 = 0.003;
 /// The characters that are possible at a position, each with its classes.
 pub(super) type Symbols = [(char, Classes)];
 
-/// Probabilities that the columns so far spell a prefix and end in a blank or a letter,
+/// Probabilities that the columns so far spell a prefix and end in a blank and in a letter,
 /// respectively.
 #[derive(Clone, Copy, Default)]
 struct PrefixP {
@@ -26,7 +26,7 @@ impl PrefixP {
     }
 }
 
-/// Names of symbols, and their probability at each column.
+/// Characters of the symbols, and probabilities of the symbols at each column.
 struct Table {
     names: Vec<char>,
     probabilities: Vec<Vec<f64>>,
@@ -53,9 +53,9 @@ impl Table {
 struct Prefix {
     /// Index of the prefix without its last symbol.
     parent: usize,
-    /// Index of the last symbol in its table.
+    /// Index of the prefix's last symbol in its table.
     symbol: usize,
-    /// Indices of the newest child and of the parent's next older child, or 0 if there is none.
+    /// Indices of the prefix's newest child and of its next older sibling, or 0 if there is none.
     child: usize,
     sibling: usize,
 }
@@ -99,7 +99,7 @@ impl Prefixes {
 
 /// Finds the likeliest words by prefix beam search (Hannun and others 2014). The words' first
 /// character is from `first`, the others are from `rest`, and `?` stands for light that no letter
-/// explains. Returns them with the logarithms of their probabilities, in descending order.
+/// explains. Returns the words with the logarithms of their probabilities, likeliest first.
 pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<(String, f64)> {
     let [first, rest] = [first, rest].map(|symbols| Table::new(columns, symbols));
     let mut prefixes = Prefixes(vec![Prefix::default()]);
@@ -109,7 +109,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     for (column, p_blank) in columns.of_set(BLANK).into_iter().enumerate() {
         steps.clear();
         for (prefix, p) in &beam {
-            // A blank, or the last symbol once more, leaves the prefix unchanged.
+            // A blank, or a repetition of the last symbol, leaves the prefix unchanged.
             let last = prefixes.last(*prefix).map(|(symbol, is_first)| {
                 let table = if is_first { &first } else { &rest };
                 (table.names[symbol], table.probabilities[symbol][column])
@@ -130,7 +130,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
             }
         }
         merge(&mut steps, &mut beam);
-        // Keeps the likeliest prefixes, divided by the first one so that products stay in range.
+        // Keeps the likeliest prefixes, scaled by the first one so that products stay in range.
         beam.sort_by(|a, b| b.1.sum().total_cmp(&a.1.sum()));
         beam.truncate(N_PREFIXES);
         let most = beam.first().map_or(1.0, |(_, p)| p.sum());
@@ -143,7 +143,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     words.zip(beam.iter().map(|(_, p)| libm::log(p.sum()) + ln_scale)).collect()
 }
 
-/// Adds up the steps to each prefix, and stores the sums in the beam.
+/// Sums the steps that lead to each prefix, and stores the sums in the beam.
 fn merge(steps: &mut [(usize, PrefixP)], beam: &mut Vec<(usize, PrefixP)>) {
     steps.sort_by_key(|(prefix, _)| *prefix);
     beam.clear();

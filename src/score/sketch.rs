@@ -1,4 +1,4 @@
-//! Sketch of a letter: its light as lines, and its strokes after they were moved onto that light.
+//! Sketch of a letter: its light as lines, and its strokes moved onto that light.
 
 use kurbo::{Line, Point, Vec2};
 
@@ -12,14 +12,14 @@ use super::view::View;
 use super::{BLUR_H, PX_PER_H};
 use noctograph_core::strokes::{Glyph, Move};
 
-/// A letter on its page. Lengths are in pixels of the page.
+/// The sketch of a letter. Lengths are in pixels of the letter's page.
 pub(super) struct Sketch {
     /// Light in the color of the strokes.
     pub(super) ink: Raster,
     pub(super) trace: LightLines,
     /// Offset of the letter's light from its intended position: right and down.
     pub(super) shift: [isize; 2],
-    /// The runs of the pen, both as intended and moved onto their light.
+    /// The runs of the pen, as intended and as moved onto their light.
     pub(super) bent: Bent,
     /// The moved runs of the pen, as segments.
     pub(super) own: Vec<Line>,
@@ -33,7 +33,7 @@ impl Reader {
     /// Moves a letter's strokes onto its light, and adds the strokes and dark moves around it.
     pub(super) fn sketch(&self, index: usize, seen: &Seen, view: &View) -> Sketch {
         let (page, glyphs) = (&self.pages[index], &self.strokes.glyphs);
-        // The letter is first shifted onto its light as a whole, and then stroke by stroke.
+        // First shifts the whole letter onto its light, and then moves it stroke by stroke.
         let ink = pure_ink(page, self.ink_px[index], seen, view);
         let drawn = draw(&page.grid, &self.home, &glyphs[index..=index], f32::from(PX_PER_H));
         let target = Target::new(ink.blur(BLUR_H * f32::from(PX_PER_H)));
@@ -44,7 +44,7 @@ impl Reader {
         Sketch { ink, trace, shift, own: bent.segments(), bent, beside, dark_moves }
     }
 
-    /// Returns the dark moves within a letter and its two neighbors and between them, on its page.
+    /// Returns the dark moves in and between a letter and its two neighbors, on the letter's page.
     fn dark_moves_around(&self, index: usize) -> Vec<Line> {
         let (page, glyphs) = (&self.pages[index], &self.strokes.glyphs);
         let around = &glyphs[index.saturating_sub(1)..(index + 2).min(glyphs.len())];
@@ -78,7 +78,7 @@ fn runs_on_page(glyph: &Glyph, page: &LetterPage, shift: [isize; 2]) -> Vec<Vec<
     runs.collect()
 }
 
-/// Converts a segment of the word's plane to a letter's page.
+/// Converts a segment from the word's plane to a letter's page.
 fn on_page(page: &LetterPage, from_m: [f64; 2], to_m: [f64; 2]) -> Line {
     let [from, to] = [from_m, to_m].map(|[x, y]| page.grid.page_from_plane(Point::new(x, y)));
     Line::new(from, to)

@@ -1,8 +1,8 @@
-//! Spelling model: a viewer knows words and names, and so guesses a word that is partly visible.
+//! Spelling model: viewers who know words and names can guess a word that is only partly visible.
 //!
-//! The model is not a dictionary. The model gives the probability of a letter after the four
-//! letters before it in words and names, interpolated over shorter sequences (Witten and Bell
-//! 1991). The model's table holds the sequences that matter most (`examples/readings/spelling.py`).
+//! The model is not a dictionary. It gives the probability of a letter after the preceding four in
+//! words and names, interpolated over shorter sequences (Witten and Bell 1991). Its table contains
+//! the sequences that matter most (`examples/readings/spelling.py`).
 
 use std::sync::LazyLock;
 
@@ -15,29 +15,29 @@ const N_SYMBOLS: usize = 27;
 /// Number of preceding letters on which the probability of a letter depends.
 const N_BEFORE: usize = 4;
 
-/// Natural logarithm of the backoff factor per letter dropped from a sequence not in the table.
+/// Natural logarithm of the backoff factor for each letter dropped from an unlisted sequence.
 const LN_BACKOFF: f64 = -0.916;
 
-/// Unit of the costs in the table, as a natural logarithm of probability.
+/// Natural logarithm of probability that corresponds to a cost of 1 in the table.
 const LN_UNIT: f64 = -0.05;
 
-/// Weight of the spelling relative to the light, and fraction of words that are spelled at random.
+/// Weight of the spelling relative to the light, and assumed fraction of randomly spelled words.
 const WEIGHT: f64 = 0.6;
 const RANDOM: f64 = 0.2;
 
 /// Minimum probability of a letter that is tried.
 const LEAST: f64 = 0.001;
 
-/// Probability of "no letter" above which a letter would only be a guess, so that `?` is read.
+/// Probability of "no letter" above which `?` is read, because any letter would be a guess.
 const GAP: f64 = 0.75;
 
-/// Width of the beam of the search, in words.
+/// Width of the search's beam, in words.
 const N_WORDS: usize = 64;
 
-/// Mean natural logarithm of probability per letter of a word with a digit: one out of 36.
+/// Natural logarithm of probability per character of a word with a digit: 1 in 36.
 const WITH_DIGIT: f64 = -3.58;
 
-/// Natural logarithm of probability of a lone character: the mean over words and names.
+/// Natural logarithm of probability assumed for a lone character: the mean over words and names.
 const AVERAGE: f64 = -2.2;
 
 /// Letter sequences as sorted three-byte numbers in base 27, and their costs.
@@ -76,8 +76,7 @@ fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
     fn number(run: &[usize]) -> usize {
         run.iter().fold(0, |number, symbol| N_SYMBOLS * number + symbol)
     }
-    // The longest sequence in the table is used. Each letter that the sequence lacks costs a
-    // backoff.
+    // The longest sequence in the table is used. Each dropped letter costs a backoff factor.
     let [a, b, c, d] = before;
     let run = [a, b, c, d, next];
     let (triples, [fours, fives]) = &*TABLE;
@@ -94,11 +93,11 @@ fn symbol(letter: char) -> Option<usize> {
     class_of(latin(letter)?.to_ascii_uppercase()).filter(|class| *class < N_SYMBOLS)
 }
 
-/// Returns the mean natural logarithm of probability over the letters and word ends of a text.
+/// Returns the mean log-probability of the letters and word ends of a text.
 pub(super) fn mean_ln_p(text: &str) -> f64 {
     let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
     let (sum, n) = words.fold((0.0, 0.0), |(sum, n), word| {
-        // A word with a digit has no symbols. The end of a word counts as a letter.
+        // Words with digits have no symbols. The end of a word counts as a letter.
         let symbols: Option<Vec<usize>> = word.chars().map(symbol).collect();
         let n_letters = word.chars().count() as f64 + 1.0;
         let ln_p = match symbols {
@@ -144,8 +143,8 @@ impl Spelled {
     }
 }
 
-/// Returns the likeliest word given the choices of its letters: either the likeliest letter at each
-/// position, or a usual word that the light may show. `?` is light that no letter explains.
+/// Returns the likeliest word given the choices for its letters: either the likeliest letter at
+/// each position, or a common word that fits the light. `?` is light that no letter explains.
 pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let seen: Vec<(Option<char>, f64)> =
         choices.iter().zip(expected).map(|(choice, expected)| choice.best(*expected)).collect();
@@ -153,7 +152,7 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let Some(spelled) = spell(choices, expected).filter(|_| choices.len() > 1) else {
         return light;
     };
-    // Compares a usual word with random letters, one of 36 each, for which only light counts.
+    // Compares the best spelling with random letters (1 in 36 each), judged only by light.
     let n_letters = choices.len() as f64;
     let ln_p_of_light: f64 = seen.iter().map(|(_, p)| libm::log(p.max(LEAST))).sum();
     let as_light = libm::log(RANDOM) + ln_p_of_light - WEIGHT * n_letters * libm::log(36.0);
@@ -172,12 +171,12 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     letters.collect()
 }
 
-/// Finds the likeliest spelling of the choices by beam search (Lowerre 1976). The spelling has
-/// letters only.
+/// Finds the likeliest spelling of the choices by beam search (Lowerre 1976). Spellings contain
+/// only letters.
 fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
     let mut words = vec![Spelled::default()];
     for (choice, expected) in choices.iter().zip(expected) {
-        // Probability of each symbol here. A letter with a mark counts as its base letter.
+        // Adds up the probability of each symbol. A letter with a mark counts as its base letter.
         let mut light = [0.0; N_SYMBOLS];
         for (letter, p) in choice.others.iter().chain([&(*expected, choice.p)]) {
             if let Some(symbol) = symbol(*letter) {
@@ -185,7 +184,7 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
             }
         }
         let likely: Vec<usize> = (1..N_SYMBOLS).filter(|symbol| light[*symbol] > LEAST).collect();
-        // Extends each word by each likely symbol, and keeps the likeliest words.
+        // Extends every word by each likely symbol, and keeps the likeliest words.
         let longer = words.iter().flat_map(|word| {
             likely.iter().map(|&symbol| word.and(symbol, libm::log(light[symbol])))
         });
@@ -202,8 +201,8 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
 mod tests {
     use super::*;
 
-    /// Returns the choices of a word whose letters have these probabilities. The rest of each
-    /// probability belongs to another letter, or to no letter for '?'.
+    /// Returns the choices of a word whose letters have these probabilities. The remaining
+    /// probability of each goes to the other letter, or to no letter for '?'.
     fn choices(letters: &[(char, f64, char)]) -> Vec<Choice> {
         let choices = letters.iter().map(|&(_, p, other)| match other {
             '?' => Choice { p, none: 1.0 - p, others: Vec::new() },

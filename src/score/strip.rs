@@ -1,4 +1,4 @@
-//! A strip, which is the input of the net: one line of writing, upright and of fixed height.
+//! A strip is the net's input: one line of writing, upright and of fixed height.
 
 use std::ops::Range;
 
@@ -16,37 +16,37 @@ pub(super) const CAP_PX: usize = 22;
 /// Number of rows in a strip.
 pub(super) const HEIGHT: usize = 40;
 
-/// Row of the top of capitals. The baseline is at row 30.
+/// Row at the top of capitals. The baseline is at row 30.
 pub(super) const HEAD_ROW: usize = 8;
 
-/// Number of columns before the first and after the last letter. Most strips that the net was
-/// trained on have as many.
+/// Number of columns before the first letter and after the last one, as in most strips on which the
+/// net was trained.
 pub(super) const MARGIN_PX: usize = 13;
 
-/// Number of columns searched for extra letters on each side of a word: 1.5 H, as wide as any.
+/// Number of columns on each side of a word in which extra letters are searched: the widest letter.
 pub(super) const SIDE_PX: usize = 33;
 
-/// Width of the light that is removed beside punctuation, in pixels: 0.1 H, as wide as a pen.
+/// Width of the light removed beside punctuation, in pixels: 0.1 cap heights, a pen's width.
 const BESIDE_PX: f64 = 2.2;
 
-/// The neighbors of a strip: relative height, shift down in pixels, and relative exposure of each.
+/// Relative height, downward shift in pixels, and relative exposure of each neighbor of a strip.
 const NEIGHBORS: [(f64, f64, f32); 4] =
     [(1.1, -1.0, 0.7), (0.9, 1.0, 0.7), (1.05, 0.0, 0.45), (0.95, 0.0, 1.0)];
 
-/// Minimum level of a lit pixel, and minimum number of these in a lit column, since hot pixels are
-/// single.
+/// Minimum level of a lit pixel, and minimum number of such pixels in a lit column, because hot
+/// pixels are isolated.
 const LIT: (f32, usize) = (0.15, 2);
 
 /// Minimum level of a pixel that is used to measure the stroke width.
 const STROKE_LIT: f32 = 0.4;
 
-/// Quantile of the lit pixels' widths that is the stroke width. Corners, spots and walls are wider.
+/// Quantile of the widths at lit pixels that is taken as stroke width. Corners and spots are wider.
 const STROKE_RANK: f64 = 0.2;
 
-/// Half the side of the opening's square, in stroke widths, and its minimum in pixels.
+/// Half-width of the opening's square, in stroke widths, and its minimum in pixels.
 const SOFT_REACH: (f64, usize) = (1.5, 3);
 
-/// Factor by which wide light is multiplied before it is subtracted. The factor exceeds 1 because
+/// Factor by which soft light is multiplied before it is subtracted. The factor exceeds 1 because
 /// part of that light was already subtracted with the sky.
 const SUBTRACTED: f32 = 3.0;
 
@@ -59,12 +59,12 @@ pub(super) struct Strip {
     pub(super) bright: Vec<f32>,
     /// Light in the color of the strokes, row by row.
     pub(super) pure: Vec<f32>,
-    /// The columns that are read. Both ends of the range are even.
+    /// The columns that are read. Both limits of the range are even.
     pub(super) read: Range<usize>,
 }
 
 impl Strip {
-    /// Cuts the strip at a grid of [`HEIGHT`] rows out of a photo's light.
+    /// Cuts out the strip from a photo's light, at a grid of [`HEIGHT`] rows.
     pub(super) fn cut(
         grid: &Grid,
         light: &Light,
@@ -82,18 +82,18 @@ impl Strip {
         Self::of_light(grid.width, bright, pure)
     }
 
-    /// Makes a strip of light, and subtracts soft light from it.
+    /// Creates a strip from light, and subtracts soft light from it.
     pub(super) fn of_light(width: usize, mut bright: Vec<f32>, mut pure: Vec<f32>) -> Self {
         subtract_soft_light(width, [&mut bright, &mut pure]);
         Self { width, bright, pure, read: 0..width }
     }
 
-    /// Makes a strip of drawn light, which has no soft light.
+    /// Creates a strip from drawn light, which contains no soft light.
     pub(super) fn drawn(width: usize, light: Vec<f32>) -> Self {
         Self { width, bright: light.clone(), pure: light, read: 0..width }
     }
 
-    /// Limits reading to lit columns and a margin, since the net reads letters in wide dark areas.
+    /// Limits reading to lit columns and a margin, because the net sees letters in wide dark areas.
     pub(super) fn where_lit(mut self) -> Self {
         let mut lit = (0..self.width).filter(|x| {
             let column = self.bright.iter().skip(*x).step_by(self.width);
@@ -107,7 +107,7 @@ impl Strip {
         self
     }
 
-    /// Removes the light between two positions in the word's plane, and a little beside them.
+    /// Removes the light between two positions in the word's plane, and slightly beyond them.
     pub(super) fn darken(&mut self, grid: &Grid, [left_m, _, right_m, _]: [f64; 4]) {
         let beside_m = BESIDE_PX * grid.pitch_m;
         let [first, end] = [left_m - beside_m, right_m + beside_m]
@@ -119,7 +119,7 @@ impl Strip {
         }
     }
 
-    /// Adds the difference between two pictures of the grid `part`. Returns the changed columns.
+    /// Adds the difference between two pictures of grid `part`. Returns the changed columns.
     pub(super) fn change(
         &mut self,
         grid: &Grid,
@@ -127,13 +127,13 @@ impl Strip {
         before: &Raster,
         after: &Raster,
     ) -> Range<usize> {
-        // Corner and pixel size of the strip's grid, in pixels of the pictures.
+        // Computes corner and pixel size of the strip's grid, in pixels of the pictures.
         let ratio = grid.pitch_m / part.pitch_m;
         let Point { x: left, y: top } = part.page_from_plane(Point::new(grid.left_m, grid.top_m));
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
-        // The columns of the strip that overlap the pictures.
+        // Selects the columns of the strip that overlap the pictures.
         let [first, last] =
             [0.0, part.width as f64].map(|x| whole(((x - left) / ratio).max(0.0)).min(self.width));
         let columns = first..(last + 1).min(self.width);
@@ -156,7 +156,7 @@ impl Strip {
         rows.all(|row| row[columns.clone()].iter().all(|light| *light < LIT.0))
     }
 
-    /// Returns copies of the strip that are slightly larger or smaller, moved, and darker.
+    /// Returns copies of the strip that are slightly scaled, shifted or darkened.
     pub(super) fn neighbors(&self) -> [Self; 4] {
         NEIGHBORS.map(|(height, down_px, exposure)| {
             let [bright, pure] = [&self.bright, &self.pure].map(|light| {
@@ -168,7 +168,7 @@ impl Strip {
         })
     }
 
-    /// Returns the net's input for some columns: square roots of each pixel's channels, as bytes.
+    /// Returns the net's input for some columns: the square roots of the channels, as bytes.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     pub(super) fn bytes(&self, columns: Range<usize>) -> Vec<u8> {
         let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
@@ -183,7 +183,7 @@ impl Strip {
     }
 }
 
-/// Stretches light vertically about the middle of the capitals and moves it down. Outside is dark.
+/// Stretches light vertically about the middle of the capitals and moves it down, adding darkness.
 fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32> {
     let middle = HEAD_ROW as f64 + 0.5 * CAP_PX as f64 - 0.5;
     let mut moved = vec![0.0; light.len()];
@@ -200,10 +200,10 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
     moved
 }
 
-/// Subtracts soft light, such as that of a lit wall or a glow. The first channel must be luminance.
+/// Subtracts soft light, such as from a lit wall or a glow. The first channel must be luminance.
 fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
-    // An opening (Serra 1982) is the maximum, over squares, of the minimum in each square. Opening
-    // keeps light that is wider than the square and removes the strokes.
+    // An opening (Serra 1982) takes the minimum over squares and then the maximum of these minima.
+    // Opening keeps light that is wider than the square, but not strokes.
     let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
     for light in channels {
         let soft = noctograph_core::dispatch!(|| {
@@ -243,7 +243,7 @@ fn stroke_px(light: &[f32], width: usize) -> f64 {
     *runs.select_nth_unstable(rank).1 as f64
 }
 
-/// Combines the values in each pixel's square by `pick`, which selects the minimum or maximum.
+/// Combines the values in each pixel's square with `pick`, which selects the minimum or maximum.
 #[inline(always)]
 fn over_squares(
     light: &[f32],

@@ -1,4 +1,4 @@
-//! Lines of light: the light of a letter, thinned to lines one pixel wide (Zhang and Suen 1984).
+//! The light of a letter, thinned to lines one pixel wide (Zhang and Suen 1984).
 
 use kurbo::Point;
 
@@ -13,7 +13,7 @@ const LIT: f32 = 0.4;
 /// Maximum distance from a moved stroke to light that fills a gap in it: 0.05 H.
 pub(super) const CLOSE_PX: f64 = 0.05 * PX_PER_H as f64;
 
-/// Maximum distance from a line to light that counts for the thickness of the line, in pixels.
+/// Maximum distance, in pixels, between a line and light that contributes to its thickness.
 const NEAR_PX: f64 = 6.0;
 
 /// The light of one letter as lines.
@@ -24,7 +24,7 @@ pub(super) struct LightLines {
 }
 
 impl LightLines {
-    /// Thins the lit pixels of a picture to lines.
+    /// Thins the lit pixels of a picture to form lines.
     pub(super) fn new(picture: &Raster) -> Self {
         let lit: Vec<bool> = picture.values.iter().map(|value| *value > LIT).collect();
         let thin = thinned(lit.clone(), picture.width);
@@ -75,7 +75,7 @@ impl LightLines {
         let mut clean = Raster::dark(picture.width, picture.height);
         for (index, _) in self.thin.iter().enumerate().filter(|(_, line)| **line) {
             clean.values[index] = 1.0;
-            // Neighbors of a line get less light, and diagonal neighbors the least.
+            // Pixels beside a line get less light, and diagonal neighbors the least.
             for beside in around(index, self.width, self.thin.len()) {
                 let is_above_or_below = beside % self.width == index % self.width;
                 let is_left_or_right = beside / self.width == index / self.width;
@@ -92,7 +92,7 @@ pub(super) fn distance(a: Point, b: Point) -> f64 {
     geometry::distance(xy(a), xy(b))
 }
 
-/// Returns the neighbors of a pixel, of which there are up to eight.
+/// Returns the up to eight neighbors of a pixel.
 pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (index % width, index / width);
     let rows = y.saturating_sub(1)..(y + 2).min(n_pixels / width);
@@ -107,7 +107,7 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     let height = ink.len() / width;
     loop {
         let mut changed = false;
-        // The first pass of an iteration removes edges at the lower right, the second those at the
+        // The first pass of an iteration removes edge pixels at the lower right, the second at the
         // upper left. Each pass judges all pixels before it removes any, so lines stay centered.
         for pass in 0..2 {
             let inner = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x));
@@ -123,14 +123,14 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     }
 }
 
-/// True if a pixel is at an edge that the pass removes, and if the lines stay connected without it.
+/// True if a pixel is on an edge that the pass removes, and the lines stay connected without it.
 fn is_removable(ink: &[bool], width: usize, pixel: usize, pass: usize) -> bool {
-    // The eight neighbors, clockwise from the one above the pixel.
+    // The ring consists of the eight neighbors, clockwise from the one above the pixel.
     let (up, down) = (pixel - width, pixel + width);
     let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
     let ring = ring.map(|beside| ink[beside]);
     let n_ink = ring.iter().filter(|ink| **ink).count();
-    // A pixel connects nothing if the ring around it has a single step from dark to ink.
+    // Removal keeps lines connected if the ring has a single step from dark to ink.
     let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();
     let [up, _, right, _, down, _, left, _] = ring;
     let is_at_edge = match pass {

@@ -3,11 +3,11 @@
 use super::reading::{Reading, read};
 use noctograph_core::photo::{Photo, PhotoData};
 
-/// Minimum mean probability of letters that are upright. NOOR upside down reads HOON with 0.87.
+/// Minimum mean probability of upright letters. NOOR upside down is read as HOON with 0.87.
 const UPRIGHT: f64 = 0.92;
 
-/// Minimum gain in mean probability if the photo is upside down. A poor MOON has 0.9, upside down
-/// it reads NOOW with 0.98.
+/// Minimum gain in mean probability if the photo is upside down. An unclear MOON has 0.9, but
+/// upside down is read as NOOW with 0.98.
 const LEAD: f64 = 0.1;
 
 /// Minimum gain in mean probability at which writing that is clear both ways may be mirrored. A
@@ -18,7 +18,7 @@ const DOUBT: f64 = 0.03;
 const BRIGHT: u8 = 190;
 const BRIGHT_PER_DARK: usize = 9;
 
-/// Minimum number of letters that show the orientation. A turned heart or arrow may read as two.
+/// Minimum number of letters that determine the orientation. A turned heart may be read as two.
 const LEAST_LETTERS: usize = 3;
 
 /// Reads a photo, and turns it by quarters if only a turned photo reads clearly. Returns the
@@ -48,7 +48,7 @@ pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Re
     if is_right(upright, word) && is_beyond_doubt {
         return None;
     }
-    // The writing is seen from behind, or reflected in water and therefore also upside down.
+    // Writing is seen from behind, or reflected in water and thus also upside down.
     let [left, down] =
         [0, 2].map(|quarters| (read(&quarter_turned(&mirrored(photo), quarters)), quarters));
     let is_down = down.0.mean_p() > left.0.mean_p() + LEAD;
@@ -69,12 +69,12 @@ impl Reading {
     }
 }
 
-/// True if a photo reads as the word, or if it reads clearly and `word` is empty.
+/// True if a reading equals the word, or if it is clear and `word` is empty.
 fn is_right(upright: &Reading, word: &str) -> bool {
     upright.text.eq_ignore_ascii_case(word) || upright.is_clear() && word.is_empty()
 }
 
-/// True if a turned photo reads clearly, and more clearly than the original.
+/// True if a turned photo is read clearly, and more clearly than the original by `lead`.
 fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
     let lead = if is_word { 0.0 } else { lead };

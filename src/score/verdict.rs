@@ -29,20 +29,19 @@ pub struct Verdict {
     pub faithfulness: Option<f64>,
     /// The regression from which the readability was computed.
     pub calibration: Calibration,
-    /// Placement of the word, or `None` if the photo has no light of the word.
+    /// Placement of the word, or `None` if the photo does not show the word's light.
     pub placement: Option<Placement>,
     /// Height of a capital in the photo in pixels, or `None` if the word is outside the photo.
     pub cap_height_px: Option<f64>,
-    /// The verdicts on the letters, in the order of the word.
+    /// The verdict on each letter, in the order of the word.
     pub letters: Vec<LetterVerdict>,
     /// The reason why the word is not legible, or `None` if it is.
     pub reason: Option<Reason>,
-    /// The text that is read without knowing the word, or `None` if nothing is visible.
+    /// The text that blind recognition reads in the photo, or `None` if nothing is visible.
     pub second_opinion: Option<String>,
     /// Faults, in order of decreasing gain. The list is empty if faults were not computed.
     pub causes: Vec<Cause>,
-    /// At most three changes, in order of decreasing gain. The list is empty if changes were not
-    /// computed.
+    /// Advice on at most three changes, in order of decreasing gain. Empty if not computed.
     pub advice: Vec<Advice>,
 }
 
@@ -51,14 +50,14 @@ pub struct Verdict {
 pub struct RivalWord {
     /// The word.
     pub word: String,
-    /// Probability of this word if a viewer chooses between it and the expected word, 0 to 1.
+    /// Probability, 0 to 1, that a viewer who must choose prefers this word to the expected one.
     pub p: f64,
 }
 
 /// Placement of the word relative to the intended one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Placement {
-    /// Shift in the plane of the word: right and up.
+    /// Shift in the plane of the word: x to the right and y upward.
     pub shift_m: [f64; 2],
     /// Ratio of the size to the intended size.
     pub scale: f64,
@@ -81,16 +80,16 @@ pub struct LetterVerdict {
     /// The three likeliest other letters, in descending order of probability.
     #[serde(default)]
     pub rivals: Vec<Rival>,
-    /// Offset of the letter from its position in the word: right and up. Like the next four fields,
-    /// it is `None` if it was not computed.
+    /// Offset of the letter from its position in the word (right, up). This field and the next four
+    /// are `None` if they were not computed.
     pub shift_m: Option<[f64; 2]>,
-    /// Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights.
+    /// Fraction of the moved intended strokes that have light within 0.1 cap heights.
     pub recall: Option<f64>,
-    /// Fraction of the light's lines that lies within 0.1 cap heights of an intended stroke.
+    /// Fraction of the lines of light that is within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
-    /// Length of the intended strokes without light.
+    /// Length of the intended strokes that have no light.
     pub missing_mm: Option<f64>,
-    /// Length of the light's lines that are away from the intended strokes.
+    /// Length of the lines of light that are away from the intended strokes.
     pub stray_mm: Option<f64>,
     /// Probabilities of all letters that have a probability of at least 0.001, in descending order.
     #[serde(default)]
@@ -121,16 +120,15 @@ pub enum Reason {
     OutOfRange,
     /// The photo shows a word of another length.
     OtherLength,
-    /// Another word is likelier, or a letter looks like another letter or like none.
+    /// Another word is likelier, or a letter looks like another letter or like no letter at all.
     Misread,
-    /// Every letter is the likeliest one, but the readability is too low.
+    /// Every expected letter is the likeliest one, but the readability is too low.
     Unsure,
 }
 
 impl Verdict {
-    /// Returns the probability that a viewer reads this word and no other. This probability is the
-    /// readability, limited by the probability against a likelier rival. Studies rank and tune by
-    /// this probability.
+    /// Returns the probability that a viewer reads this word and no other: the readability, limited
+    /// by the probability against a likelier rival. Studies use it to rank and tune.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
@@ -141,7 +139,7 @@ impl Verdict {
         (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
     }
 
-    /// True if blind recognition reads another text. Characters that look alike count as equal.
+    /// True if blind recognition reads a different text. Characters that look alike count as equal.
     pub fn is_contradicted(&self) -> bool {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
@@ -179,8 +177,7 @@ impl From<&Placed> for Placement {
 }
 
 impl Placement {
-    /// True if the word is within reach of its position, and nearly as large and upright as
-    /// intended.
+    /// True if the word is within `reach_m` of its position, and scale and rotation are in range.
     pub(super) fn overlaps_page(&self, reach_m: f64) -> bool {
         libm::hypot(self.shift_m[0], self.shift_m[1]) <= reach_m
             && (SCALES[0]..=SCALES[1]).contains(&self.scale)

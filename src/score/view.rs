@@ -1,4 +1,4 @@
-//! View of the plane of the word: by a known camera, or by four corners in the photo.
+//! Views of the word's plane: through a known camera, or from four corners in the photo.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -33,8 +33,8 @@ impl From<&Camera> for View {
 }
 
 impl View {
-    /// Projects a point of the plane. Returns pixels from the left and the upper edge, or `None` if
-    /// the photo cannot show the point.
+    /// Projects a point of the plane. Returns its position in pixels from the upper left corner, or
+    /// `None` if it is not visible.
     pub fn image_from_plane(&self, [x_m, height_m]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = match self {
             Self::Camera(camera) => {
@@ -52,8 +52,8 @@ impl View {
         (x.is_finite() && y.is_finite()).then_some([x, y])
     }
 
-    /// Renders a part of the plane (`[left, bottom, right, top]`) as seen square on, by nearest
-    /// pixels.
+    /// Renders a part of the plane (`[left, bottom, right, top]`) as seen square on, using the
+    /// nearest pixels.
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
         #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
@@ -75,7 +75,7 @@ impl View {
     }
 
     /// Renders a line of writing as seen square on, with a margin for letters that leave its box.
-    /// `corners_px` are the corners of the box in the photo, clockwise from the upper left.
+    /// `corners_px` are the box's corners in the photo, clockwise from the upper left.
     ///
     /// # Errors
     ///
@@ -95,7 +95,7 @@ impl View {
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] if the camera does not see the plane in all of its picture.
+    /// Returns [`Error::Input`] unless the camera sees the plane in every part of its picture.
     pub fn rectified_by_camera(photo: &Photo, camera: &Camera) -> Result<Photo> {
         let bounds_m = camera.plane_bounds_m().ok_or_else(|| {
             let wanted = "a camera whose whole picture shows the plane of the word";
@@ -116,7 +116,7 @@ impl View {
     }
 }
 
-/// Margin around a box given by its corners, in heights of that box.
+/// Margin around a box given by its corners, in units of the box's height.
 const CORNERS_MARGIN: f64 = 0.5;
 
 /// Maximum side of a picture seen square on, in pixels.
@@ -168,7 +168,7 @@ impl Homography {
         })?;
         let mut image_from_plane =
             Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0);
-        // The third coordinate is made positive in front of the camera.
+        // The sign is chosen so that the third coordinate is positive in front of the camera.
         let middle = Vector3::new(0.5 * (left + right), 0.5 * (bottom + top), 1.0);
         if (image_from_plane * middle).z < 0.0 {
             image_from_plane = -image_from_plane;

@@ -1,9 +1,10 @@
 //! The medial axis of an outline, as a graph.
 //!
-//! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles in the
-//! ink become nodes, which are linked if their triangles have a common side. With denser samples
-//! the graph approaches the set of centers of all discs that touch the outline twice (Brandt and
-//! Algazi, CVGIP 55, 1992). The radius of a node's disc is half the stroke's width there.
+//! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles inside
+//! the ink become nodes, which are linked if their triangles have a common side. With denser
+//! samples the graph approaches the set of centers of all discs that touch the outline twice
+//! (Brandt and Algazi, CVGIP 55, 1992). The radius of a node's disc is half the stroke's width at
+//! the node.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -11,7 +12,7 @@ use super::super::outline::Filled;
 use super::super::vector::direction;
 use noctograph_core::geometry::distance;
 
-/// Grid to which samples are rounded, in cap heights.
+/// Spacing of the grid to which samples are rounded, in cap heights.
 const SAMPLE_GRID: f64 = 1e-6;
 
 /// A graph of disc centers. Nodes that were cut off remain, but without neighbors.
@@ -22,14 +23,13 @@ pub(super) struct Axis {
     pub(super) neighbors: Vec<Vec<usize>>,
 }
 
-/// A path between two nodes, including both. The path of a loop ends with its first node.
+/// A path between two nodes, including both. The path along a loop ends with its first node.
 pub(super) type Path = Vec<usize>;
 
 impl Axis {
     /// Returns the axis of the ink inside an outline. The axis is empty if there is no ink.
     pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
-        // Contours that run along each other would otherwise have samples that only differ by
-        // rounding.
+        // Otherwise, contours with a common edge would have samples that differ only by rounding.
         let samples = ink_edges
             .iter()
             .flatten()
@@ -44,8 +44,8 @@ impl Axis {
             let (middle, radius_squared) = face.circumcircle();
             let middle = [middle.x, middle.y];
             let centroid = face.center();
-            // Samples on a straight side are not exactly collinear, and form slivers whose discs
-            // are far away.
+            // Samples on a straight side are not exactly collinear. They form slivers, whose
+            // circumcenters are far away.
             if ink.holds([centroid.x, centroid.y]) && ink.holds(middle) {
                 node_of[face.fix().index()] = Some(axis.middles.len());
                 axis.middles.push(middle);
@@ -69,7 +69,7 @@ impl Axis {
         self.neighbors[node].len()
     }
 
-    /// Returns the length of a path.
+    /// Returns the length of a path along its nodes.
     pub(super) fn length(&self, path: &[usize]) -> f64 {
         path.windows(2).map(|step| self.distance(step[0], step[1])).sum()
     }
@@ -95,8 +95,8 @@ impl Axis {
         }
     }
 
-    /// Returns the unit vector from a node to the point that is `length` along the path through a
-    /// neighbor, or to the end of a shorter path.
+    /// Returns the unit vector from a node to the point at distance `length` along the path through
+    /// a neighbor, or to the end of a shorter path.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
         let path = self.path(from, through, &|node| self.degree(node) != 2);
         let mut walked = 0.0;
@@ -126,7 +126,7 @@ impl Axis {
                 }
             }
         }
-        // Nodes that are on no path from an end are on loops.
+        // Any node that is not on a path between ends belongs to a loop.
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
                 let path = self.path(node, self.neighbors[node][0], &|_| false);

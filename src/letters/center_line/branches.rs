@@ -1,38 +1,38 @@
-//! Branches of the axis, whose ends at junctions are repaired, and chains of branches.
+//! Branches of the medial axis, repair of their ends at junctions, and chains of branches.
 
 use noctograph_core::geometry::{arc_lengths, distance};
 use noctograph_core::statistics::median;
 
 use super::super::vector::{ahead, direction, minus};
 
-/// A branch is used from where its radius has fallen to this multiple of its median radius.
+/// Maximum ratio of the radius to the branch's median radius where the branch starts to be used.
 const SETTLED: f64 = 1.06;
 
-/// Minimum and maximum distance from the junction at which a branch is used, in radii of the
-/// junction, and maximum fraction of a branch that is not used.
+/// Minimum and maximum length skipped at a junction's end of a branch, in radii of the junction,
+/// and maximum fraction of the branch that is skipped.
 const SKIPPED: [f64; 2] = [0.7, 2.2];
 const SKIPPED_FRACTION: f64 = 0.4;
 
 /// Minimum ratio of a straight branch's chord to its length.
 const STRAIGHT: f64 = 0.94;
 
-/// A point of a line, and true if the line has a corner there.
+/// A point of a line, with a flag that is true if the line has a corner at this point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Knot {
     pub(super) position: [f64; 2],
     pub(super) corner: bool,
 }
 
-/// A branch's end at a junction.
+/// The end of a branch at a junction.
 #[derive(Debug)]
 pub(super) struct Arm {
     pub(super) branch: usize,
     /// True for the end of the branch, false for its start.
     pub(super) tail: bool,
-    /// First point of the arm's usable center line, and the direction there away from the junction.
+    /// First usable point of the arm's center line, and its direction away from the junction.
     pub(super) from: [f64; 2],
     pub(super) away: [f64; 2],
-    /// Median radius of the branch.
+    /// Median radius of the arm's branch.
     pub(super) radius: f64,
 }
 
@@ -42,16 +42,16 @@ pub(super) struct Branch {
     pub(super) points: Vec<[f64; 2]>,
     /// Radius at each point.
     pub(super) radii: Vec<f64>,
-    /// Connections before the first and after the last point.
+    /// Connections at the first and the last point.
     pub(super) ends: [Connection; 2],
     used: bool,
 }
 
-/// The points from a branch's end to where it meets others, and the next branch.
+/// The points from a branch's end to where it meets other branches, and the branch that follows.
 #[derive(Default)]
 pub(super) struct Connection {
     pub(super) knots: Vec<Knot>,
-    /// The next branch, with true if it is entered at its tail.
+    /// The next branch, with a flag that is true if the branch is entered at its tail.
     pub(super) next: Option<(usize, bool)>,
 }
 
@@ -61,7 +61,7 @@ impl Branch {
         Self { points, radii, ..Self::default() }
     }
 
-    /// Reverses the branch if `tail`, which puts its tail first. A second call restores the order.
+    /// Reverses the branch if `tail` is true. A second call restores the order.
     fn turn(&mut self, tail: bool) {
         if tail {
             self.points.reverse();
@@ -69,11 +69,11 @@ impl Branch {
         }
     }
 
-    /// Cuts off the points near an end that a junction of some radius pulls aside. Returns the arm
-    /// that starts at the first point that is kept.
+    /// Cuts off the points near an end that a junction of the given radius displaces. Returns the
+    /// arm that starts at the first remaining point.
     pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
-        // A junction's disc bulges, so the branch is only used from where its radius has settled.
+        // The axis bulges at a junction, so the branch is used only after its radius has settled.
         let along = arc_lengths(&self.points);
         let n = self.points.len();
         let length = along[n - 1];
@@ -84,7 +84,7 @@ impl Branch {
             (0..n).find(|i| along[*i] >= earliest && self.radii[*i] <= SETTLED * median_radius);
         let first = settled.filter(|i| along[*i] <= latest);
         let first = first.unwrap_or_else(|| along.partition_point(|s| *s < latest).min(n - 2));
-        // The direction is measured over about one radius of the junction.
+        // The arm's direction is measured over about one radius of the junction.
         let until = along[first] + radius.min(0.5 * (length - along[first])).max(1e-9);
         let last = along.partition_point(|s| *s < until).clamp(first + 1, n - 1);
         let from = self.points[first];
@@ -95,7 +95,7 @@ impl Branch {
         Arm { branch, tail, from, away, radius: median_radius }
     }
 
-    /// Turns a straight branch about its other end, so that it leads to `to` instead of `from`.
+    /// Turns a straight branch about its other end, so that it ends at `to` instead of `from`.
     pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
         self.turn(tail);
         let along = arc_lengths(&[&[from][..], &self.points].concat());
@@ -115,7 +115,7 @@ impl Branch {
 /// exactly one line.
 pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     let mut lines = Vec::new();
-    // Lines from loose ends come first, and then closed lines.
+    // First follows lines from loose ends, and then closed lines.
     for from_loose in [true, false] {
         for begin in 0..branches.len() {
             for tail in [false, true] {
@@ -129,13 +129,13 @@ pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     lines
 }
 
-/// Follows connected branches from an end of one, marks them as used, and returns the line of
-/// knots.
+/// Follows connected branches from an end of one of them, marks them as used, and returns their
+/// line.
 fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
     let (mut index, mut enters_by_tail) = (begin, tail);
     loop {
-        // Appends a branch in its direction, with the knots at both of its ends.
+        // Appends a branch in the direction of travel, with the knots at both of its ends.
         let branch = &mut branches[index];
         branch.used = true;
         let (entry, exit) = (usize::from(enters_by_tail), usize::from(!enters_by_tail));

@@ -1,5 +1,5 @@
-//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke. The lines
-//! are extended straight here until they meet.
+//! Junctions: where strokes meet, the medial axis deviates from their center lines. The lines are
+//! therefore extended straight from outside the junction until they meet.
 
 use super::super::outline::Filled;
 use super::super::vector::{ahead, cross, dot, mean, minus, segments};
@@ -7,18 +7,17 @@ use super::axis::{Axis, Path};
 use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
 
-/// Maximum distance between two junctions that count as one, relative to the larger radius, since a
-/// crossing appears as two. The second value applies to two bends, which are one at a flat tip (v,
-/// M).
+/// Maximum distance between two junctions that count as one, relative to the larger radius, because
+/// a crossing has two in the axis. The second value is for two bends, as at a flat tip (v, M).
 const ONE_JUNCTION: f64 = 1.0;
 const ONE_BEND: f64 = 2.5;
 
-/// Cosine of the maximum turn of a stroke that goes through a junction, 75° because a bowl turns
-/// further, and of one that goes through a bend of a single stroke, 25°.
+/// Cosine of the maximum turn of a stroke that continues through a junction (75°, because a bowl
+/// turns further), and through a bend of a single stroke (25°).
 const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
 
-/// Cosine limit that every turn exceeds.
+/// Limit that is less than the cosine of any turn.
 const ANY_TURN: f64 = -2.0;
 
 /// Sine of the maximum angle between an upright arm and the vertical or horizontal: 3°.
@@ -27,8 +26,8 @@ const UPRIGHT: f64 = 0.05;
 /// Minimum determinant of the normal equations of lines that cross.
 const PARALLEL: f64 = 1e-3;
 
-/// Maximum distance between a crossing of lines and their junction, relative to its radius. The
-/// value reaches beyond flat tips.
+/// Maximum distance between the crossing of lines and their junction, relative to the junction's
+/// radius. The limit exceeds the distance at flat tips.
 const FAR: f64 = 10.0;
 
 /// Maximum distance between a meeting point and its junction, in radii of the junction.
@@ -38,7 +37,7 @@ const REACH: f64 = 3.0;
 const STEPS_PER_PAIR: usize = 3;
 
 /// Returns the lines of an axis as knots: its branches, extended at junctions until they meet, with
-/// straight strokes joined. `bends` is true for each node at which a line has a corner.
+/// straight strokes joined. `bends` says for each node whether a line has a corner there.
 pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Knot>> {
     let is_key = Vec::from_iter((0..axis.middles.len()).map(|node| match axis.degree(node) {
         2 => bends[node],
@@ -48,7 +47,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, is_inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
-    // The branches at each cluster, with true for those that end there and false otherwise.
+    // The branches at each cluster, with true if a branch ends there and false if it starts there.
     let mut branch_ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
     for (path, _) in paths.iter().zip(&is_inner).filter(|(_, is_inner)| !**is_inner) {
         let (first, last) = (path[0], path[path.len() - 1]);
@@ -65,7 +64,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         members_of[cluster_of[node]].push(node);
     }
     for (cluster, ends) in branch_ends.into_iter().enumerate().filter(|(_, ends)| ends.len() > 1) {
-        // Each search for arms that go through compares all pairs, and the search is repeated.
+        // The search for arms that continue each other compares all pairs each time it is repeated.
         let n_pairs = ends.len() * ends.len();
         if !ink.budget().spend_steps(STEPS_PER_PAIR * n_pairs * (ends.len() / 2 + 1)) {
             break;
@@ -88,13 +87,13 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// Returns the smallest node in each node's cluster of junctions, and true for each path in one.
+/// Returns the smallest node in each node's cluster of junctions, with true for each path in one.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let mut is_inner = vec![false; paths.len()];
     for (path, is_inner) in paths.iter().zip(&mut is_inner) {
         let (a, b) = (path[0], path[path.len() - 1]);
-        // A path shorter than the width of its junctions joins their clusters.
+        // A path shorter than the width of its junctions merges their clusters.
         let are_junctions = axis.degree(a) > 1 && axis.degree(b) > 1 && a != b;
         let radius = axis.radii[a].max(axis.radii[b]);
         let reach = if axis.degree(a) + axis.degree(b) == 4 { ONE_BEND } else { ONE_JUNCTION };
@@ -116,14 +115,14 @@ struct Joint<'a> {
 }
 
 impl Joint<'_> {
-    /// True if a point is within some radii of the junction's center.
+    /// True if a point is within `reach` times the radius from the junction's center.
     fn is_near(&self, point: [f64; 2], reach: f64) -> bool {
         distance(point, self.middle) <= reach * self.radius
     }
 
     /// Returns the point where arms meet. Each arm is extended toward the crossing of their lines
-    /// as far as a pen of its width stays in the ink, and the point is the mean of the ends. If
-    /// there are vertical or horizontal arms, only these count, so that they keep their lines.
+    /// as far as a pen of its width stays in the ink, and the ends are averaged. If any arms are
+    /// vertical or horizontal, only these are averaged, so that they stay straight.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
@@ -142,10 +141,10 @@ impl Joint<'_> {
     }
 }
 
-/// Connects the arms of a junction. Arms that go straight through are joined by a curve, on which
-/// the others end. If no arm goes straight through, all meet in a point.
+/// Connects the arms of a junction. Arms that continue straight through are joined by a curve, on
+/// which the others end. If there are none, all arms meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
-    // Joins the straightest pair first. Each arm of a pair gets half of the curve between them.
+    // Joins the straightest pair first. Each arm of a pair gets half of the curve in between.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
@@ -171,7 +170,7 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
 }
 
 /// Connects the arms of a junction in the point where their lines cross, or at its center if they
-/// cross elsewhere. The two arms that turn least continue as one stroke with a corner.
+/// cross elsewhere. The two arms with the smallest turn become one stroke with a corner.
 fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     let crossing = crossing(arms).filter(|p| {
         joint.is_near(*p, FAR) && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
@@ -180,7 +179,7 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     for arm in arms {
         branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
     }
-    // Joins one pair, and lets the other arms end in the point.
+    // Joins the straightest pair. The other arms end in the point.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
         join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
@@ -191,7 +190,7 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     }
 }
 
-/// Returns a single knot with a corner.
+/// Returns a line of a single knot with a corner.
 fn corner(position: [f64; 2]) -> Vec<Knot> {
     vec![Knot { position, corner: true }]
 }
@@ -205,7 +204,7 @@ fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
 }
 
 /// Returns the indices of the pair of free arms with the smallest turn from one into the other, or
-/// `None` if the cosine of its turn is not above the limit.
+/// `None` if the cosine of that turn does not exceed the limit.
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
     let turns = pairs.map(|(a, b)| ((a, b), -dot(arms[a].away, arms[b].away)));
@@ -213,9 +212,9 @@ fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize
     best.filter(|(_, cosine)| *cosine > limit).map(|(pair, _)| pair)
 }
 
-/// Returns the 17 points of a cubic Bézier curve from one arm into another, in their directions.
+/// Returns the 17 points of a cubic Bézier curve that continues one arm smoothly into another.
 fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
-    // The control points are a third of the distance away along each arm.
+    // The control points extend each arm by a third of the distance between the arms.
     let third = distance(a.from, b.from) / 3.0;
     Vec::from_iter((0..=16).map(|k| {
         let t = f64::from(k) / 16.0;
@@ -232,7 +231,7 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
 
 /// Returns the point nearest to the lines of all arms, or `None` if they are nearly parallel.
 fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
-    // Least squares: the sum of (n · p − offset)² over the normals n gives these normal equations.
+    // These are the normal equations of least squares for n · p = offset over all normals n.
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for arm in arms {
         let [nx, ny] = [-arm.away[1], arm.away[0]];
@@ -244,7 +243,7 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
     (determinant > PARALLEL).then(|| [(c * d - b * e) / determinant, (a * e - b * d) / determinant])
 }
 
-/// Returns the point where an arm, extended straight, first meets a line, or `None` if it does not.
+/// Returns the point where an arm, extended straight, first meets a line, or `None` if they miss.
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
     let hits = segments(line).filter_map(|[from, to]| {

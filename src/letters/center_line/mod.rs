@@ -1,9 +1,9 @@
-//! Center lines: the strokes of a pen that would leave the ink inside an outline.
+//! Center lines: the strokes with which a pen would draw the ink inside an outline.
 //!
-//! The medial axis of the ink ([`axis`]) loses its spurs into corners ([`prune`]). At junctions the
-//! center lines are extended straight until they meet, and two that are nearly in line become one
-//! stroke ([`junctions`]). Between corners, lines are smoothed within a given error. A blob without
-//! a line, such as a full stop, becomes a dot.
+//! The medial axis of the ink is computed ([`axis`]), and its spurs into corners are removed
+//! ([`prune`]). At junctions the center lines are extended straight until they meet, and two nearly
+//! collinear lines become one stroke ([`junctions`]). Between corners, lines are smoothed within a
+//! given error. A blob without a line, such as a full stop, becomes a dot.
 
 use super::outline::{Contour, Filled, ink_edges, mean_stroke_width};
 use super::smooth::{MAX_POINTS, simplified, smooth};
@@ -22,30 +22,30 @@ mod prune;
 /// Maximum distance by which smoothing moves a line, in cap heights: 2 mm for letters of 0.5 m.
 const SMOOTHING_ERROR: f64 = 0.004;
 
-/// Maximum distance between the resulting polyline and the line, in cap heights.
+/// Maximum distance between the final polyline and the smoothed line, in cap heights.
 const FLATNESS: f64 = 0.0015;
 
-/// Spacing of the points that are smoothed, in cap heights.
+/// Spacing of points for smoothing, in cap heights.
 const SPACING: f64 = 0.008;
 
-/// Spacing of the outline's samples in mean stroke widths, and its limits in cap heights.
+/// Spacing of the outline's samples in mean stroke widths, and limits in cap heights.
 const SAMPLE_SPACING: f64 = 0.15;
 const SAMPLING: [f64; 2] = [1e-3, 0.01];
 
-/// Maximum length of a part that becomes a dot, relative to its radius.
+/// Maximum length, relative to its radius, of a part of the axis that becomes a dot.
 const BLOB: f64 = 0.8;
 
 /// Minimum radius of a dot, relative to the median half width of the strokes.
 const LEAST_DOT: f64 = 0.1;
 
-/// Minimum untouched length of the axis, in half widths, for a stroke to be lost. The axis into the
-/// corner of a stroke's end has 0.9, and that into a serif less than 2.
+/// Minimum length of axis without a line, in half widths, that counts as a lost stroke. In the
+/// corner of a stroke's end the length is 0.9, and in a serif less than 2.
 const LOST: f64 = 3.0;
 
-/// Length of the line that represents a dot in cap heights, as in the stroke fonts.
+/// Length in cap heights of the line that represents a dot, as in the stroke fonts.
 const DOT: f64 = 0.01 / 21.0;
 
-/// Center lines, and the median half width of the strokes.
+/// Center lines, and measures of the strokes.
 #[derive(Debug, Default)]
 pub(super) struct CenterLines {
     pub(super) lines: Vec<Vec<[f64; 2]>>,
@@ -64,7 +64,7 @@ impl CenterLines {
     }
 }
 
-/// Budget steps for triangulating a sample, for smoothing a point, and for a distance to a segment.
+/// Budget steps for triangulating a sample, smoothing a point, and measuring a distance.
 const STEPS_PER_SAMPLE: usize = 2000;
 const STEPS_PER_POINT: usize = 500;
 const STEPS_PER_DISTANCE: usize = 5;
@@ -72,7 +72,7 @@ const STEPS_PER_DISTANCE: usize = 5;
 /// Returns the center lines of an outline in cap heights. Some lines are missing if the budget is
 /// spent.
 pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
-    // Samples the outline more densely if the strokes are thinner.
+    // Thin strokes need denser samples of the outline.
     let ink = Filled::new(contours, budget);
     let spacing = (SAMPLE_SPACING * mean_stroke_width(contours)).clamp(SAMPLING[0], SAMPLING[1]);
     let ink_edges = ink_edges(contours, &ink, spacing);
@@ -91,7 +91,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     for part in parts {
         replace_blob(&part, &axis, half_width, &mut lines, budget);
     }
-    // The axis before pruning shows which strokes are not drawn by any line.
+    // The unpruned axis shows which strokes no line draws.
     let n_segments = lines.iter().map(Vec::len).sum::<usize>();
     let lost_length = if budget.spend_steps(STEPS_PER_DISTANCE * n_segments * unpruned.len()) {
         lost_length(&axis, &unpruned, &lines, half_width)
@@ -102,7 +102,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     CenterLines { lines, half_width, thickest, lost_length }
 }
 
-/// Replaces the lines in a connected part of the axis by a dot if the part is short for its radius.
+/// Replaces a connected part's lines with a dot if the part is short relative to its radius.
 fn replace_blob(
     part: &[usize],
     axis: &Axis,
@@ -123,7 +123,7 @@ fn replace_blob(
     }
 }
 
-/// Returns the length of the links of some nodes, each of which is listed at both of its nodes.
+/// Returns the total length of the links between nodes. Each link is listed at both of its nodes.
 fn axis_length(axis: &Axis, nodes: &[usize], links: &[Vec<usize>]) -> f64 {
     let pairs = nodes.iter().flat_map(|node| links[*node].iter().map(|other| (*node, *other)));
     pairs.map(|(a, b)| 0.5 * axis.distance(a, b)).sum()
@@ -135,12 +135,12 @@ pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2
     ink_edges.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
-/// Returns a vertical line too short to be visible, which represents a dot.
+/// Returns an invisibly short vertical line, which represents a dot.
 pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
-/// Returns the length of the longest part of the axis whose discs no line enters, or 0 if short.
+/// Returns the length of the axis's longest part whose discs no line enters, or 0 if it is short.
 fn lost_length(
     axis: &Axis,
     unpruned: &[Vec<usize>],
@@ -151,7 +151,7 @@ fn lost_length(
     let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
-    // Only links between untouched nodes are kept, and the connected parts are measured.
+    // Keeps only links between untouched nodes, and measures the connected parts.
     let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);
@@ -182,7 +182,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     parts
 }
 
-/// Smooths a line between its corners and simplifies it. Beyond the budget only its start is
+/// Smooths a line between its corners and simplifies it. If the budget is spent, only its start is
 /// returned.
 fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let closed = line.len() > 3 && line[0].position == line[line.len() - 1].position;

@@ -8,51 +8,50 @@ use noctograph_core::statistics::median;
 /// Budget steps for visiting a node.
 const STEPS_PER_NODE: usize = 10;
 
-/// Protrusion of a spur, relative to the radius at its root, below which it is a ripple of the
-/// outline or a stroke's end. A square end has 0.41, and a round end 0.
+/// Protrusions of a spur, relative to the radius at its root, below which the spur is a ripple of
+/// the outline and a stroke's end, respectively. It is 0.41 in a square end and 0 in a round one.
 const RIPPLE: f64 = 0.02;
 const BLUNT: f64 = 0.46;
 
-/// A spur ends in a corner if its radius falls below this fraction of its root's radius.
+/// Fraction of the radius at its root below which a spur's final radius indicates a corner.
 const SHARP: f64 = 0.45;
 
-/// Maximum length of a spur into a corner, relative to the radius at its root, or 1 / sin of half
-/// the corner's angle. The value 3.6 means 32°, which is sharper than a flat end of a slanted
-/// stroke (K, X: 35° to 50°) and blunter than a tapering stroke.
+/// Maximum length of a spur into a corner, relative to the radius at its root: 1 / sin of half the
+/// corner's angle. The value 3.6 corresponds to 32°, which is sharper than the flat end of a
+/// slanted stroke (K, X: 35° to 50°) and blunter than a tapering stroke.
 const LONGEST: f64 = 3.6;
 
-/// A longer spur only belongs to a corner if it ends in a point, relative to the radius at its
-/// root. The arm of a cross that a fine pen drew is blunter.
+/// Maximum final radius, relative to the radius at its root, of a longer spur that belongs to a
+/// corner. The arm of a cross drawn by a fine pen is blunter.
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
-/// Minimum protrusion of a spur into a corner at which the line bends. 0.1 is a corner of 130°.
+/// Minimum protrusion of a spur into a corner at which the line bends: that of a 130° corner.
 const BENDS: f64 = 0.1;
 
-/// The end of a path is a tip if its radius falls below the first value, relative to the path's
-/// median radius. The tip is cut off up to where the radius reaches the second value.
+/// Ratios to a path's median radius. An end whose radius is below the first ratio is a tip, and is
+/// cut off up to where the radius reaches the second ratio.
 const TIP: [f64; 2] = [0.6, 0.92];
 
-/// Length of a stub between a crotch and the tip above it (A, M, N, V, W), in radii at its root: a
-/// factor on the value that the angle of its arms gives, and an addend.
+/// Maximum length of a stub from a crotch to the tip above it (A, M, N, V, W), in radii at its
+/// root: a factor for the value computed from the angle of its arms, and an addend.
 const STUB: [f64; 2] = [1.3, 1.4];
-/// Above the first value, which is the cosine between stub and arm, the length is at least the
-/// second value. The length increases by the third value per unit of the cosine, up to the last
-/// value.
+/// Limits for sharp tips: if the cosine between stub and arm exceeds the first value, the limit is
+/// at least the second. It grows by the third per unit of the cosine, up to the last.
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 /// Length over which the direction of an arm is measured, in radii at its root.
 const HEADING: f64 = 2.5;
 /// Cosine of the maximum angle between the arms of a crotch, 75°, and maximum difference of the
-/// cosines between the stub and its arms. At a wider angle an arch leaves a stem (n, u). A stub
-/// that is in line with one arm is the end of that stem.
+/// cosines between the stub and its arms. At wider angles, an arch branches off a stem (n, u). A
+/// stub in line with one arm is the end of a stem.
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
 /// Cuts off all spurs. Returns true for each node at which a line bends because the node's spur
-/// belongs to a corner.
+/// belonged to a corner.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
-    // Ripples are cut first because they split branches. Each kind of spur is cut until none is
+    // Ripples are cut first because they split branches. Spurs of each kind are cut until none is
     // left.
     let kinds: [fn(&Axis, &Path) -> bool; 3] =
         [|axis, spur| protrusion(axis, spur) < RIPPLE, is_spur, is_stub];
@@ -63,14 +62,14 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Charges walks from every end to the budget, each over at most all nodes. Returns false if the
-/// budget is spent.
+/// Charges to the budget one walk from every end, each of which may visit all nodes. Returns false
+/// if the budget is spent.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the tapering ends of paths, up to where a path has about its usual width.
+/// Cuts off the tapering ends of paths, up to where the width is nearly typical.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
@@ -128,7 +127,7 @@ fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let cosine = dot(*a, *b);
     let away = direction(axis.middles[root], axis.middles[tip]);
     let askew = (dot(away, *a) - dot(away, *b)).abs();
-    // `sine` is the sine of half the angle between the arms. The disc in the crotch touches its
+    // `sine` is that of half the angle between the arms. The disc in the crotch touches the inner
     // corner and both outer sides.
     let sine = ((1.0 - cosine) / 2.0).max(0.01).sqrt();
     let by_angle = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];

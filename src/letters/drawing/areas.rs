@@ -1,9 +1,9 @@
-//! Areas and lines: decides which patches of ink are drawn along their outline and which along
-//! their center.
+//! Decides which patches of ink are areas, drawn along their outline, and which are lines, drawn
+//! along their center.
 //!
-//! A patch is a line if it is thin for its size, or if a pen along its center lines would leave the
-//! same ink in one stroke. A patch of several strokes, or a ring, is a line if the drawing has such
-//! a pen, as shown by thin lines or by writing in a row. Other patches are areas, or points if they
+//! A patch is a line if it is thin for its size, or if a single pen stroke along its center would
+//! leave the same ink. A patch of several strokes, or a ring, is a line if thin lines or letters in
+//! a row show that the drawing was made with such a pen. Other patches are areas, or points if they
 //! are tiny.
 
 use crate::center_line::{CenterLines, center_lines, outlines};
@@ -17,34 +17,34 @@ use noctograph_core::statistics::median;
 const THIN: f64 = 0.1;
 /// Maximum mean width of a patch that may be a pen's line, relative to its larger side.
 const SOLID: f64 = 0.3;
-/// Maximum side of a patch that is a point, relative to the drawing's larger side.
+/// Maximum side of a patch that counts as a point, relative to the drawing's larger side.
 const POINT: f64 = 0.025;
 /// Maximum thickness of a line and of a dot, in pen widths.
 const PENS: f64 = 2.0;
 const DOTS: f64 = 1.5;
-/// Minimum length of a pen's line, relative to half its maximum thickness.
+/// Minimum length of a pen stroke, relative to half its maximum thickness.
 const LONG: f64 = 4.0;
-/// Minimum intersection over union of a patch with a pen's line along its center: for a line, and
-/// for a line of the drawing's pen or a letter beside others.
+/// Minimum intersection over union of a patch and a pen's line along its center: for a line on its
+/// own, and for a letter beside others or a line of the drawing's pen.
 const PENNED: [f64; 2] = [0.82, 0.65];
-/// Number of points along a side of the grid on which it is estimated.
+/// Number of points along a side of the grid on which the overlap is estimated.
 const GRID: u32 = 40;
 /// Maximum ratio of heights, and of thicknesses, between letters in a row.
 const ALIKE: f64 = 1.6;
 /// Maximum gap between two letters, relative to their height.
 const GAP: f64 = 2.5;
-/// Minimum number of neighbors of a letter.
+/// Minimum number of neighboring letters for a patch to be a letter.
 const LETTERS: usize = 2;
 
-/// Budget steps for measuring the distance to a segment.
+/// Budget steps for measuring the distance from a point to a segment.
 const STEPS_PER_DISTANCE: usize = 10;
 
 /// Number of pixels in a small patch's unit of length. Smoothing has a tolerance of 0.004 units,
-/// about an edge's error between pixels. The unit of a larger patch is its size, up to that of a
+/// about the subpixel error of an edge. The unit of a larger patch is its size, up to that of a
 /// letter.
 const SMALL_PX: f64 = 100.0;
 
-/// A patch of ink: a contour and its holes.
+/// A patch of ink: an outer contour and its holes.
 pub(super) struct Patch<'a> {
     /// Contours in the patch's unit of length.
     contours: Vec<Contour>,
@@ -53,16 +53,16 @@ pub(super) struct Patch<'a> {
     /// Mean width of the patch, relative to its larger side.
     width: f64,
     center: Option<CenterLines>,
-    /// Half the pen's width and half its maximum width in pixels, or 0 without center lines.
+    /// Half the pen's mean width and half its maximum width in pixels, or 0 without center lines.
     pen_px: [f64; 2],
-    /// Intersection over union with a pen's line along the center, or 0 for a thin patch.
+    /// Intersection over union of patch and pen's line along its center, or 0 for a thin patch.
     penned: f64,
     budget: &'a Budget,
 }
 
 impl<'a> Patch<'a> {
-    /// Makes a patch from contours in pixels. `larger_px` is the larger side of the drawing, and
-    /// `cap_height_px` the height that its letters would have.
+    /// Creates a patch from contours in pixels. `larger_px` is the larger side of the drawing, and
+    /// `cap_height_px` the cap height on its scale.
     pub(super) fn new(
         mut contours: Vec<Contour>,
         [larger_px, cap_height_px]: [f64; 2],
@@ -73,7 +73,7 @@ impl<'a> Patch<'a> {
         let width = mean_stroke_width(&contours) / size_px;
         let unit_px = size_px.max(SMALL_PX).min(cap_height_px);
         contours.iter_mut().flatten().flatten().for_each(|x| *x /= unit_px);
-        // Only a patch that may be a pen's line has center lines, in its own unit of length.
+        // Center lines are only computed for a patch that may be a line.
         let may_be_line = width < SOLID || size_px < THIN * larger_px;
         let center = may_be_line.then(|| center_lines(&contours, budget));
         let pen = center.as_ref().map_or([0.0; 2], |center| [center.half_width, center.thickest]);
@@ -110,7 +110,7 @@ impl<'a> Patch<'a> {
             && gap < GAP * height_a.max(height_b)
     }
 
-    /// True if the patch is a letter beside others, one of which is clearly a pen's stroke.
+    /// True if the patch is a letter beside others, one of which is clearly a pen stroke.
     fn is_letter(&self, patches: &[Self]) -> bool {
         let is_beside = |other: &&Self| !std::ptr::eq(self, *other) && self.is_beside(other);
         let beside: Vec<&Self> = patches.iter().filter(is_beside).collect();
@@ -124,8 +124,8 @@ fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
     (right - left).max(top - bottom)
 }
 
-/// Returns the intersection over union of the ink inside contours and what a pen along their center
-/// lines covers, estimated on a grid. Returns 0 if the lines are short or the budget is spent.
+/// Estimates, on a grid, the intersection over union of the ink inside contours and of a pen along
+/// their center lines. Returns 0 if the lines are short or the budget is spent.
 fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
     let segments: Vec<[[f64; 2]; 2]> =
         center.lines.iter().flat_map(|line| segments(line)).collect();
@@ -150,18 +150,18 @@ fn pen_overlap(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f
     f64::from(n_both) / f64::from(n_any.max(1))
 }
 
-/// Returns the lines of all patches in pixels: center lines of what a pen may have drawn, and
-/// outlines of areas. `larger_px` is the larger side of the drawing.
+/// Returns the lines of all patches in pixels: center lines of pen strokes, and outlines of areas.
+/// `larger_px` is the larger side of the drawing.
 pub(super) fn lines(patches: &[Patch<'_>], larger_px: f64) -> Vec<Vec<[f64; 2]>> {
     let letters = Vec::from_iter(patches.iter().map(|patch| patch.is_letter(patches)));
-    // The drawing's pen, measured on its thin lines and on its letters.
+    // Measures the drawing's pen on its thin lines and on its letters.
     let thin = patches.iter().filter(|patch| patch.width <= THIN);
     let pen_px = median(thin.map(|patch| patch.pen_px[0])).unwrap_or(0.0);
     let written = patches.iter().zip(&letters).filter(|(_, is_letter)| **is_letter);
     let letter_px = median(written.map(|(patch, _)| patch.pen_px[0])).unwrap_or(0.0);
     let lines = patches.iter().zip(&letters).flat_map(|(patch, is_letter)| {
         let line = patch.center.as_ref().filter(|center| {
-            // The patch is a line by itself, beside others, or because the drawing has such a pen.
+            // A patch counts as a line because of its shape, its neighbors, or the drawing's pen.
             let thickest_px = patch.pen_px[1];
             let is_point = size(patch.bounds_px) < POINT * larger_px;
             let is_dot =

@@ -1,9 +1,9 @@
-//! Bitmaps: line art, handwriting on paper and logos, turned upright by their EXIF.
+//! Bitmaps: line art, handwriting on paper and logos, turned upright according to their EXIF data.
 //!
 //! The ink is separated from the paper ([`super::ink`]). Its patches ([`super::patches`]) are
 //! traced along their center like the characters of a typeface, or along their outline if they are
-//! areas ([`areas`]). A line has the hue of its ink, or is black if that is gray. Photographs of
-//! anything else are refused.
+//! areas ([`areas`]). A line has the hue of its ink, or is black if the ink is gray. Photographs of
+//! anything else are rejected.
 
 use std::io::Cursor;
 
@@ -22,45 +22,45 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, JpegFrame};
 use noctograph_core::geometry::bounds;
 
-/// Length in pixels to which the longer side of a larger picture is reduced.
+/// Maximum length of a picture's longer side, in pixels. Larger pictures are downscaled to it.
 const LONGER_SIDE: u32 = 1200;
 
 /// Budget steps for decoding a byte. A picture of three channels may have 40 million pixels.
 const STEPS_PER_BYTE: usize = 8;
 
-/// Maximum fraction of soft tones in a photograph of lines.
+/// Maximum fraction of pixels with soft tones in a photograph of lines.
 const SOFT: f64 = 0.04;
 
-/// Background levels for a transparent picture. The first level is used on which nearly all of the
-/// ink stands out. A mostly opaque picture that is as white as paper gets white.
+/// Background levels for a transparent picture. The first one from which nearly all of the ink
+/// stands out is used. Behind a mostly opaque picture with white paper, the background is white.
 const GROUNDS: [u8; 3] = [255, 0, 128];
 /// Number of levels by which ink must stand out from a background, and the maximum fraction of ink
-/// that may not.
+/// that does not.
 const APART: u8 = 40;
 const LOST: f64 = 0.01;
-/// Minimum fraction of opaque pixels, and of white ones among these, of a picture with its paper.
+/// Minimum fraction of opaque pixels, and of white pixels among them, in a picture with its paper.
 const PAPER: f64 = 0.5;
 
-/// Maximum difference between a checkerboard's pixels and their gray, and the possible differences
-/// between its two grays.
+/// Maximum difference between a pixel of a checkerboard and its nominal gray, and range of the
+/// difference between the two grays.
 const GRAY: u8 = 5;
 const GRAYS_APART: std::ops::RangeInclusive<u8> = 8..=90;
-/// Maximum number of pixels between two squares of a checkerboard that was scaled.
+/// Maximum number of blended pixels between two squares of a scaled checkerboard.
 const BLENDED: usize = 2;
 
 /// Lines traced in a bitmap.
 pub(super) struct Traced {
     /// Lines in pixels (y up), with their colors. Gray ink is drawn in black.
     pub(super) lines: Vec<ColoredLine>,
-    /// Corners of the sheet that is cut out, in pixels of the file.
+    /// Corners of the cropped sheet, in pixels of the file.
     pub(super) corners_px: Option<Corners>,
-    /// Map from pixels of the lines (y down) to those of the file.
+    /// Map from pixel coordinates of the lines (y down) to those of the file.
     pub(super) in_file: Map,
 }
 
 /// Traces the lines of a bitmap, and returns them with warnings. `size` gives the size of a pixel
-/// in cap heights, from the bounds of the ink. Fails without ink, and for a photograph of something
-/// other than lines.
+/// in cap heights, from the bounds of the ink. Fails if there is no ink, or for a photograph of
+/// anything but lines.
 pub(super) fn read(
     bytes: &[u8],
     options: &LetterOptions,
@@ -68,8 +68,8 @@ pub(super) fn read(
     file: &str,
 ) -> Result<Warned<Traced>> {
     let budget = Budget::new(file, "make the picture smaller, or draw less");
-    // The picture as it is meant: upright, on a plain background, and cut out if the sheet's
-    // corners are known.
+    // Normalizes the picture: upright, on a plain background, and cropped if the sheet's corners
+    // are known.
     let (mut picture, file_scale, is_checkered) = upright(bytes, &budget, file)?;
     let mut in_file = Map([[file_scale, 0.0, 0.0], [0.0, file_scale, 0.0], [0.0, 0.0, 1.0]]);
     let corners = corners(options, file)?;
@@ -77,14 +77,14 @@ pub(super) fn read(
         picture = square_on(&picture, &corners.map(|corner| corner.map(|x| x / file_scale)));
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
-    // The ink is separated, unless the picture is a photograph of something else.
+    // Separates the ink, and rejects photographs of anything but lines.
     let mut field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         return Err(photograph(file));
     }
     let n_rulings = field.drop_rulings();
-    // Specks and surroundings are dropped before lines are traced, because they would affect the
-    // measured pen.
+    // Specks and surroundings are dropped before lines are traced, because they would distort the
+    // measured pen width.
     let (patches, n_cut) = field.patches();
     let (patches, n_specks) = without_specks(patches, field.width.max(field.height) as f64);
     if patches.is_empty() {
@@ -117,7 +117,7 @@ fn lines(
     let extent = bounds(patches.iter().flatten().flatten().copied());
     let larger_px = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let cap_height_px = 1.0 / size(extent)?;
-    // All patches are traced before any is drawn, because a letter is judged by its neighbors.
+    // All patches are traced before any is drawn, because letters depend on their neighbors.
     let patches = patches.into_iter();
     let patches = patches.map(|contours| Patch::new(contours, [larger_px, cap_height_px], budget));
     let patches: Vec<Patch<'_>> = patches.collect();
@@ -133,7 +133,7 @@ fn lines(
 const CHECKERBOARD: &str = "this picture contains the checkerboard that stands for transparency, which \
      is left out";
 
-/// What an error wants in place of a picture without lines.
+/// Files that an error message asks for instead of a picture without lines.
 const DRAWINGS: &str = "a drawing, handwriting or a logo";
 
 /// Returns the error for a photograph without lines.
@@ -170,8 +170,8 @@ fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     Error::input(file, cause, wanted, "choose another file, or save it as PNG or at a smaller size")
 }
 
-/// Returns the picture upright, opaque and at most as large as needed, the size of its pixels in
-/// pixels of the file, and true if it had a checkerboard. Fails for an unsupported or broken file.
+/// Returns the picture upright, opaque and downscaled, the size of its pixels in pixels of the
+/// file, and true if it had a checkerboard. Fails if the file is unsupported or broken.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, bool)> {
     refuse_foreign(bytes, file)?;
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
@@ -182,10 +182,10 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64, 
         return Err(unreadable(file, format!("{width} × {height} pixels")));
     }
     spend_decoding(bytes, decoder.total_bytes(), budget, file)?;
-    // The picture is reduced before it is turned, which is less work.
+    // The picture is downscaled before it is turned, because this is less work.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(file, e))?;
-    // Only at the size of the file do the squares of a checkerboard have their exact colors.
+    // The squares of a checkerboard have exact colors only at the file's original size.
     let mut is_checkered = false;
     if is_opaque(&picture) {
         let mut opaque = picture.into_rgb8();
@@ -212,7 +212,7 @@ fn is_opaque(picture: &DynamicImage) -> bool {
     }
 }
 
-/// Refuses an unsupported kind of file by its first bytes, whatever extension its name has.
+/// Rejects unsupported kinds of files by their first bytes, regardless of the file extension.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
         return Err(super::foreign("heic", file));
@@ -223,7 +223,7 @@ fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Charges the work and memory of decoding, both known from the header, to the budget. Refuses a
+/// Charges the work and memory of decoding, both known from the header, to the budget. Rejects a
 /// truncated JPEG.
 fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> Result<()> {
     let n_decoded = usize::try_from(n_decoded).unwrap_or(usize::MAX);
@@ -239,7 +239,7 @@ fn spend_decoding(bytes: &[u8], n_decoded: u64, budget: &Budget, file: &str) -> 
 /// Returns a transparent picture on a background from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
     let opaque = picture.pixels().filter(|pixel| pixel.0[3] > 127);
-    // Number of pixels that would be invisible on each background.
+    // Counts the pixels that would be invisible on each background.
     let n_opaque = opaque.clone().count() as f64;
     let n_lost = GROUNDS.map(|ground| {
         let lost = opaque
@@ -263,12 +263,12 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
     opaque
 }
 
-/// Replaces the checkerboard that stands for transparency with one of its two grays. Returns true
-/// if there is one, that is, if two grays cover most pixels in squares of one size.
+/// Replaces a checkerboard that represents transparency with one of its two grays. Returns true if
+/// there is a checkerboard, that is, if two grays cover most pixels in squares of one size.
 fn without_checkerboard(picture: &mut RgbImage) -> bool {
     let Some(grays) = two_grays(picture) else { return false };
-    // Lengths of the runs of one gray between two runs of the other, along rows. Pixels between two
-    // squares may have an intermediate gray.
+    // Counts the lengths, along rows, of runs of one gray between two runs of the other. Pixels
+    // between two squares may have an intermediate gray.
     let mut n_of_length = std::collections::BTreeMap::<usize, usize>::new();
     for row in picture.rows() {
         let tones: Vec<_> = row.map(|pixel| near_gray(pixel, grays)).collect();
@@ -281,7 +281,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
             *n_of_length.entry(run[1].len()).or_default() += 1;
         }
     }
-    // At least two of three runs must have the usual length, and there must be one run per row.
+    // Two thirds of the runs must have the usual length, and the mean per row must be at least one.
     let n_runs: usize = n_of_length.values().sum();
     let usual = n_of_length.iter().max_by_key(|(_, n)| **n).map_or(0, |(length, _)| *length);
     let n_usual: usize =
@@ -299,7 +299,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
     true
 }
 
-/// Returns the two most frequent grays if they cover half of a picture, and the second one a fifth.
+/// Returns the two most frequent grays if they cover half of a picture, the second a fifth.
 fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     let mut counts = [0_usize; 256];
     for [r, g, b] in picture.pixels().map(|pixel| pixel.0) {
@@ -317,7 +317,7 @@ fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     (is_half && 5 * n_near(second) >= n_pixels).then_some([first, second])
 }
 
-/// Returns the one of two grays that a pixel is close to, or `None` if it is close to neither.
+/// Returns the one of two grays to which a pixel is close, or `None` if it is close to neither.
 fn near_gray(pixel: &Rgb<u8>, grays: [u8; 2]) -> Option<u8> {
     grays.into_iter().find(|gray| is_gray(pixel) && pixel.0[1].abs_diff(*gray) <= GRAY)
 }

@@ -1,4 +1,4 @@
-//! Detail: reduces a drawing to fewer, longer and smoother strokes.
+//! Reduces a drawing to fewer, longer and smoother strokes.
 
 use super::super::smooth::{simplified, smooth};
 use super::super::vector::{direction, dot};
@@ -9,14 +9,14 @@ use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m};
 
-/// Limits of the roughest drawing, relative to its larger side: minimum length of a stroke, maximum
-/// gap between two strokes that are joined, and maximum distance by which smoothing moves a line.
+/// Limits for the least detail, relative to the drawing's larger side: minimum length of a stroke,
+/// maximum gap between joined strokes, and maximum distance by which smoothing moves a line.
 const SHORTEST: f64 = 0.25;
 const GAP: f64 = 0.03;
 const BEND: f64 = 0.01;
 
-/// Maximum distance between the resulting polyline and a smoothed line, relative to that of the
-/// smoothing.
+/// Maximum distance between the resulting polyline and a smoothed line, relative to the smoothing
+/// distance.
 const FLATNESS: f64 = 0.1;
 
 /// Cosine of the maximum turn between two strokes that are joined: 60°.
@@ -25,12 +25,12 @@ const STRAIGHT: f64 = 0.5;
 /// Number of smoothed points along the larger side.
 const POINTS: f64 = 200.0;
 
-/// Budget steps for comparing two lines, and for smoothing a point.
+/// Budget steps for comparing a pair of lines, and for smoothing a point.
 const STEPS_PER_PAIR: usize = 10;
 const STEPS_PER_POINT: usize = 500;
 
-/// Returns the lines of a drawing of larger side `size` with less detail, and what is left out.
-/// Lines that continue each other are joined, short ones are dropped, and the rest is smoothed.
+/// Returns less detailed lines of a drawing whose larger side is `size`, and what is left out.
+/// Lines that continue each other are joined, short lines are dropped, and the rest is smoothed.
 pub(super) fn reduced(
     lines: Vec<ColoredLine>,
     detail: f64,
@@ -41,13 +41,13 @@ pub(super) fn reduced(
     if roughness <= 0.0 {
         return Ok((lines, LeftOut::default()));
     }
-    // Lines are joined before short ones are dropped, because many short ones may form a long one.
+    // Lines are joined before short ones are dropped, because many short lines may form a long one.
     let total: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
     let budget = Budget::new(file, "draw less, or raise letters.detail");
     budget.steps(STEPS_PER_PAIR.saturating_mul(lines.len().saturating_mul(lines.len())))?;
     let lines = joined(lines, GAP * roughness);
     let longest = lines.iter().map(|(line, _)| polyline_length_m(line)).fold(0.0, f64::max);
-    // The longest line is always kept.
+    // The longest line is kept, whatever its length.
     let shortest = (SHORTEST * roughness).min(longest);
     let (mut lines, short): (Vec<_>, Vec<_>) =
         lines.into_iter().partition(|(line, _)| polyline_length_m(line) >= shortest);
@@ -86,7 +86,7 @@ fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
 }
 
 /// Returns the index of the nearest remaining line that continues another one at its end, and true
-/// if it does so with its own end. Returns `None` if no line is within the gap.
+/// if it does so backward, from its end. Returns `None` if no line is within the gap.
 fn next_line(
     line: &[[f64; 2]],
     color: Color,

@@ -1,15 +1,15 @@
-//! Handwriting as JSON, as a page on a tablet stores it.
+//! Handwriting in JSON, as a drawing page on a tablet saves it.
 //!
 //! ```json
 //! {"strokes": [[[12, 40, 0.00], [13, 44, 0.02]], [[30, 41, 0.35], [36, 41, 0.40]]], "y": "down"}
 //! ```
 //!
-//! A stroke is a list of points from pen down to pen up. A point is x, y and, if known, the time in
-//! seconds. Units of length are arbitrary. `y` increases `down` (the default, as on screens) or
-//! `up`. `"colors": [[255, 0, 0], [0, 0, 255]]` contains red, green and blue of each stroke. A
-//! black stroke keeps the lamp's own color. `"canvas": [left, top, right, bottom]` is the page that
-//! was written on: it is placed as a whole, and a single tap is a dot. All other keys of the file
-//! are ignored.
+//! A stroke is a list of points from pen down to pen up. A point contains x, y and, if known, the
+//! time in seconds. Units of length are arbitrary. `y` increases `down` (the default, as on
+//! screens) or `up`. `"colors": [[255, 0, 0], [0, 0, 255]]` contains the red, green and blue values
+//! of each stroke. A black stroke is drawn in the lamp's default color. `"canvas": [left, top,
+//! right, bottom]` is the page that was written on. If it is given, the whole page is placed in the
+//! plane, and a single tap becomes a dot. All other keys of the file are ignored.
 
 use serde::Deserialize;
 
@@ -26,19 +26,19 @@ use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 use noctograph_core::input_error;
 use noctograph_core::strokes::{Source, StrokesData};
 
-/// Spacing of the points at which handwriting is smoothed, relative to its height.
+/// Spacing of points for smoothing handwriting, relative to its height.
 const SPACING: f64 = 0.01;
 
 /// Minimum pace of handwriting, as a fraction of the stroke speed.
 const SLOWEST: f64 = 0.25;
 
-/// Length below which a trace of the pen is a tap (a dot), relative to the drawing's height.
+/// Length, relative to the drawing's height, below which a trace of the pen is a tap (a dot).
 const TAP: f64 = 0.02;
 
-/// Length of the line that represents a dot, relative to the drawing's height.
+/// Length, relative to the drawing's height, of the line that represents a dot.
 const DOT: f64 = 1e-3 * TAP;
 
-/// Maximum coordinate or time.
+/// Maximum magnitude of a coordinate or time.
 const LARGEST: f64 = 1e9;
 
 /// Hint for a malformed file.
@@ -54,7 +54,7 @@ struct Written {
     color: Option<[u8; 3]>,
 }
 
-/// Returns the strokes of handwriting that the options choose, placed and smoothed.
+/// Returns the handwritten strokes that the options select, placed and smoothed.
 pub(super) fn draw(
     text: &str,
     options: &LetterOptions,
@@ -129,7 +129,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
 }
 
 impl Page {
-    /// Returns the factor that makes y point up.
+    /// Returns the factor by which y is multiplied to point upward.
     fn sign(&self) -> f64 {
         match self.y {
             Upward::Down => -1.0,
@@ -137,8 +137,8 @@ impl Page {
         }
     }
 
-    /// Returns the canvas if there is one: left, bottom, right and top. Fails if it has no extent
-    /// or is too large.
+    /// Returns the left, bottom, right and top of the canvas, if any. Fails if the canvas has no
+    /// extent or is too large.
     fn canvas(&self, file: &str) -> Result<Option<[f64; 4]>> {
         let canvas = self.canvas.map(|[left, top, right, bottom]| {
             let [bottom, top] = [self.sign() * bottom, self.sign() * top];
@@ -154,8 +154,8 @@ impl Page {
         Ok(canvas)
     }
 
-    /// Returns what is wanted in place of a point's values if any of these is wrong. All points
-    /// must have `n_values`, and none may be earlier than `latest_s`.
+    /// Returns a description of the expected values if any value of a point is wrong. All points
+    /// must have `n_values` values, and none may be earlier than `latest_s`.
     fn problem(
         &self,
         values: &[f64],
@@ -182,8 +182,8 @@ impl Page {
     }
 }
 
-/// Places the traces by their canvas, or else by their bounds, and smooths them. Fails for too many
-/// points or no extent.
+/// Places the traces by their canvas or, without one, by their bounds, and smooths them. Fails if
+/// there are too many points or no extent.
 fn write(
     traces: Numbered<Written>,
     canvas: Option<[f64; 4]>,
@@ -202,7 +202,7 @@ fn write(
     let mut numbers = Vec::new();
     for (number, trace) in &traces {
         numbers.push(placing.label(*number, &trace.points));
-        // Each run of strokes of one color is a glyph, in the writer's order.
+        // Consecutive strokes of one color form a glyph, in the writer's order.
         let color = trace.color.filter(|_| ink == Ink::ByColor);
         if glyphs.is_empty() || color != colors.last().copied() {
             glyphs.push(Vec::new());
@@ -210,7 +210,7 @@ fn write(
         }
         let line: Vec<_> = placing.run(&trace.points).points.into_iter().map(coordinates).collect();
         let (points, times_s) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
-        // Segments without length are not moves and have no duration.
+        // Segments of zero length are not moves, so they have no duration.
         let moved = points.windows(2).map(|ends| ends[0] != ends[1]);
         let segments_s = times_s.windows(2).map(|t| t[1] - t[0]).zip(moved);
         durations_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
@@ -224,8 +224,8 @@ fn write(
     Ok(strokes)
 }
 
-/// Gives lit moves the pace of the writer's pen, as a fraction of its mean speed, from the duration
-/// of each. Does nothing if there are no durations.
+/// Sets the pace of each lit move, as a fraction of the writer's mean speed, from its duration.
+/// Does nothing if there are no durations.
 fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(durations_s.iter().copied()).collect();
@@ -237,8 +237,8 @@ fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     }
 }
 
-/// Smooths and simplifies the points of a stroke, and returns them with their times, if there are
-/// any. A tap becomes a dot. `height_m` is the drawing's height.
+/// Smooths and simplifies the points of a stroke, and returns them with their times, if any. A tap
+/// becomes a dot. `height_m` is the drawing's height.
 fn smoothed(
     line: &[[f64; 2]],
     times_s: &[f64],
@@ -255,7 +255,7 @@ fn smoothed(
     } else {
         line.to_vec()
     };
-    // The time of a point is that of the raw line at the same fraction of its length.
+    // A point's time is interpolated at the same fraction of the raw line's length.
     let kept = simplify(&points, options.tolerance_m);
     let times_s = kept.iter().filter(|_| !times_s.is_empty()).map(|index| {
         let fraction = if is_tap || options.smoothing_m > 0.0 {
@@ -264,7 +264,7 @@ fn smoothed(
             along[*index] / length_m
         };
         if length_m == 0.0 {
-            // A tap lasts as long as the pen was down.
+            // A tap lasts as long as the pen touched the page.
             return times_s[0] + fraction * (times_s[times_s.len() - 1] - times_s[0]);
         }
         time_along_s(fraction * length_m, &along, times_s)
@@ -273,7 +273,7 @@ fn smoothed(
     (kept.iter().map(|index| points[*index]).collect(), times_s)
 }
 
-/// Returns the time at a length along a line, interpolated between the times of its points.
+/// Returns the time at a distance along a line, interpolated between the times of its points.
 fn time_along_s(length_m: f64, arc_lengths_m: &[f64], times_s: &[f64]) -> f64 {
     let next = arc_lengths_m.partition_point(|s| *s < length_m).clamp(1, arc_lengths_m.len() - 1);
     let (from, to) = (arc_lengths_m[next - 1], arc_lengths_m[next]);

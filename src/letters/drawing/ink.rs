@@ -2,13 +2,13 @@
 //!
 //! If most of the picture's edge has one color, that is the paper, and everything darker or lighter
 //! is ink. Otherwise the picture is a photograph with an adaptive threshold: a pixel is ink if it
-//! is darker than its surroundings by a fraction (Bradley and Roth, Journal of Graphics Tools 12,
-//! 2007), or lighter if most of the picture is dark. The mean over a window would leave a band
-//! along shadows and holes in filled shapes. Therefore the surroundings are a morphological closing
-//! that is wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27, 1979). A second
-//! closing, wider than any shape, distinguishes filled shapes from shadows by depth and hue.
+//! is darker than its surroundings by a certain fraction (Bradley and Roth, Journal of Graphics
+//! Tools 12, 2007), or lighter if the picture is mostly dark. The mean over a window would leave a
+//! band along shadows and holes in filled shapes. Therefore the surroundings are a morphological
+//! closing that is wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27, 1979). A
+//! second closing, wider than any shape, distinguishes filled shapes from shadows by depth and hue.
 //!
-//! The strongest of red, green and blue is used, so that yellow is as strong as blue. Ink on a
+//! Contrast is that of the channel with the most, so that yellow counts as much as blue. Ink on a
 //! background of several colors and the edge of a sheet are not modeled.
 
 use std::ops::Range;
@@ -26,24 +26,24 @@ const SAME_COLOR: f64 = 8.0;
 /// Minimum fraction of the picture's edge, and of the picture, that has the color of the paper.
 const EVEN: [f64; 2] = [0.6, 0.2];
 
-/// Number of blocks along the longer side that tell light from dark ink, and minimum ratio of both.
+/// Number of blocks along the longer side, and minimum ratio of outliers of both kinds.
 const BLOCKS: usize = 24;
 const SKEWED: f64 = 1.4;
-/// Minimum fraction of blocks within a bright area that is paper.
+/// Minimum fraction of blocks that a bright area contains if it is paper.
 const PAPER: f64 = 0.2;
 
-/// The picture's longer side, in half widths of the widest pen and of the widest filled shape.
+/// Ratio of the picture's longer side to half the width of the widest pen and filled shape.
 const PEN: u32 = 40;
 const SHAPE: u32 = 3;
-/// An area wider than a pen is paper in shadow if it has at least this fraction of the light around
-/// it, and if the ratio between the fractions of its channels is at most the second value.
+/// An area wider than a pen is shaded paper if it has at least this fraction of the light around
+/// it, and if the fractions of its channels differ at most by this factor.
 const SHADOW: f64 = 0.22;
 const HUE: f64 = 1.3;
 
 /// Minimum contrast of ink relative to the paper's brightness, for even paper and for photographs.
 const LEAST: [f64; 2] = [0.07, 0.10];
-/// Minimum contrast of ink relative to that of strong ink: on paper with grain, and if its edges
-/// are as soft as those of a shadow or a glow. Rulings are weaker.
+/// Minimum contrast of ink relative to strong ink: on paper with grain, and if its edges are as
+/// soft as those of a shadow or a glow. Rulings have less contrast.
 const FAINT: [f64; 2] = [0.4, 0.55];
 /// Minimum ratio of the smallest to the largest contrast around a soft edge.
 const SOFT: f64 = 0.2;
@@ -51,7 +51,7 @@ const SOFT: f64 = 0.2;
 const SOFT_EDGES: f64 = 0.15;
 /// Median change of contrast over two pixels above which paper has grain.
 const GRAIN: f64 = 1e-3;
-/// Quantile of the ink's contrast that is strong ink.
+/// Quantile of the ink's contrast that is taken as the contrast of strong ink.
 const STRONG: f64 = 0.97;
 
 /// Soft tones between paper and strong ink: their range relative to the contrast of strong ink, the
@@ -61,7 +61,7 @@ type Tones = (Range<f64>, Range<f64>, usize);
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
 /// The soft tones of glare or a shadow on paper of one color, above the noise of a JPEG.
 const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
-/// Fraction of a picture in glare above which its paper does not have one color.
+/// Fraction of glare in a picture above which its paper does not count as one color.
 const GLARING: f64 = 0.01;
 
 /// Number of pixels on each side with which a pixel's ink is compared: more than a lens blurs.
@@ -77,7 +77,7 @@ pub(super) const EDGE: f64 = 0.5;
 pub(super) struct Field {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Ink relative to the strongest ink around it, 0 to 1, so pale lines beside dark ones count.
+    /// Ink relative to the strongest ink around it, 0 to 1. Pale lines beside dark ones thus count.
     pub(super) ink: Vec<f64>,
     /// Fraction of the paper's brightness that the ink absorbs, 0 to 1.
     pub(super) contrast: Vec<f64>,
@@ -98,7 +98,7 @@ impl Field {
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
         let Some(paper) = even_paper(picture) else { return Self::on_paper(picture, None) };
         let field = Self::on_paper(picture, Some(paper))?;
-        // Soft tones on paper of one color are light and shadow of an evenly lit photograph.
+        // Soft tones on paper of one color reveal a photograph that is almost evenly lit.
         let has_glare = !field.has_grain && field.soft > GLARING;
         if has_glare { Self::on_paper(picture, None) } else { Some(field) }
     }
@@ -117,8 +117,8 @@ impl Field {
         let has_grain = is_photo || median_change(&contrast, width) > GRAIN;
         let inked = contrast.iter().filter(|contrast| **contrast > least);
         let strong = quantile(inked.map(|contrast| 255.0 * contrast), STRONG) / 255.0;
-        // A pixel is compared with the strongest ink around it, or with faint ink if that is
-        // stronger.
+        // A pixel is compared with the strongest ink around it, or with the limit of faint ink if
+        // that is higher.
         let levels = extremes(&contrast, width, NEAR, f64::max);
         let least_fraction = if has_grain {
             FAINT[0]
@@ -151,7 +151,7 @@ impl Field {
         edges.count()
     }
 
-    /// Returns the color of a pixel. In a photograph it has no brightness, which shadows change.
+    /// Returns the color of a pixel. In photographs, brightness is removed, as shadows change it.
     fn shade(&self, pixel: usize) -> [f64; CHANNELS] {
         let color = self.color[pixel];
         let light = if self.has_grain { color.iter().sum::<f64>().max(APART) } else { 1.0 };
@@ -218,7 +218,7 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
     let papers = paper_around(&channels, picture.dimensions()).into_iter().enumerate();
     Vec::from_iter(papers.map(|(pixel, paper)| {
         let values = [0, 1, 2].map(|c| channels[c][pixel]);
-        // A dark channel of colored paper is noise, and is compared with the mean brightness.
+        // A dark channel of colored paper is noisy, so it is compared with the mean brightness.
         let mean = paper.iter().sum::<f64>() / CHANNELS as f64;
         let contrasts = [0, 1, 2].map(|c| (paper[c] - values[c]) / paper[c].max(mean));
         let most = contrasts.into_iter().fold(0.0, f64::max);
@@ -234,7 +234,7 @@ fn paper_around(
     values: &[Vec<f64>; CHANNELS],
     (width, height): (u32, u32),
 ) -> Vec<[f64; CHANNELS]> {
-    // Paper beside a pen's line, and paper beside a filled shape.
+    // Estimates the paper beside a pen's line, and the paper beside a filled shape.
     let (longer, width) = (width.max(height), width as usize);
     let [near, far] = [PEN, SHAPE].map(|part| {
         let paper = values.each_ref().map(|v| closed(v, width, longer.div_ceil(part) as usize));
@@ -255,14 +255,14 @@ fn paper_around(
     papers.map(|((near, far), filled)| if filled > 0.0 { far } else { near }).collect()
 }
 
-/// True if ink is lighter than its paper. The blocks within a large bright area decide, because
-/// that area is paper and the rest is a desk. If there is no such area, all blocks decide, or else
-/// the picture's edge.
+/// True if ink is lighter than its paper. This is judged from the blocks within a large bright
+/// area, which is paper on a desk. Without such an area it is judged from all blocks or, if these
+/// are inconclusive, from the picture's edge.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    // The tones of each block, because light changes from block to block.
+    // Measures the tones of each block separately, because light changes from block to block.
     let corners =
         (0..height).step_by(block).flat_map(|y| (0..width).step_by(block).map(move |x| (x, y)));
     let blocks: Vec<[f64; 3]> = corners
@@ -314,7 +314,7 @@ fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
     edge.map(|(.., pixel)| pixel.0)
 }
 
-/// Returns the number of pixels with slowly changing tones between paper and strong ink.
+/// Counts the pixels with slowly changing tones between paper and strong ink.
 fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> usize {
     let inner = step * width..contrast.len().saturating_sub(step * width);
     let soft = inner.filter(|pixel| {
@@ -328,7 +328,7 @@ fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Ton
 /// Returns the median difference between the contrasts of pixels that are two apart in a row.
 fn median_change(contrast: &[f64], width: usize) -> f64 {
     let pairs = contrast.chunks(width).flat_map(|row| row.iter().zip(&row[2..]));
-    // In units of 1/4000, even the finest grain has a level.
+    // In units of 1/4000, even the finest grain is at least one level.
     quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
 }
 

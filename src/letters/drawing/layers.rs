@@ -1,4 +1,4 @@
-//! The content of an SVG page: colored areas, and what cuts them.
+//! The content of an SVG page: colored areas, and the clips and masks that cut them.
 
 use kurbo::{Affine, BezPath, PathEl, Point};
 
@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-6;
 /// Maximum distance of a flat subpath's points from a line, relative to its largest coordinate.
 const FLAT: f64 = 1e-6;
 
-/// Budget steps for a point of an area.
+/// Budget steps per point of an area.
 const STEPS_PER_POINT: usize = 200;
 
 /// An element that is painted, with its colors and their opacities.
@@ -87,7 +87,7 @@ fn is_flat(first: Point, elements: &[PathEl]) -> bool {
     offsets.into_iter().all(|p| along.cross(p).abs() <= FLAT * largest * along.hypot())
 }
 
-/// An area with an even-odd or a nonzero rule.
+/// An area filled by the even-odd or the nonzero rule.
 pub(super) struct Area<'a> {
     pub(super) contours: Vec<Vec<[f64; 2]>>,
     pub(super) filled: Filled<'a>,
@@ -95,7 +95,7 @@ pub(super) struct Area<'a> {
     pub(super) bounds: [f64; 4],
 }
 
-/// The larger side of a page, which sets the tolerance of areas, and the budget for their work.
+/// The larger side of a page, which determines the tolerance of areas, and the budget for work.
 #[derive(Clone, Copy)]
 pub(super) struct Scale<'a> {
     pub(super) size: f64,
@@ -138,7 +138,7 @@ impl Area<'_> {
         is_as_wide && is_as_high && (area.abs() - box_).abs() < ROUNDING * box_
     }
 
-    /// True if the bounds of the area meet a box: left, bottom, right and top.
+    /// True if the bounds of the area overlap a box (left, bottom, right and top).
     pub(super) fn meets(&self, other: [f64; 4]) -> bool {
         let [left, bottom, right, top] = self.bounds;
         left <= other[2] && other[0] <= right && bottom <= other[3] && other[1] <= top
@@ -156,18 +156,18 @@ pub(super) struct Layer<'a> {
     pub(super) is_stroke: bool,
 }
 
-/// A limit on where an element is visible.
+/// A restriction of where an element is visible.
 pub(super) enum Cut<'a> {
     /// The edge of the page.
     Page(Area<'a>),
     /// The areas of a clip path, each with its own cuts.
     Clip(Vec<Layer<'a>>),
-    /// A mask: its elements, true if only their opacity counts, and its rectangle.
+    /// A mask: its elements, whether only their opacity counts, and its rectangle.
     Mask(Vec<Layer<'a>>, bool, Area<'a>),
 }
 
 impl<'a> Cut<'a> {
-    /// Returns the area that bounds the cut, if there is one, and the layers that form the cut.
+    /// Returns the area that bounds the cut, if any, and the layers that form the cut.
     pub(super) fn parts(&self) -> (Option<&Area<'a>>, &[Layer<'a>]) {
         match self {
             Self::Page(edge) => (Some(edge), &[]),

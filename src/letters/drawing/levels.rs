@@ -1,6 +1,6 @@
 //! Levels of a picture: smoothing, morphological closing and quantiles of pixel values.
 
-/// Smooths values with the kernel 1 2 1 in both directions, which prevents contours around noise.
+/// Smooths values with the kernel 1 2 1 in both directions, so that noise causes no contours.
 pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     let mut values = values.to_vec();
     for (step, n) in [(1, width), (width, values.len() / width)] {
@@ -21,8 +21,8 @@ pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// Returns the extreme in a square of `steps` around each pixel (van Herk, Pattern Recogn. Lett.
-/// 13, 1992).
+/// Returns the minimum or maximum within `steps` of each pixel (van Herk, Pattern Recogn. Lett. 13,
+/// 1992).
 pub(super) fn extremes(
     values: &[f64],
     width: usize,
@@ -33,7 +33,7 @@ pub(super) fn extremes(
     let mut values = values.to_vec();
     let height = values.len() / width;
     let (mut line, mut to_block_end) = (Vec::new(), vec![0.0; width.max(height)]);
-    // Goes along rows and then along columns, whose pixels are `step` apart.
+    // Processes rows and then columns, in which neighboring pixels are `step` apart.
     for (step, n, n_lines) in [(1, width, height), (width, height, width)] {
         for first in (0..n_lines).map(|line| line * if step == 1 { width } else { 1 }) {
             line.clear();

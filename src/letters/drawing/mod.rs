@@ -1,8 +1,8 @@
 //! Drawings: an SVG file, a bitmap, or handwriting as JSON becomes strokes.
 //!
 //! A drawing fills its canvas as far as its proportions allow. The drawing is placed on the
-//! baseline and aligned like a line of text. Having no word, it is a single glyph, or one glyph for
-//! each color, with the character [`DRAWING`].
+//! baseline and aligned like a line of text. A drawing has no letters, so it becomes a single
+//! glyph, or one glyph for each color, with the character [`DRAWING`].
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ mod visibility;
 /// Character of a drawing's glyphs: U+FFFC, the object replacement character.
 pub const DRAWING: char = '\u{fffc}';
 
-/// Maximum size of a file that is read.
+/// Maximum size of a drawing's file.
 pub const LIMIT: Limit = Limit {
     bytes: 8 << 20,
     what: "a drawing",
@@ -59,13 +59,13 @@ const MAX_COLORS: usize = 64;
 /// Default width and height of a drawing's canvas, in cap heights.
 const CANVAS: [f64; 2] = [4.0, 1.0];
 
-/// Minimum extent of a drawing relative to its largest coordinate, above rounding errors.
+/// Minimum extent of a drawing relative to its largest coordinate, larger than rounding errors.
 const ROUNDING: f64 = 1e-9;
 
 /// Height of a horizontal line's cell, or width of a vertical line's cell, relative to its length.
 const FLAT: f64 = 1e-3;
 
-/// Error codes of a drawing without strokes and of a drawing with too many.
+/// Error codes for a drawing without strokes and for a drawing with too many.
 const EMPTY: &str = "drawing-empty";
 const LARGE: &str = "drawing-large";
 
@@ -87,8 +87,8 @@ type ColoredLine = (Vec<[f64; 2]>, Color);
 ///
 /// An SVG file is drawn as a browser shows it, with strokes along their line and fills along their
 /// outline. In a picture, lines on paper are drawn along their center, and patches along their
-/// outline. Handwriting keeps its order and direction. Unsupported features are named in the
-/// warnings, and text is refused.
+/// outline. Handwriting keeps its order and direction. Warnings name unsupported features, and
+/// files that contain text are rejected.
 ///
 /// # Errors
 ///
@@ -168,9 +168,9 @@ fn foreign(kind: &str, file: &str) -> Error {
     Error::input(file, content, wanted, hint)
 }
 
-/// A drawing in the wanted detail.
+/// A drawing at the requested level of detail.
 struct Detailed {
-    /// The chosen lines.
+    /// The selected lines.
     lines: Numbered<ColoredLine>,
     left_out: LeftOut,
     /// All strokes, in the coordinates of the file.
@@ -178,7 +178,7 @@ struct Detailed {
 }
 
 impl Detailed {
-    /// Reduces the lines of a drawing whose larger side is `size`, and chooses those that the
+    /// Reduces the lines of a drawing whose larger side is `size`, and selects those that the
     /// options name. `in_file` maps points with y down to the file.
     fn new(
         lines: Vec<ColoredLine>,
@@ -202,7 +202,7 @@ fn by_color(
     ink: Ink,
     file: &str,
 ) -> Result<StrokesData> {
-    // The runs of each color, in the order of the colors' first lines.
+    // Groups runs by color, in the order of the colors' first lines.
     let mut inks: Vec<(Color, Vec<Run>)> = Vec::new();
     for (_, (line, color)) in lines {
         match inks.iter_mut().find(|(other, _)| ink == Ink::Alike || other == color) {
@@ -231,7 +231,7 @@ fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
     bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
 }
 
-/// Adds warnings to the hint of an empty drawing's error, because they may be the reason.
+/// Adds warnings to the hint of an empty drawing's error, because they may name the reason.
 fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
     let mut hint = error.hint().to_owned();
     for warning in warnings {
@@ -286,7 +286,7 @@ impl Placing {
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
-    /// Returns a line's number, and the position of its label in the plan's picture, halfway along.
+    /// Returns a line's number, and the position of its label in the plan's picture: its midpoint.
     fn label(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
         let along = arc_lengths(line);
         let half = 0.5 * along[along.len() - 1];
@@ -295,7 +295,7 @@ impl Placing {
         (number, self.place([0, 1].map(|i| 0.5 * (a[i] + b[i]))))
     }
 
-    /// Returns the lit run along a line. A single point is repeated.
+    /// Returns the lit run along a line. A single point becomes a run of two equal points.
     fn run(&self, line: &[[f64; 2]]) -> Run {
         let mut points: Vec<_> = line.iter().map(|place| point(self.place(*place))).collect();
         if points.len() == 1 {

@@ -1,9 +1,9 @@
 //! Notes on features of an SVG file that usvg does not support. Warnings name such features, and
-//! the file is edited so that none is drawn wrongly.
+//! the file is edited so that none of them is drawn incorrectly.
 //!
 //! An element that would be drawn in the wrong position is left out. Text, pictures and other
-//! foreign content are replaced by a sign, a shape that shows whether the content would be visible.
-//! Other unsupported features change the look of a line but not its position.
+//! foreign content are replaced by a sign: a shape that reveals whether the content would be
+//! visible. Other unsupported features affect the appearance of a line but not its position.
 
 use std::ops::Range;
 use std::str::FromStr as _;
@@ -28,13 +28,13 @@ const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-lab
     vector-effect vertical-align visibility white-space will-change word-spacing writing-mode \
     z-index";
 
-/// Unsupported properties that also exist as attributes.
+/// Unsupported CSS properties that also exist as XML attributes.
 const OTHERS: &str = "animation animation-name backdrop-filter background-image clip-path-box \
     content-visibility mask-border mask-clip mask-image mask-mode mask-position mask-size \
     offset-distance offset-path perspective perspective-origin rotate scale shape-outside \
     stroke-alignment translate zoom";
 
-/// Properties of geometry, which usvg only reads as attributes, and of unsupported transforms.
+/// Geometry properties, which usvg reads only as attributes, and unsupported transforms.
 const PLACES: &str = "cx cy d height r rx ry width x y translate rotate scale";
 
 /// Values with which an unsupported property has no effect.
@@ -49,7 +49,7 @@ const SHAPES: &str = "circle ellipse g line path polygon polyline rect svg symbo
 /// Elements whose content only browsers can draw.
 pub(super) const FOREIGN: &str = "text image foreignObject video iframe canvas mesh solidcolor";
 
-/// Elements whose content is not drawn. A pattern is drawn as a shade.
+/// Elements whose content is not drawn. Patterns are drawn as a uniform shade.
 pub(super) const EMPTIED: &str = "pattern filter";
 
 /// Elements that only have an effect if other elements refer to them.
@@ -65,7 +65,7 @@ const MAX_STOPS: usize = 16;
 pub(super) const SIGN_X: f32 = 7_777_777.0;
 const MAX_SIGNS: usize = 10_000;
 
-/// Style rules that usvg gets in addition to those of the file.
+/// Style rules that are passed to usvg in addition to those of the file.
 pub(super) const RULES: &str = "*{filter:none!important}marker *{marker:none!important}\
     [pathLength]{stroke-dasharray:none!important}\
     [noctograph]{fill:#000!important;stroke:none!important;clip-path:none!important;\
@@ -79,7 +79,7 @@ pub(super) fn has(words: &str, word: &str) -> bool {
 /// The XML namespace of drawings.
 pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// Returns the text of a file in terms that usvg knows. Replaces https in namespaces, `:root`,
+/// Rewrites the text of a file in terms that usvg knows: replaces https in namespaces, `:root`,
 /// `background:` and units in CSS transforms.
 pub(super) fn in_words_of_usvg(mut text: String) -> String {
     for namespace in ["2000/svg", "1999/xlink"] {
@@ -91,7 +91,7 @@ pub(super) fn in_words_of_usvg(mut text: String) -> String {
     }
     let text = text.replace("svg:root", "svg").replace(":root", "svg");
     let text = text.replace("background:", "background-color:");
-    // Transforms have units in CSS but not in attributes, and usvg only reads the latter form.
+    // Transforms have units in CSS but not in attributes, and usvg reads only attributes.
     let mut parts = text.split("transform:");
     let mut written = parts.next().unwrap_or("").to_owned();
     for part in parts {
@@ -103,11 +103,11 @@ pub(super) fn in_words_of_usvg(mut text: String) -> String {
     written
 }
 
-/// The notes on a document.
+/// Notes on the unsupported features of a document.
 pub(super) struct Notes<'a, 'b, 'input> {
     pub(super) styles: &'b Styles<'a, 'input>,
     pub(super) named: &'b mut Named,
-    /// The elements that were replaced by signs.
+    /// The elements that have been replaced by signs.
     pub(super) signs: Vec<Node<'a, 'input>>,
     /// The ranges of the text that are replaced, in order, with their new text.
     pub(super) edits: Vec<(Range<usize>, String)>,
@@ -130,7 +130,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some(SVG)) {
-            // An element that is replaced or left out is not entered: its edit covers all of it.
+            // The edit of a replaced or omitted element includes its descendants.
             let before = node.prev_siblings().filter(|sibling| sibling.has_tag_name(tag));
             match tag {
                 "script" => self.named.add("a script", "not followed", node),
@@ -159,8 +159,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// Removes an id that an earlier element has as well. Browsers refer to the first element with
-    /// an id, but usvg refers to the last one.
+    /// Removes an id that an earlier element already has. Browsers resolve an id to its first
+    /// element, but usvg resolves it to the last one.
     fn only_first(&mut self, node: Node<'a, 'input>) {
         let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
             return;
@@ -192,8 +192,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             return Err(format!("more than {MAX_SIGNS} elements <{name}>"));
         }
         self.signs.push(node);
-        // The sign has the prefix and the attributes as written, so that its namespace and style
-        // are the same.
+        // The sign keeps the element's prefix and attributes as written, so that its namespace and
+        // style are the same.
         let text = node.document().input_text();
         let qualified = text[node.range().start + 1..].split(|c: char| "/> \t\r\n".contains(c));
         let prefix = qualified.map(|name| name.rsplit_once(':')).next().flatten();
@@ -210,13 +210,13 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         Ok(())
     }
 
-    /// Removes the content of a pattern or a filter. A pattern that has a shape gets a square
-    /// instead, because usvg drops patterns without shapes.
+    /// Removes the content of a pattern or a filter. If a pattern contains shapes, a square
+    /// replaces them, because usvg drops patterns without shapes.
     fn empty(&mut self, node: Node<'a, 'input>) {
         let (Some(first), Some(last)) = (node.first_child(), node.last_child()) else { return };
         let range = first.range().start..last.range().end;
         let is_pattern = node.tag_name().name() == "pattern";
-        // The square is in the namespace of the pattern, whatever its prefix is.
+        // The square is in the namespace of the pattern, regardless of its prefix.
         let shape =
             node.children().find(|child| is_pattern && has(SHAPES, child.tag_name().name()));
         let shape = shape.map_or(String::new(), |_| "<path d=\"M0 0h1v1z\"/>".to_owned());
@@ -228,7 +228,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let mut is_left_out = false;
         for (name, value, of_css) in self.styles.declared(node).iter().copied() {
             let value = value.trim();
-            // Only the value in force matters. CSS variables by themselves have no effect.
+            // Only the effective value matters. CSS variables by themselves have no effect.
             if of_css && name.starts_with("--") || self.styles.value(node, name) != Some(value) {
                 continue;
             }
@@ -245,7 +245,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         is_left_out
     }
 
-    /// True if a declaration moves an element in a way that is not followed.
+    /// True if a declaration moves an element in a way that is not supported.
     fn is_misplaced(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
         let tag = node.tag_name().name();
         let is_page = tag == "svg" && node.parent_element().is_none();
@@ -277,7 +277,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             return Some(note);
         }
         Some(match name {
-            // Declarations that refer to other elements.
+            // Handles declarations that refer to other elements.
             "marker-start" | "marker-mid" | "marker-end" | "marker"
                 if target == "marker"
                     && node.ancestors().any(|node| node.tag_name().name() == "marker") =>
@@ -287,7 +287,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             "href" if tag == "use" && !value.starts_with('#') => {
                 ("another file (`use`)".into(), "not followed")
             }
-            // Declarations of paths.
+            // Handles declarations of paths.
             "d" if !of_css
                 && tag == "path"
                 && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
@@ -308,7 +308,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         })
     }
 
-    /// True if browsers follow a declaration that has no effect here.
+    /// True if a declaration has an effect in browsers but not here.
     fn is_ignored(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
         let is_shape = has(SHAPES, node.tag_name().name());
         let is_reset = has("initial unset revert revert-layer", value);
@@ -327,9 +327,9 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                 value != "auto" && svgtypes::Length::from_str(value).is_err()
             }
             _ if has(KNOWN, name) => is_reset,
-            // Properties that only affect text.
+            // Properties that affect only text are not ignored features.
             _ if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => false,
-            // Browsers, too, ignore attributes that are not properties.
+            // Browsers also ignore attributes that are not properties.
             _ => !is_neutral(value) && (of_css || has(OTHERS, name)),
         }
     }

@@ -1,8 +1,8 @@
-//! Draws only once what is visible only once. Parts of lines under a stroke that covers them, or
-//! along a line that is already drawn, are left out.
+//! Removes lines that are not visible separately: parts of lines under a stroke that covers them,
+//! or along a line that is already drawn.
 //!
-//! Lines are compared from the front to the back, each with those near it in front. An edge between
-//! two colors thus becomes one line, and so does a color's edge under its outline. A line that only
+//! Lines are compared from the front to the back, each with those near it in front. Thus the edge
+//! between two colors becomes one line, as does a color's edge under its outline. A line that only
 //! crosses a stroke stays whole.
 
 use std::collections::{BTreeMap, HashMap};
@@ -14,14 +14,14 @@ use noctograph_core::files::Budget;
 use noctograph_core::geometry::{distance, polyline_length_m, segment_distance};
 
 /// Maximum distance between two lines that count as one, relative to the drawing's larger side: 1
-/// mm for a drawing of 1 m. A larger distance joins lines that a photograph can resolve.
+/// mm for a drawing of 1 m. A larger distance would merge lines that a photograph resolves.
 const NEAR: f64 = 1e-3;
 
 /// Number of cells of the finest index along the drawing's larger side.
 const CELLS: f64 = 128.0;
 
-/// Maximum length of a part under a stroke that only crosses, relative to half the stroke's width:
-/// an angle of 20°.
+/// Maximum length, in half widths of a stroke, of the part of a line that the stroke merely
+/// crosses. At this length, the lines cross at 20°.
 const CROSSING: f64 = 6.0;
 
 /// Budget steps for visiting a cell, and for comparing with a piece in it.
@@ -31,10 +31,10 @@ const STEPS_PER_PIECE: usize = 8;
 /// Slack for rounding at a piece's ends, as a fraction of its length.
 const END_SLACK: f64 = 1e-6;
 
-/// Number of halvings to locate the point where a line goes under another.
+/// Number of bisection steps to locate the point where a line goes under another line.
 const HALVINGS: usize = 5;
 
-/// Sine of the maximum angle between two lines without width that count as one.
+/// Sine of the largest angle at which two zero-width lines still count as one.
 const SLANT: f64 = 0.3;
 
 /// A piece of a line that is in front.
@@ -45,7 +45,7 @@ struct Piece {
     ends: [[f64; 2]; 2],
 }
 
-/// The lines in front, indexed by cells. Wide strokes are in levels with larger cells.
+/// The lines in front, indexed by cells. Wide strokes are stored in levels with larger cells.
 pub(super) struct Front<'a> {
     budget: &'a Budget,
     near: f64,
@@ -56,7 +56,7 @@ pub(super) struct Front<'a> {
     levels: BTreeMap<i32, f64>,
 }
 
-/// A stretch of a line, and the reach of what covers it.
+/// A stretch of a line, and the reach of the piece that covers it, if any.
 type Stretch = (Vec<[f64; 2]>, Option<f64>);
 
 impl<'a> Front<'a> {
@@ -84,7 +84,7 @@ impl<'a> Front<'a> {
                 _ => visible_parts(stretches, line, self.near),
             };
             is_whole &= visible.len() == 1 && visible[0] == *line;
-            // Covered parts are not drawn, and so need not cover anything.
+            // Covered parts are not drawn, so they do not cover other lines either.
             visible.iter().for_each(|part| self.add(part, element, reach));
             parts.extend(visible.into_iter().map(|part| (part, color)));
         }
@@ -128,7 +128,7 @@ impl<'a> Front<'a> {
     fn cover(&self, place: [f64; 2], along: [f64; 2], element: usize) -> Option<f64> {
         let mut most: Option<f64> = None;
         for (level, farthest) in &self.levels {
-            // A piece's middle is at most a quarter of a cell from its ends.
+            // The middle of a piece is at most a quarter of a cell from the piece's ends.
             let range = 0.25 * self.cell_of(*level) + farthest;
             let [low, high] =
                 [-range, range].map(|offset| self.key(*level, place.map(|x| x + offset)));
@@ -144,9 +144,9 @@ impl<'a> Front<'a> {
         most
     }
 
-    /// Returns the reach of a piece if it covers a position of an element. Returns `None` beyond
-    /// the piece's ends or its reach (for a piece of the same element, the reach of a line without
-    /// width), and if it has no width and only crosses.
+    /// Returns the reach of a piece if it covers a position of an element. Returns `None` if the
+    /// position is beyond the piece's ends or reach, or if a piece without width only crosses.
+    /// Within one element, no piece has width.
     fn reach(
         &self,
         piece: usize,
@@ -173,7 +173,7 @@ impl<'a> Front<'a> {
         }
         let mut stretches: Vec<Stretch> = Vec::new();
         for [from, to] in segments(line).flat_map(|ends| cut(ends, 0.5 * self.cell)) {
-            // Tests each piece of half a cell once, and bisects where the result changes.
+            // Tests each piece of half a cell once, and bisects where two results differ.
             let along = minus(to, from);
             let here = self.cover(between(from, to, 0.5), along, element);
             match stretches.last_mut() {
@@ -185,7 +185,7 @@ impl<'a> Front<'a> {
                 Some((points, _)) => {
                     let is_before =
                         |place| self.cover(place, along, element).is_some() == here.is_none();
-                    // The change lies before or after the point between the two pieces.
+                    // The result changes either before or after the point between the two pieces.
                     let ends = [between(points[points.len() - 2], from, 0.5), from];
                     let is_later = is_before(from);
                     let ends = if is_later { [from, between(from, to, 0.5)] } else { ends };
@@ -203,8 +203,8 @@ impl<'a> Front<'a> {
     }
 }
 
-/// Returns the visible parts of a line, from its stretches. A stroke that only crosses hides
-/// nothing, and a short gap between two covered stretches is hidden.
+/// Returns the visible parts of a line, from its stretches. A stroke that merely crosses a line
+/// hides nothing, and a short gap between two covered stretches is hidden.
 fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
     // First, short gaps between covered stretches become covered.
@@ -217,7 +217,7 @@ fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<V
             *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
     }
-    // Then makes stretches visible that are no longer than a crossing stroke is wide.
+    // Then covered stretches that are short enough for a mere crossing become visible.
     let mut stretches = joined(stretches, is_closed);
     let n = stretches.len();
     for (index, (points, cover)) in stretches.iter_mut().enumerate() {

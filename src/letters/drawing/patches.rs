@@ -1,5 +1,5 @@
-//! Patches of ink: their contours between pixels by marching squares, without specks and without
-//! what surrounds the paper. The warnings about a picture are here as well.
+//! Patches of ink: their subpixel contours by marching squares, without specks and without the
+//! paper's surroundings. This file also contains the warnings about a picture.
 
 use std::collections::BTreeMap;
 
@@ -21,16 +21,16 @@ const SPECKLED: f64 = 0.5;
 /// Minimum length along the picture's edge of a patch that surrounds the paper, relative to the
 /// longer side.
 const SURROUNDINGS: f64 = 0.3;
-/// A patch across the edge of a photograph is dropped above this mean width, relative to the longer
-/// side, or above this fraction of its outline along the edge.
+/// Mean width, relative to the longer side, and fraction of the outline along the picture's edge,
+/// above which a patch across the edge of a photograph is dropped.
 const OVER_EDGE: f64 = 0.02;
 const ALONG: f64 = 0.1;
 
-/// Minimum number of lines across a picture's edge that may be rulings of the paper.
+/// Minimum number of lines across a picture's edge that suggest rulings on the paper.
 const RULINGS: usize = 8;
 /// Fraction of a picture in faint marks above which there is a warning.
 pub(super) const FAINT: f64 = 0.02;
-/// Minimum number of lines in a picture as fine as a QR code.
+/// Minimum number of lines in a picture that is too detailed, such as a QR code.
 const FINE: usize = 60;
 
 /// The code of a warning and its message, in which `{n}` stands for a number.
@@ -78,7 +78,7 @@ const TOO_FINE: Warning = (
 const CHROMA: f64 = 0.2;
 const GRAY: f64 = 0.04;
 
-/// Numbers of what was dropped from a picture, and of its lines.
+/// Numbers of dropped patches, specks and rulings, and of the drawn lines.
 pub(super) struct Counts {
     /// Number of patches at the edge of the picture.
     pub(super) n_cut: usize,
@@ -88,7 +88,7 @@ pub(super) struct Counts {
     pub(super) n_lines: usize,
 }
 
-/// An edge of the pixel grid: its upper or left pixel, and true if the edge runs downward.
+/// An edge of the pixel grid: its upper or left pixel, and whether the edge runs downward.
 type GridEdge = (usize, bool);
 
 impl Field {
@@ -125,7 +125,7 @@ impl Field {
         contours
     }
 
-    /// Returns the edges of the pixel grid between ink (above 0) and paper, each with the next.
+    /// Returns the grid edges between ink (above 0) and paper, each with the next one.
     fn next_edges(&self, values: &[f64]) -> BTreeMap<GridEdge, GridEdge> {
         let (width, height) = (self.width, self.height);
         let mut next = BTreeMap::new();
@@ -138,8 +138,8 @@ impl Field {
             }
             let edges = [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
             // Going clockwise around the cell, a contour enters before a corner with ink and leaves
-            // after one, which keeps ink on its left. Two opposite corners with ink are connected
-            // if the middle has ink.
+            // after one, so that the ink is on its left. Two opposite corners with ink are
+            // connected if the middle has ink.
             let joined = corners.iter().sum::<f64>() > 0.0;
             for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
                 let mut turns =
@@ -187,7 +187,7 @@ impl Field {
     pub(super) fn warnings(&self, counts: &Counts, is_rectified: bool) -> Vec<Diagnostic> {
         let Counts { n_cut, n_specks, n_rulings, n_lines } = *counts;
         let n_marks = self.marks_across_edge();
-        // Edges longer than the picture belong to areas that touch, not to lines that cross.
+        // If the inner edges are longer than the picture, colored areas touch.
         let colors_touch = self.inner_edges() > self.width.max(self.height);
         let counted = [
             (PHOTO, usize::from(self.is_photo && !is_rectified)),
@@ -207,7 +207,7 @@ impl Field {
 
     /// Returns the fully saturated hue of the ink along a line, or black for gray ink.
     pub(super) fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
-        // Averages four points of each segment, as far as they are in the ink.
+        // Averages the colors of four points per segment, ignoring points outside the ink.
         let mut sum = [0.0; 3];
         let [mut n_pixels, mut contrast] = [0.0; 2];
         for [from, to] in segments(line) {
@@ -256,7 +256,7 @@ pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<
         (right - left).max(top - bottom) <= max_side
     });
     let n_specks = specks.len();
-    // A drawing of dots has no specks. `SPECKLED` is relative to the ink of the other patches.
+    // A drawing of dots has no specks. `SPECKLED` is relative to the ink of the drawn patches.
     if specks.iter().map(ink).sum::<f64>() > SPECKLED / (1.0 + SPECKLED) * total {
         return (drawn.into_iter().chain(specks).collect(), 0);
     }

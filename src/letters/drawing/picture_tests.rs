@@ -1,5 +1,5 @@
-//! Tests of pictures that people bring. A table lists what is painted, what a camera makes of it,
-//! and the strokes and warnings that must result.
+//! Tests of pictures that are typical of users. A table lists what is painted, how a camera
+//! distorts it, and the expected strokes and warnings.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -149,8 +149,8 @@ fn hues(lines: &[ColoredLine]) -> String {
     counts.iter().map(|(name, n)| format!("{name} {n}")).collect::<Vec<_>>().join(" ")
 }
 
-/// What a camera, a lamp or a scanner does to a picture: returns the new level of a pixel from its
-/// position and level.
+/// Effect of a camera, a lamp or a scanner on a picture: maps a pixel's position and level to its
+/// new level.
 type Taken = fn(f64, f64, f64) -> f64;
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
@@ -243,8 +243,8 @@ const ROWS: [Row; 32] = [
         "blue 1",
         "colors-touch",
     ),
-    // Rulings are fainter than the pen, which may follow them. A small number of lines does not
-    // count as rulings, and neither do lines of the pen.
+    // Rulings are fainter than pen lines, which may lie on them. Just a few lines do not count as
+    // rulings, and neither do pen lines.
     (
         "#fff",
         "!pen 2 #d0e0f8 0,60 600,62; !pen 2 #d0e0f8 0,120 600,122; !pen 2 #d0e0f8 0,180 600,182;\
@@ -317,7 +317,7 @@ const ROWS: [Row; 32] = [
         "black 1 red 1",
         "photo edge",
     ),
-    // The middle of a wide shape is ink. A letter in a row is a line, however bold it is.
+    // The middle of a wide shape counts as ink. A letter in a row is a line, even if it is bold.
     ("#fff", "disc #f0503c 300,200,150", UNEVEN, ImageFormat::Jpeg, "red 1", "photo"),
     (
         "#fff",
@@ -445,7 +445,7 @@ fn a_sheet_is_cut_out_without_a_sliver_of_the_desk() {
 
 #[test]
 fn corners_by_hand_cut_a_sheet_out_and_square_it() {
-    // A house on a sheet of paper that lies at a slant on a dark desk.
+    // A house on a sheet of paper that lies askew on a dark desk.
     let corners = [[90.0, 40.0], [520.0, 70.0], [570.0, 370.0], [40.0, 340.0]];
     let in_photo = Map::of_sheet(&corners, (600, 400));
     let mut sheet = Canvas::new(SIZE, "#fff");
@@ -539,7 +539,7 @@ fn dust_and_a_checkerboard_are_left_out_and_fine_pictures_named() {
         }
         picture
     }
-    // A picture larger than those in which lines are searched, and reduced by a viewer.
+    // A picture above the maximum size for tracing, and the same picture downscaled by a viewer.
     let [width, height] = SIZE.map(|side| 4 * side);
     let large = resize(&clean, width, height, FilterType::Nearest);
     let large = checkered(large, 16, [204, 255]);

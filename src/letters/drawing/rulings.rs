@@ -3,11 +3,11 @@
 use super::ink::Field;
 use super::patches::FAINT;
 
-/// Minimum number of rulings on a page, and on a page whose other rulings are too faint to be ink.
+/// Minimum number of rulings on a page, and on a page with further rulings too faint to be ink.
 const LEAST: [usize; 2] = [4, 1];
 /// Maximum slope of a ruling.
 const SLOPE: f64 = 0.02;
-/// Minimum fraction of a ruling that has ink, and minimum contrast there relative to its ends.
+/// Minimum inked fraction of a ruling's length, and minimum contrast along it relative to its ends.
 const ALONG: f64 = 0.97;
 const INKED: f64 = 0.6;
 /// Maximum contrast of a ruling relative to that of the drawing, and minimum fraction of the
@@ -16,15 +16,14 @@ const PALE: f64 = 0.6;
 const DRAWING: f64 = 5e-4;
 /// Maximum contrast of the pixels that are dropped, relative to that of the ruling.
 const RULED: f64 = 1.6;
-/// Quantile of the contrast along a ruling that is taken as the ruling's contrast. A slanting
-/// ruling is paler where it lies between two rows of pixels, and darker where a pen's line follows
-/// it.
+/// Quantile of the contrast along a ruling that is taken as the ruling's contrast. A slanted ruling
+/// is paler where it lies between two rows of pixels, and darker where a pen's line follows it.
 const QUANTILE: f64 = 0.25;
 /// Minimum contrast across a mark, relative to its maximum. Compression and sharpening leave some
 /// contrast beside a mark.
 const HALF: f64 = 0.5;
-/// Distance in pixels from a picture's edge within which its marks are sought, because a ruling may
-/// lie along the edge itself.
+/// Distance in pixels from a picture's edge within which rulings are detected, because another
+/// ruling may lie along the edge itself.
 const FRAME: usize = 8;
 /// Maximum width of a ruling, relative to the side that it crosses.
 const WIDTH: f64 = 0.012;
@@ -41,7 +40,7 @@ struct Ruling {
 
 impl Field {
     /// Drops the ink of rulings. A pen's line on a ruling stays because its ink is darker. Returns
-    /// the number of rulings, or 0 if there are too few or the rest is no darker.
+    /// the number of rulings, or 0 if there are too few or if the remaining ink is not darker.
     pub(super) fn drop_rulings(&mut self) -> usize {
         let rulings: Vec<Ruling> =
             [false, true].into_iter().flat_map(|is_upright| self.rulings(is_upright)).collect();
@@ -74,7 +73,7 @@ impl Field {
         (x < self.width && y < self.height).then(|| y * self.width + x)
     }
 
-    /// Returns the pixels within `reach` of a ruling's middle at a position along it.
+    /// Returns the pixels across a ruling within `reach` of its middle, at a position along it.
     fn near(&self, ruling: &Ruling, along: usize, reach: usize) -> impl Iterator<Item = usize> {
         let middle = self.middle(ruling, along);
         let across = middle.saturating_sub(reach)..=middle + reach;
@@ -110,7 +109,7 @@ impl Field {
         pairs.collect()
     }
 
-    /// The ruling with the contrast along it. `None` if there is no ink along nearly all of it.
+    /// Returns a ruling with its contrast, or `None` if too much of its length has no ink.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
     fn inked(&self, ruling: Ruling) -> Option<Ruling> {
         let length = self.length(ruling.is_upright);
@@ -126,8 +125,8 @@ impl Field {
         (least >= INKED * ruling.contrast).then_some(Ruling { contrast, ..ruling })
     }
 
-    /// Returns the middle, width and contrast of each narrow mark of ink across the picture at a
-    /// position.
+    /// Returns the middle, width and contrast of each narrow mark of ink on a line across the
+    /// picture.
     fn marks(&self, is_upright: bool, along: usize) -> Vec<(f64, usize, f64)> {
         let side = self.length(!is_upright);
         let contrast = |across: usize| {
@@ -138,7 +137,7 @@ impl Field {
         let mut start = 0;
         let mut marks = Vec::new();
         for run in contrasts.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
-            // The part of the run that is dark, which ends in a picture's margin of paper.
+            // Selects the dark part of the run, which ends at the picture's margin of paper.
             let most = run.iter().copied().fold(0.0, f64::max);
             let dark = |contrast: &f64| *contrast >= HALF * most;
             let (from, to) = (run.iter().position(dark), run.iter().rposition(dark));

@@ -11,13 +11,13 @@ pub(super) type Numbered<T> = Vec<(usize, T)>;
 const HUES: [&str; 9] =
     ["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink", "red"];
 const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0];
-/// Minimum chroma, out of 255, of a color that has a hue, and the levels that separate black, gray
+/// Minimum chroma, out of 255, of a color with a hue name, and the levels that separate black, gray
 /// and white.
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];
 
-/// Returns the strokes that the options `ink` and `without` choose, with their numbers. Fails if
-/// none is left, or if they name what the drawing does not have.
+/// Returns the strokes that the options `ink` and `without` select, with their numbers. Fails if
+/// none is left, or if the options name strokes that the drawing lacks.
 pub(super) fn chosen<T>(
     strokes: Vec<T>,
     color: impl Fn(&T) -> Option<[u8; 3]>,
@@ -27,7 +27,7 @@ pub(super) fn chosen<T>(
     let colors: Vec<Option<&str>> = strokes.iter().map(|stroke| color(stroke).map(name)).collect();
     let wanted = named("ink", &options.ink, &colors)?;
     let unwanted = named("without", &options.without, &colors)?;
-    // An empty list of wanted strokes chooses all strokes.
+    // An empty list of wanted strokes selects all strokes.
     let is_all = !wanted.contains(&true);
     let is_empty = strokes.is_empty();
     let mut kept: Numbered<T> = (1..).zip(strokes).collect();
@@ -51,8 +51,8 @@ pub(super) fn in_source<'a>(
     }))
 }
 
-/// Returns true for each stroke that a list such as `2,5-7,red` names. Fails for a part of the list
-/// that the drawing does not have. `key` is the setting that contains the list.
+/// Returns true for each stroke that a list such as `2,5-7,red` names. Fails if the drawing lacks
+/// an item of the list. `key` is the setting that contains the list.
 fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
     let n_strokes = colors.len();
     let mut named = vec![false; n_strokes];

@@ -9,12 +9,12 @@ use noctograph_core::geometry::distance;
 /// Four corners in pixels of a picture, clockwise from the upper left.
 pub(super) type Corners = [[f64; 2]; 4];
 
-/// Width of the sheet's edge that takes the color next to it, relative to the longer side. Corners
+/// Width of the sheet's border that gets the color next to it, relative to the longer side. Corners
 /// that are set by hand may include a sliver of the desk.
 const SLIVER: f64 = 0.008;
 
 /// True if four corners follow each other clockwise around a convex quadrilateral, and each turn
-/// spans more than one pixel of area.
+/// spans an area of more than one square pixel.
 pub(super) fn is_convex(corners: &Corners) -> bool {
     (0..4).all(|k| {
         let [a, b, c] = [0, 1, 2].map(|step| corners[(k + step) % 4]);
@@ -37,7 +37,7 @@ pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
             (f64::from(n) + 0.5).clamp(sliver, (f64::from(side) - sliver).max(sliver))
         };
         let [x, y] = in_picture.apply([inner(x, width), inner(y, height)]);
-        // Outside of the picture, the sheet has the color of the picture's edge.
+        // Parts of the sheet outside the picture get the color of the picture's edge.
         let (x, y) = ((x - 0.5).clamp(0.0, right) as f32, (y - 0.5).clamp(0.0, bottom) as f32);
         interpolate_bilinear(picture, x, y).unwrap_or(Rgb([0; 3]))
     })

@@ -12,14 +12,14 @@ use noctograph_core::files::Budget;
 /// Maximum number of elements with repetitions. usvg keeps about 500 bytes for each.
 const MAX_ELEMENTS: f64 = 1e5;
 
-/// Maximum size of their attributes in bytes.
+/// Maximum total size of these elements' attributes, in bytes.
 const MAX_BYTES: f64 = (16 << 20) as f64;
 
 /// Maximum depth of nested elements, including those of `use`.
 const MAX_DEPTH: usize = 128;
 
-/// Maximum sum of the coordinates of all curves in user units. usvg outlines every stroke for its
-/// bounding box: curves of 10³ take 5 µs each and of 10⁶ 0.4 ms, and arcs become several curves.
+/// Maximum sum of the coordinates of all curves in user units. To compute bounding boxes, usvg
+/// outlines strokes: 5 µs for a curve of 10³, 0.4 ms for one of 10⁶. Arcs become several curves.
 const MAX_CURVES: f64 = 1e9;
 
 /// Path commands that draw curves.
@@ -38,7 +38,7 @@ pub(super) fn check<'a, 'input>(
     styles: &Styles<'a, 'input>,
     budget: &Budget,
 ) -> Result<(), String> {
-    // Percentages are relative to the lengths of a page.
+    // Percentages are relative to the width and height of a page.
     let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
     let lengths =
         pages.flat_map(|node| ["viewBox", "width", "height"].map(|name| node.attribute(name)));
@@ -69,7 +69,7 @@ pub(super) fn check<'a, 'input>(
     Ok(())
 }
 
-/// A counter of the work of elements.
+/// A counter for the work that elements cause.
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,
@@ -134,11 +134,11 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         node.children().filter(Node::is_element).chain(linked).collect()
     }
 
-    /// Returns the element that a declaration of another one makes usvg repeat, or `None` if it
-    /// refers to none.
+    /// Returns the element that usvg repeats because of a declaration of another element, or `None`
+    /// if there is none.
     fn linked(&self, tag: &str, name: &str, value: &str) -> Option<Node<'a, 'input>> {
-        // A link of `a` leads to another page. Of paints, usvg repeats gradients, but not patterns,
-        // whose content was removed.
+        // The link of an `a` element leads to another page. Among paints, usvg repeats gradients
+        // but not patterns, whose content was removed.
         let is_paint = matches!(name, "fill" | "stroke");
         if !is_paint && !matches!(name, "clip-path" | "mask") && (name != "href" || tag == "a") {
             return None;

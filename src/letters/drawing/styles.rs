@@ -1,4 +1,4 @@
-//! Styles: the declarations of an SVG file's elements as usvg reads them, and the work of doing so.
+//! Styles: the declarations of an SVG file's elements as usvg reads them, and the work of reading.
 //!
 //! usvg resolves style sheets with simplecss, which silently skips parts that it does not know.
 //! simplecss runs here before usvg, so that skipped parts are named and the work is bounded.
@@ -15,30 +15,30 @@ use noctograph_core::files::Budget;
 use noctograph_core::place::{Place, Segment};
 
 /// Budget steps for comparing two names, for expanding an entity, and for matching a rule with an
-/// element, and the maximum number of steps of a match.
+/// element, and maximum number of steps for a match.
 const STEPS_PER_NAME: usize = 4;
 const STEPS_PER_ENTITY: usize = 200;
 const STEPS_PER_MATCH: usize = 50;
 const MAX_MATCH_STEPS: usize = 2_000_000_000;
 
-/// Maximum number of entities that the parser expands for one reference, and maximum size of all of
-/// them in bytes.
+/// Maximum number of entities that the parser expands for one reference, and maximum total size of
+/// all entities, in bytes.
 const MOST_WITHIN: usize = 256;
 const MAX_ENTITY_BYTES: usize = 16 << 20;
 
-/// Memory for a declaration and for a selector, in bytes.
+/// Memory that a declaration and a selector need, in bytes.
 const DECLARATION: usize = 48;
 const SELECTOR: usize = 200;
 
-/// Rules starting with `@` that do not change a still picture on a screen.
+/// Rules starting with `@` that do not affect a still picture on a screen.
 const WITHOUT_EFFECT: [&str; 6] =
     ["charset", "font-face", "keyframes", "-webkit-keyframes", "namespace", "media print"];
 
-/// Maximum number of names in a list of unsupported features, and maximum characters of a name.
+/// Maximum number of names in a list of unsupported features, and maximum length of a name.
 const MAX_NAMES: usize = 20;
 const MAX_NAME_LENGTH: usize = 80;
 
-/// Help for an unsupported feature.
+/// Help text for an unsupported feature.
 const HELP: &str = "convert it to plain paths in the editor of the drawing";
 
 /// Unsupported features by name and treatment, with the number of elements and the first one's
@@ -70,8 +70,8 @@ impl Named {
 }
 
 /// Charges the entities, attributes and namespaces of a file to a budget. The parser compares each
-/// attribute with all others of its tag, each prefix with all namespaces around it, and each
-/// reference with all entities. The error names entities that become too large.
+/// attribute with all others of its tag, each prefix with all namespaces in scope, and each
+/// reference with all entities. The error names entities that expand too much.
 pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), String> {
     // Each reference is looked up among all entities, and replaced by the entity's text.
     let (mut n_entities, mut longest, mut references) = (0, 0, xml.matches('&').count());
@@ -95,7 +95,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         budget
             .spend_steps(references.saturating_mul(STEPS_PER_ENTITY + STEPS_PER_NAME * n_entities));
     }
-    // Attributes of a tag are compared with each other, prefixes with the namespaces around.
+    // A tag's attributes are compared with each other, and prefixes with the namespaces in scope.
     let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
@@ -111,8 +111,8 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// Declarations of an element: name, value, and true if it comes from CSS. If a name occurs several
-/// times, the last one is in force.
+/// Declarations of an element: name, value, and whether it comes from CSS. If a name occurs several
+/// times, its last value applies.
 pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 
 /// The declarations of all elements, and the number of steps to compute them.
@@ -166,7 +166,7 @@ impl<'a, 'input> Styles<'a, 'input> {
         self.declared.get(&node.id()).map_or(0, |(_, steps)| *steps)
     }
 
-    /// Returns the value in force of an element's property or attribute, if it is declared.
+    /// Returns the effective value of an element's property or attribute, if it is declared.
     pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
         let declared = self.declared(node).iter().rev();
         declared.filter(|entry| entry.0 == name).map(|entry| entry.1.trim()).next()
@@ -178,7 +178,7 @@ impl<'a, 'input> Styles<'a, 'input> {
         first.is_none_or(|first| first.id() == node.id())
     }
 
-    /// True if a style sheet may have a rule for an id.
+    /// True if a style sheet may contain a rule for an id.
     pub(super) fn has_rule_of(&self, id: &str) -> bool {
         let is_name = |sign: char| sign.is_alphanumeric() || sign == '-' || sign == '_';
         let name = format!("#{id}");
@@ -206,14 +206,14 @@ fn declarations<'a>(
     named: &mut Named,
 ) -> Result<(Declared<'a>, usize)> {
     // Attributes come first, followed by the rules and the style, sorted by importance. The last
-    // declaration of a name is in force.
+    // declaration of a name applies.
     let attributes = node.attributes().filter(|attribute| {
         matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
             && !matches!(attribute.name(), "style" | "class")
     });
     let mut declared: Declared<'a> =
         attributes.map(|attribute| (attribute.name(), attribute.value(), false)).collect();
-    // Each rule costs ten steps, in addition to those of matching.
+    // Each rule costs ten steps, in addition to the steps of matching.
     let n_steps = Cell::new(10 * sheet.rules.len());
     let element = Matched { node, n_steps: &n_steps };
     let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
@@ -231,7 +231,7 @@ fn declarations<'a>(
     Ok((declared, n_steps.get()))
 }
 
-/// True if quotation marks of a style sheet may be escaped. A sheet with escapes is not passed to
+/// True if a style sheet may contain escaped quotation marks. A sheet with escapes is not passed to
 /// usvg.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
@@ -244,10 +244,10 @@ fn tokenizing_steps(css: &str) -> usize {
 }
 
 /// Names the unsupported parts of a style sheet, and charges its work and memory to a budget. Each
-/// selector of a list has the declarations of its rule.
+/// selector in a list gets the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
     budget.steps(tokenizing_steps(sheet))?;
-    // The head of a block has its selectors, preceded by rules that start with @.
+    // The part before a block contains its selectors, preceded by rules that start with @.
     for block in without_strings(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
         for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {
@@ -288,21 +288,21 @@ fn without_strings(sheet: &str) -> String {
     kept + rest
 }
 
-/// True if the parser of declarations stops before the last one.
+/// True if the parser stops before the last of the declarations.
 fn breaks_off(declarations: &str) -> bool {
     let n_written = declarations.split(';').filter(|part| !part.trim().is_empty()).count();
     DeclarationTokenizer::from(declarations).count() < n_written && !declarations.contains("url(")
 }
 
-/// An element as simplecss sees it, and the number of steps of its queries.
+/// An element in the form that simplecss queries, and the number of steps of these queries.
 struct Matched<'a, 'input, 's> {
     node: Node<'a, 'input>,
     n_steps: &'s Cell<usize>,
 }
 
 impl<'a, 'input> Matched<'a, 'input, '_> {
-    /// Returns a related element, counted as one match. Returns `None` for none, or after too many
-    /// steps.
+    /// Returns a related element, which counts as one match. Returns `None` if there is none, or if
+    /// there were too many steps.
     fn related(&self, node: Option<Node<'a, 'input>>) -> Option<Self> {
         let n_steps = self.n_steps;
         n_steps.set(n_steps.get() + STEPS_PER_MATCH);
@@ -349,7 +349,7 @@ mod tests {
     fn entities_are_counted_where_they_are_put_in() {
         let small = "<!DOCTYPE svg [<!ENTITY ns 'http://ns.adobe.com/'>]><svg a='&ns;' b='&lt;'/>";
         check(small).unwrap();
-        // Expanding these entities takes quadratic work: 120 kB are inserted 40,000 times.
+        // Expanding these entities takes quadratic time, because 120 kB are inserted 40,000 times.
         let wide = format!(
             "<!DOCTYPE svg [<!ENTITY a '{}'>]><svg a='{}'/>",
             "x".repeat(120_000),

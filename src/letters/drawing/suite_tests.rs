@@ -3,11 +3,11 @@
 //! `crates/resvg/tests/tests`).
 //!
 //! `NOCTOGRAPH_DRAWINGS=FOLDER cargo test --profile work -p noctograph-letters suite -- --ignored
-//! --nocapture`. A stroke is wrong if it is neither on an edge of the picture nor in ink like the
-//! center of a line. A file counts as named if it is refused or a warning names what is not
-//! followed. Edges without a stroke near them are listed for inspection. Fills have strokes at
-//! their edge, center lines at half the line's width, and a thick or transparent border has two
-//! more edges.
+//! --nocapture`. A stroke is wrong if it is neither on an edge of the picture nor inside ink like a
+//! center line. A file counts as named if it is rejected or a warning names unsupported features.
+//! Edges without a stroke near them are listed for inspection. Strokes of fills lie on edges,
+//! center lines half the line's width from edges, and a thick or transparent border has two more
+//! edges.
 
 use std::path::{Path, PathBuf};
 
@@ -17,16 +17,16 @@ use super::{Ink, draw};
 /// Maximum distance in pixels between a stroke and its edge.
 const NEAR_PX: f32 = 2.5;
 
-/// Minimum difference between the colors of neighbors at an edge, in a channel, out of 255.
+/// Minimum difference between colors on either side of an edge, in any channel, out of 255.
 const EDGE: i32 = 24;
 
 /// Minimum difference between ink and the color of the paper.
 const INK: i32 = 12;
 
-/// Fractions of the strokes and edges in question that corners of miters and caps explain.
+/// Maximum fractions of unmatched strokes and edges that corners of miters and caps explain.
 const CORNERS: [f32; 2] = [0.02, 0.04];
 
-/// Number of pixels in question that noise explains.
+/// Maximum number of unmatched pixels that noise explains.
 const FEW_PX: f32 = 6.0;
 
 /// A reference picture on paper.
@@ -79,11 +79,11 @@ fn difference(a: [i32; 3], b: [i32; 3]) -> i32 {
     (0..3).map(|i| (a[i] - b[i]).abs()).max().unwrap_or(0)
 }
 
-/// Returns the distance of each pixel to the nearest marked one, in steps of 1 and √2.
+/// Returns the distance from each pixel to the nearest marked pixel, in steps of 1 and √2.
 fn distances(marked: &[bool], [width, height]: [usize; 2]) -> Vec<f32> {
     let mut far: Vec<f32> = marked.iter().map(|mark| if *mark { 0.0 } else { 1e9 }).collect();
     let n = far.len();
-    // Goes forward and then backward, since a pixel has neighbors before it and after it.
+    // Goes forward and then backward, because a pixel has neighbors before and after it.
     for (order, sign) in [((0..n).collect::<Vec<_>>(), -1), ((0..n).rev().collect(), 1)] {
         for index in order {
             for (dx, dy) in [(sign, 0), (sign, sign), (0, sign), (-sign, sign)] {
@@ -111,8 +111,8 @@ fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// Returns how many points of strokes are on nothing, out of how many, and how many edges have no
-/// stroke, out of how many.
+/// Returns two pairs of a number and its total: stroke points that are on neither edge nor ink, and
+/// edge pixels without a stroke.
 fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
     let mut bare = picture.is_edge.clone();
     let mut stray = 0.0;

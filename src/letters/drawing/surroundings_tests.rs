@@ -1,4 +1,4 @@
-//! A disc has a single outline in every paint and surrounding that shows it completely.
+//! Tests that a disc has a single outline in every paint and surroundings that show all of it.
 
 use proptest::prelude::*;
 
@@ -8,8 +8,7 @@ use noctograph_core::geometry::{distance, polyline_length_m};
 /// Center of the page, which is 200 by 100.
 const MIDDLE: [f64; 2] = [100.0, 50.0];
 
-/// Paints that are not a single value, as definitions and attributes. Each paint covers the whole
-/// disc.
+/// Paints, as definitions and attributes. Each paint covers the whole disc.
 const PAINTS: [(&str, &str); 7] = [
     ("", "fill='teal'"),
     ("", "style='fill:currentColor' color='#08f'"),

@@ -1,8 +1,8 @@
-//! Reads an SVG file as lines, as a browser shows it.
+//! Converts an SVG file to the lines that a browser would show.
 //!
 //! usvg resolves styles, `use`, basic shapes, nested viewports and paints, and kurbo applies
 //! dashes. Clips, masks, the page's edge and occlusion are handled in [`visibility`]. Warnings name
-//! unsupported features ([`notes`]), and text is refused.
+//! unsupported features ([`notes`]), and files with text are rejected.
 //!
 //! [`visibility`]: super::visibility
 //! [`notes`]: super::notes
@@ -35,17 +35,17 @@ const MAX_NODES: u32 = 200_000;
 /// Length of the line that represents a point of light, relative to the page's larger side.
 const POINT: f64 = 2e-5;
 
-/// Length of a dash of zero length, which may be a point, relative to the period of its pattern.
+/// Length given to zero-length dashes, which may be points, relative to their pattern's period.
 const DASH: f64 = 1e-5;
 
-/// Opacity of a gradient: it covers what is beneath it, but is not one of its colors everywhere.
+/// Opacity of a gradient, which covers what is beneath it but does not have a single color.
 const GRADIENT: f64 = 0.95;
 
 /// Hint for a file that contains text.
 const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Object to Path; \
                     Illustrator: Type > Create Outlines)";
 
-/// A drawing in its own units, with y up.
+/// A drawing in the units of its file, with y up.
 pub(super) struct Drawing {
     items: Vec<Item>,
 }
@@ -71,8 +71,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
             named.add("another file (`xml-stylesheet`)", "not followed", node);
         }
     }
-    // usvg repeats elements that are used again, so their work is counted as well. Features that it
-    // does not follow are removed.
+    // Counts the work of all elements, including repetitions by usvg, and removes features that
+    // usvg does not support.
     let styles = Styles::new(&document, &budget, &mut named)?;
     let too_large = |cause| refused(file, cause).coded(super::LARGE);
     size::check(root, &styles, &budget).map_err(too_large)?;
@@ -157,11 +157,11 @@ fn name_signs<'a, 'input: 'a>(
     Ok(())
 }
 
-/// Index of an element, half the width of its stroke if that is opaque, and a part of the element.
+/// An element's index, half the width of its stroke if this is opaque, and a part of the element.
 type Reaching = (usize, f64, Item);
 
 /// Returns the visible parts of elements from back to front, and the number of elements that do not
-/// stand out from what is beneath.
+/// stand out from what is beneath them.
 fn visible(
     painted: &[Painted],
     page: &Page<'_>,
@@ -174,7 +174,7 @@ fn visible(
         if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
-        // A stroke is drawn as its line with its dashes. Dashes of zero length become points.
+        // A stroke is drawn as its line, including dashes. Dashes of zero length become points.
         let (mut line, mut reach) = (item.path.clone(), 0.0);
         if let Some((_, alpha, style)) = &item.stroke {
             let (dashes, shortest) = dashed(line, style, item.placed, &mut n_points_left, file)?;
@@ -186,7 +186,7 @@ fn visible(
         let (visible_part, is_alike) = page.visible(index, item, &line);
         scale.budget.check()?;
         n_alike += usize::from(is_alike);
-        // The part that clips, masks and later elements leave visible.
+        // Keeps the part that clips, masks and later elements leave visible.
         let parts = match visible_part {
             Visible::Stroke(color) => vec![Item::Whole(line, color)],
             Visible::Outline(color) => vec![Item::Whole(item.closed(), color)],
@@ -230,7 +230,7 @@ fn refused(file: &str, cause: String) -> Error {
     Error::input(file, cause, "an SVG drawing", hint)
 }
 
-/// Checks that a root element is that of a drawing. The error names the cause.
+/// Checks that a root element is that of an SVG drawing. The error names the cause.
 fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> {
     let (name, namespace) = (root.tag_name().name(), root.tag_name().namespace());
     match namespace {
@@ -242,7 +242,7 @@ fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> 
     }
 }
 
-/// Parses the tree of an edited file. The error names the cause.
+/// Parses the element tree of an edited file. The error names the cause.
 fn parse_tree(edited: &str) -> std::result::Result<Tree, String> {
     // Pictures are not drawn, so they are not opened.
     let image_href_resolver = ImageHrefResolver {
@@ -284,8 +284,8 @@ impl Drawing {
     }
 }
 
-/// Returns the bounding box of items: left, bottom, right and top. The box is inverted without
-/// items.
+/// Returns the bounding box of items: left, bottom, right and top. The box is inverted if there are
+/// none.
 fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     let bounds = items.map(|item| match item {
         Item::Whole(path, _) => {
@@ -307,12 +307,12 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(value[1..].split_once(quote)?.0.to_owned())
 }
 
-/// Decodes the text of a file by the encoding of its first bytes or its declaration, or as UTF-8.
+/// Decodes a file by the encoding that its first bytes or its declaration indicate, or as UTF-8.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
     }
-    // A web page decodes texts of all encodings and passes on UTF-8, so its module needs no tables.
+    // Browsers decode all encodings and pass on UTF-8, so the web module needs no tables.
     #[cfg(not(target_family = "wasm"))]
     if let Some(encoding) = foreign_encoding(bytes)? {
         let (text, _, is_broken) = encoding.decode(bytes);
@@ -326,7 +326,7 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// Returns the encoding that a file's first bytes or its declaration name, or `None` for UTF-8.
+/// Returns the encoding that a file's first bytes or its declaration indicate, or `None` for UTF-8.
 #[cfg(not(target_family = "wasm"))]
 fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encoding>, String> {
     let encoding = match bytes {
@@ -339,7 +339,7 @@ fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encodin
             (Some((encoding, _)), _) => encoding,
             (None, None) => UTF_8,
             (None, Some(name)) => match Encoding::for_label(name.as_bytes()) {
-                // The bytes themselves would show UTF-16, so the declaration is wrong.
+                // UTF-16 would be evident from the bytes, so this declaration is wrong.
                 Some(encoding) if encoding == UTF_16LE || encoding == UTF_16BE => UTF_8,
                 Some(encoding) => encoding,
                 None => return Err(format!("a drawing in the encoding {name}")),
@@ -358,7 +358,7 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Returns the elements of a page from back to front, inside its edge if it has one.
+    /// Returns the elements of a page from back to front, limited by its edge if it has one.
     fn page(&mut self, tree: &Tree, has_edge: bool) -> Vec<Painted> {
         let (mut cuts, mut painted) = (Vec::new(), Vec::new());
         if has_edge {
@@ -390,7 +390,7 @@ impl<'a> Walk<'a> {
         if alpha <= 0.0 {
             return;
         }
-        // The group's clips and masks, and those of these, cut everything in the group.
+        // A group's clips and masks, including nested ones, apply to everything in the group.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
@@ -415,7 +415,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Returns a mask of a group with a transform. Unlike in a clip, strokes count in a mask.
+    /// Returns the mask of a transformed group. Strokes count in masks, but not in clips.
     fn mask(&mut self, mask: &usvg::Mask, placed: Affine) -> Cut<'a> {
         let scale = self.scale;
         let mut parts = Vec::new();
@@ -467,12 +467,12 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// Returns the color and the opacity of a paint. A gradient has the color of its middle visible
-    /// stop and about its mean opacity. In a mask it is as light as its lightest stop.
+    /// Returns the color and the opacity of a paint. A gradient is represented by the color of its
+    /// middle visible stop and about its mean opacity. In a mask it counts as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
-            // A pattern is dense enough to be visible, but transparent.
+            // A pattern is treated as visible but half transparent.
             usvg::Paint::Pattern(_) => return ([0; 3], 0.5),
             usvg::Paint::LinearGradient(gradient) => gradient.stops(),
             usvg::Paint::RadialGradient(gradient) => gradient.stops(),
@@ -538,7 +538,7 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
 }
 
 /// Returns the dashes of a path, or the path itself if it has no pattern, and the maximum length of
-/// a dash that represents a point. Under an uneven transform dashes get their mean length. Fails if
+/// a dash that represents a point. If a transform is uneven, dashes get their mean length. Fails if
 /// the drawing has too many points.
 fn dashed(
     drawn: BezPath,
@@ -550,7 +550,7 @@ fn dashed(
     if style.dash_pattern.is_empty() {
         return Ok((drawn, 0.0));
     }
-    // A point becomes a dash of length `least`, by which the gap after it gets shorter.
+    // A point becomes a dash of length `least`, and the gap after it is shortened accordingly.
     let scale = placed.determinant().abs().sqrt();
     let mut dashes: Vec<f64> = style.dash_pattern.iter().map(|dash| scale * dash).collect();
     let period: f64 = dashes.iter().sum();
@@ -570,7 +570,7 @@ fn dashed(
     Ok((kurbo::dash(drawn.iter(), offset, &dashes).collect(), 1.5 * least))
 }
 
-/// Replaces subpaths of zero length, and lines up to `shortest`, by points of light if their caps
+/// Replaces subpaths of zero length, and lines up to `shortest`, with points of light if their caps
 /// are visible. Other such lines are removed.
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();

@@ -1,4 +1,4 @@
-//! Tests that what a browser shows of an SVG file is drawn, and that what is not followed is named.
+//! Tests that SVG files are drawn as in a browser, and that unsupported features are named.
 
 use super::tests::drawn_in;
 use super::*;
@@ -103,7 +103,7 @@ fn a_mask_shows_what_is_light_in_it() {
     assert!(
         read(page(&format!("<mask id='m'>{faint}</mask>{lines}")).as_bytes()).unwrap().0.is_empty()
     );
-    // A gradient in a mask is as light as its lightest stop, with a warning.
+    // A gradient in a mask counts as its lightest stop, and gives a warning.
     let fading = "<linearGradient id='g'><stop stop-color='white'/><stop offset='1'/>\
                   </linearGradient><mask id='m'><rect width='200' height='100' fill='url(#g)'/></mask>";
     let (drawn, warnings) = read(page(&format!("{fading}{lines}")).as_bytes()).unwrap();
@@ -179,7 +179,7 @@ fn a_rim_is_where_two_colors_meet() {
     let circles = "<circle cx='60' cy='50' r='30'/><circle cx='90' cy='50' r='30'/>";
     let (lines, _) = read(page(circles).as_bytes()).unwrap();
     let length: f64 = lines.iter().map(|line| polyline_length_m(line)).sum();
-    // Each circle lies inside the other over an angle of 2 acos(1/2).
+    // An arc of 2 acos(1/2) of each circle lies inside the other circle.
     let wanted = 2.0 * 30.0 * (std::f64::consts::TAU - 2.0 * libm::acos(0.5));
     assert!((length - wanted).abs() < 1.0, "a union: {length}, {wanted}");
     let ring = "<circle cx='60' cy='50' r='30'/><circle cx='60' cy='50' r='20' fill='#fff'/>";
@@ -248,7 +248,7 @@ fn fills_are_closed_by_the_rule_of_painting() {
     assert_eq!(ends(&stroked.replace("red", "none")), [[10, 10, 10, 90]]);
     let again = "<path d='M10 10H40V40ZV50H20'/>";
     assert_eq!(ends(again), [[10, 10, 10, 10], [10, 10, 10, 10]], "after it was closed");
-    // Traced flags have hundreds of fills that go back along the same line (iso-flags: aw.svg).
+    // Traced flags contain hundreds of fills that go back along the same line (iso-flags: aw.svg).
     let flat = "<path d='m48.333 12 1.3 1-1.3-1m70 9 1 1zM10 10H40V40ZM60 60C70 70 80 80 90 90Z'/>";
     assert_eq!(ends(flat), [[10, 10, 10, 10]], "what encloses nothing is not painted");
 }
@@ -523,7 +523,7 @@ fn a_namespace_taken_for_a_link_is_read_and_a_page_is_named() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig::with_cases(48))]
 
-    /// Clip art of two layers and shuffled tiles give lines with the length of the visible edges.
+    /// Tests that layered clip art and shuffled tiles give lines as long as their visible edges.
     #[test]
     fn colors_below_their_outline_and_tiles_are_as_long_as_their_lines(
         n in 2..5_u32,
@@ -543,7 +543,7 @@ proptest::proptest! {
         let fill = |k: u32| format!("fill='#{}{}f'", 3 * k % 10, 9 - k);
         let inset = inset * stroke;
         let (body, wanted) = if has_lines {
-            // The shapes are apart, each with its outline.
+            // The shapes do not touch, and each one has an outline.
             let outline = format!("fill='none' stroke='#000' stroke-width='{stroke}'");
             let colors: String = (0..n).map(|k| tile(2 * k, inset, &fill(k))).collect();
             let lines: String = (0..n).map(|k| tile(2 * k, 0.0, &outline)).collect();

@@ -2,7 +2,7 @@ use super::*;
 use crate::{Move, Pace};
 use noctograph_core::geometry::distance;
 
-/// Writes a file and draws it.
+/// Writes a drawing to a file and draws it.
 pub(super) fn drawn_in(
     name: &str,
     content: impl AsRef<[u8]>,
@@ -111,8 +111,8 @@ fn handwriting_keeps_its_order_and_where_wanted_its_pace() {
     assert_eq!(lit.len(), 3, "a tap is a dot");
     let moves = &strokes.glyphs[0].moves;
     let pace = |from_m: [f64; 2]| moves.iter().find(|m| m.lit && m.from_m == from_m).unwrap().pace;
-    // The strokes are 3 m in 2.5 s, and a tap without length. The first segment of the strokes
-    // takes 0.5 s, and the others take 1 s per meter.
+    // The strokes are 3 m long and take 2.5 s, and a tap has no length. The first segment takes 0.5
+    // s, and the others take 1 s per meter.
     let mean_m_s =
         moves.iter().filter(|m| m.lit).map(|m| distance(m.from_m, m.to_m)).sum::<f64>() / 2.5;
     assert_eq!(pace([0.0, 1.5]), 1.0, "at most the stroke speed");

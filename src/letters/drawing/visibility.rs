@@ -1,10 +1,10 @@
 //! Visibility: the parts of strokes and outlines that are inside their clips and masks, not covered
 //! by a later shape, and different from the background.
 //!
-//! A picture is layers of fills from back to front, each inside its clips and masks. A line is cut
-//! where it crosses the edges of areas, and each piece is tested near its middle, slightly to the
-//! left and to the right. Strokes in the color of the paper are areas. [`once`] handles the width
-//! of all other strokes.
+//! A picture consists of layers of fills from back to front, each inside its clips and masks. A
+//! line is cut where it crosses the edges of areas, and each piece is tested near its middle,
+//! slightly to the left and to the right. Strokes in the color of the paper count as areas.
+//! [`once`] handles the width of all other strokes.
 //!
 //! [`once`]: super::once
 
@@ -22,7 +22,7 @@ pub(super) const OPAQUE: f64 = 0.9;
 /// Maximum difference in a channel, out of 255, between two colors that count as one.
 const ALIKE: f64 = 3.0;
 
-/// Maximum distance between crossings that rounding separates, relative to the page's larger side.
+/// Maximum distance between crossings that count as one, relative to the page's larger side.
 const ROUNDING: f64 = 1e-6;
 
 /// Budget steps for a piece of a line.
@@ -31,9 +31,8 @@ const STEPS_PER_PIECE: usize = 20;
 /// Distance between a line and its test points, relative to the page's larger side.
 const BESIDE: f64 = 4e-4;
 
-/// Maximum distance between a clip's edge and a fill's path for the edge to be the outline,
-/// relative to that of the test points. A larger distance leaves gaps where a clip touches the
-/// path.
+/// Minimum distance between a clip's edge and a fill's path for the edge to be an outline, relative
+/// to that of the test points. A larger value would leave gaps where a clip touches the path.
 const TOUCH: f64 = 0.25;
 
 /// The layers of a page.
@@ -45,7 +44,7 @@ pub(super) struct Page<'a> {
     scale: Scale<'a>,
 }
 
-/// A visible part of a line, and its color.
+/// A visible part of a line, and the color of that part.
 pub(super) type Part = (Vec<[f64; 2]>, Color);
 
 /// A piece of a line, and its color if it is visible.
@@ -64,14 +63,14 @@ struct Stroked<'b, 'a> {
 }
 
 impl Stroked<'_, '_> {
-    /// True if the stroke does not stand out from a background.
+    /// True if the stroke does not stand out from a background color.
     fn blends(&self, ground: [f64; 3]) -> bool {
         let ink = self.color.map(f64::from);
         alike(ground, [0, 1, 2].map(|i| ground[i] + self.alpha * (ink[i] - ground[i])))
     }
 }
 
-/// How a stroke looks at a position: hidden, in the color of what is beneath, or in its own color.
+/// Appearance of a stroke at a position: hidden, in the color beneath it, or in its own color.
 enum Sight {
     Hidden,
     Alike,
@@ -88,8 +87,8 @@ pub(super) enum Visible {
 }
 
 impl<'a> Page<'a> {
-    /// Returns the layers of painted elements from back to front, namely all fills, and strokes in
-    /// the color of the background. The paper is black if all ink is white, and white otherwise.
+    /// Returns the layers of painted elements from back to front: all fills, and the strokes in the
+    /// color of the background. The paper is black if all ink is white, and white otherwise.
     pub(super) fn new(
         painted: &[Painted],
         cuts: &'a [Cut<'a>],
@@ -101,8 +100,8 @@ impl<'a> Page<'a> {
             painted.iter().filter_map(|item| item.stroke.as_ref().map(|(color, ..)| *color));
         let is_ink_white = fills.chain(strokes).all(|color| color == [255; 3]);
         let paper = [if is_ink_white { 0.0 } else { 255.0 }; 3];
-        // Goes from back to front, because a fill over the whole page changes the background of all
-        // that follows.
+        // Proceeds from back to front, because a fill over the whole page changes the background of
+        // later elements.
         let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
         let mut ground = paper;
         for (element, item) in painted.iter().enumerate() {
@@ -142,7 +141,7 @@ impl<'a> Page<'a> {
     }
 
     /// Returns the visible part of an element, whose stroke including its dashes is `line`. Also
-    /// returns true if a part of that line is invisible because it has the color of the background.
+    /// returns true if part of that line is invisible because of the background's color.
     pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
         let extent = extent(item);
         // Only layers near the element can hide it.
@@ -163,11 +162,11 @@ impl<'a> Page<'a> {
         self.visible_stroke(&Stroked { index, item, near: &near, fill, color, alpha }, line)
     }
 
-    /// Returns the visible part of a stroke along `line`, and the sides that only its fill closes.
-    /// Also returns true if a part is invisible because it has the color of the background.
+    /// Returns the visible part of a stroke along `line`, and of the outline that only its fill
+    /// shows. Also returns true if a part is invisible because it has the color of the background.
     fn visible_stroke(&self, stroked: &Stroked<'_, 'a>, line: &BezPath) -> (Visible, bool) {
         let Stroked { index, item, near, fill, color, .. } = *stroked;
-        // The sides that only the fill or a clip closes.
+        // Computes the sides of the fill that the stroke does not draw.
         let closing = fill.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
         let (mut sides, _) = self.parts(&closing, item, near, &mut |place, sides| {
             self.outline_color(near, fill?, true, place, sides)
@@ -200,7 +199,7 @@ impl<'a> Page<'a> {
     /// Determines how a stroke looks at a position, from the positions to its left and right.
     fn sight(&self, stroked: &Stroked<'_, 'a>, place: [f64; 2], sides: [[f64; 2]; 2]) -> Sight {
         let Stroked { index, item, near, fill, color, .. } = *stroked;
-        // The stroke is only hidden if it is hidden on both sides as well.
+        // A stroke counts as hidden only if it is also hidden on both sides.
         let around = [sides[0], place, sides[1]];
         if !around.iter().any(|place| self.within(&item.cuts, *place))
             || around.iter().all(|place| self.is_covered(index, near, *place))
@@ -228,12 +227,12 @@ impl<'a> Page<'a> {
         sides: [[f64; 2]; 2],
     ) -> Option<Color> {
         if is_path && sides.iter().all(|side| !fill.area.holds(*side)) {
-            // The fill is thinner than the distance of the test points.
+            // In this case, the fill is thinner than the distance between the test points.
             let is_seen =
                 !self.is_covered(fill.element, near, place) && self.within(&fill.cuts, place);
             return is_seen.then_some(fill.color);
         }
-        // If a clip ends at the fill's own path, the path is the outline.
+        // If a clip's edge touches the fill's path, the path is the outline.
         if !is_path && !sides.iter().all(|side| fill.area.holds(between(place, *side, TOUCH))) {
             return None;
         }
@@ -241,7 +240,7 @@ impl<'a> Page<'a> {
         if ![left.1, right.1].contains(&Some(fill.element)) || alike(left.0, right.0) {
             return None;
         }
-        // A hole in the color of the paper is an edge of the shape around it.
+        // A hole in the color of the paper is outlined as part of the shape around it.
         let is_paper = alike(fill.color.map(f64::from), self.paper);
         let other = [left.1, right.1].into_iter().flatten().find(|top| *top != fill.element);
         let other = other.filter(|_| is_paper);
@@ -249,7 +248,7 @@ impl<'a> Page<'a> {
         Some(around.map_or(fill.color, |layer| layer.color))
     }
 
-    /// Returns the visible parts of those edges of an element's clips that end its fill.
+    /// Returns the visible parts of the clip edges that bound an element's fill.
     fn outline_at_clips(&self, item: &Painted, near: &[&Layer<'a>], fill: &Layer<'a>) -> Vec<Part> {
         let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
         let contours = contours.filter(|line| fill.area.meets(bounds(line.iter().copied())));
@@ -262,7 +261,7 @@ impl<'a> Page<'a> {
     /// Returns the visible outline of an element's fill, or nothing if it has no fill.
     fn outline(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
         let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
-        // A path without a fill layer encloses no area.
+        // A path that has no fill layer encloses no area.
         let Some(fill) = fill else { return Visible::Parts(Vec::new()) };
         let closed = self.lines(&item.closed());
         let (mut parts, is_whole) = self.parts(&closed, item, near, &mut |place, sides| {
@@ -284,8 +283,8 @@ impl<'a> Page<'a> {
     }
 
     /// Returns the visible parts of an element's lines, and true if each line is visible as a whole
-    /// and in one color. `look` returns the color at a position of a line, from the positions
-    /// beside it, or `None` if it is hidden there.
+    /// and in one color. `look` returns the color at a position on a line, given the positions
+    /// beside it, or `None` if the line is hidden there.
     fn parts(
         &self,
         lines: &[Vec<[f64; 2]>],
@@ -293,7 +292,7 @@ impl<'a> Page<'a> {
         near: &[&Layer<'a>],
         look: &mut dyn FnMut([f64; 2], [[f64; 2]; 2]) -> Option<Color>,
     ) -> (Vec<Part>, bool) {
-        // A line can only change its look where it crosses the edge of an area.
+        // A line's appearance can change only where the line crosses the edge of an area.
         let mut areas: Vec<&Area<'a>> = near.iter().map(|layer| &layer.area).collect();
         near.iter().for_each(|layer| self.areas(&layer.cuts, &mut areas));
         self.areas(&item.cuts, &mut areas);
@@ -308,7 +307,7 @@ impl<'a> Page<'a> {
                 continue;
             }
             is_whole &= pieces.is_empty();
-            // The start of a closed line may be in the middle of a visible part.
+            // Joins the ends of a closed line, whose start may lie in the middle of a visible part.
             let closed = line.len() > 3 && is_closed(line);
             if closed && pieces.len() > 2 && pieces[0].1 == pieces[pieces.len() - 1].1 {
                 let (first, _) = pieces.remove(0);
@@ -320,7 +319,7 @@ impl<'a> Page<'a> {
         (parts, is_whole && one_color)
     }
 
-    /// Splits a line into pieces, each with the color at its middle, or `None` beyond the budget.
+    /// Splits a line into pieces, each with the color at its middle. Stops if the budget is spent.
     fn pieces(
         &self,
         line: &[[f64; 2]],
@@ -331,7 +330,7 @@ impl<'a> Page<'a> {
         let areas: Vec<&Area<'a>> =
             areas.iter().copied().filter(|area| area.meets(extent)).collect();
         let mut pieces: Vec<Piece> = Vec::new();
-        // The color of the previous piece holds up to the next edge of an area.
+        // The color of the previous piece is valid up to the next edge of an area.
         let mut last: Option<Option<Color>> = None;
         let mut fractions = Vec::new();
         for [from, to] in segments(line) {
@@ -339,7 +338,7 @@ impl<'a> Page<'a> {
             if !self.scale.budget.spend_steps(STEPS_PER_PIECE * fractions.len()) {
                 return None;
             }
-            // A single look at the middle decides for the piece between two crossings.
+            // The color at the middle applies to the whole piece between two crossings.
             for piece in fractions.windows(2) {
                 let [begin, end] = [piece[0], piece[1]].map(|fraction| between(from, to, fraction));
                 let color = last.filter(|_| !is_crossed).unwrap_or_else(|| {
@@ -374,7 +373,7 @@ impl<'a> Page<'a> {
         // Crossings that only differ by rounding count as one.
         let length = distance(from, to);
         fractions.dedup_by(|a, b| (*a - *b).abs() * length <= ROUNDING * self.scale.size);
-        // A segment has two ends, however short it is.
+        // Even a very short segment has two ends.
         match &mut fractions[..] {
             [_] => fractions.push(1.0),
             [.., end] => *end = 1.0,
@@ -383,7 +382,7 @@ impl<'a> Page<'a> {
         is_crossed
     }
 
-    /// True if a position is inside all of some cuts.
+    /// True if a position is inside all of the given cuts.
     fn within(&self, cuts: &[usize], place: [f64; 2]) -> bool {
         cuts.iter().all(|cut| match &self.cuts[*cut] {
             Cut::Page(edge) => edge.holds(place),
@@ -403,14 +402,14 @@ impl<'a> Page<'a> {
         layer.area.holds(place) && self.within(&layer.cuts, place)
     }
 
-    /// True if a layer in front of an element hides it at a position.
+    /// True if a layer in front of an element hides the element at a position.
     fn is_covered(&self, element: usize, near: &[&Layer<'a>], place: [f64; 2]) -> bool {
         let mut over = near.iter().filter(|layer| layer.element > element && layer.alpha >= OPAQUE);
         over.any(|layer| self.lies_at(layer, place))
     }
 
     /// Returns the color at a position of those layers for which `counts` is true, and the topmost
-    /// element there, if any.
+    /// element at that position, if any.
     fn color_at(
         &self,
         place: [f64; 2],
@@ -425,8 +424,8 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// True if a cut may cut something with these bounds. A page's edge outside of the bounds
-    /// cannot.
+    /// True if a cut may affect something with these bounds. The edge of a page that contains the
+    /// bounds cannot.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
         let (page, slack) = (edge.bounds, BESIDE * self.scale.size);
@@ -464,7 +463,7 @@ fn extent(item: &Painted) -> [f64; 4] {
     [bounds.x0, bounds.y0, bounds.x1, bounds.y1]
 }
 
-/// Returns the light of a layer in a mask, 0 to 1 (CSS Masking, section 7.10.1).
+/// Returns the mask value of a layer, 0 to 1 (CSS Masking, section 7.10.1).
 fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
     let [r, g, b] = layer.color.map(|channel| f64::from(channel) / 255.0);
     if by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b }
@@ -494,7 +493,7 @@ fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2];
     [[x - dy, y + dx], [x + dy, y - dx]]
 }
 
-/// Joins the pieces of a line that are too short to their neighbors.
+/// Merges pieces of a line that are too short with their neighbors.
 fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
     let mut kept: Vec<Piece> = Vec::new();
     for (points, color) in pieces {
@@ -505,7 +504,7 @@ fn without_slivers(pieces: Vec<Piece>, shortest: f64) -> Vec<Piece> {
             _ => kept.push((points, color)),
         }
     }
-    // The first piece may also be too short.
+    // The first piece may also be too short, and is then joined to the second.
     if kept.len() > 1 && polyline_length_m(&kept[0].0) < shortest {
         let (points, _) = kept.remove(0);
         kept[0].0.splice(..1, points);

@@ -177,7 +177,7 @@ fn a_solid_glyph_is_its_outline_and_a_stroke_its_center_line() {
     assert!("\u{2665}\u{2605}\u{25a0}".chars().all(is_closed), "areas");
     assert!(!"HI.".chars().any(is_closed), "lines and a dot");
     assert_eq!(face.shape('\u{2605}').unwrap().runs[0].points.len(), 11, "ten corners");
-    // This face has no letters to compare with, like a face of emoji.
+    // Like a face of emoji, this face has no letters to compare with.
     let alone = self::face(&[('\u{2605}', &[&star])]);
     assert_eq!(alone.shape('\u{2605}').unwrap().runs[0].points.len(), 11);
 }

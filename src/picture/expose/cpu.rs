@@ -1,9 +1,9 @@
 //! Draws records on the CPU, in the same integers as `splat.wgsl`.
 //!
-//! Each thread takes a band of rows, which is possible because sums of integers do not depend on
-//! the order. The inner loop works on [`LANES`] pixels at a time, in the widest registers of this
-//! processor (selected by pulp at run time). The loop goes down the columns of a box, with the
-//! curves along x in registers.
+//! Each thread processes a band of rows. Integer sums are the same for any number of bands. The
+//! inner loop works on [`LANES`] pixels at a time, in the widest registers of this processor
+//! (selected by pulp at run time). It goes down the columns of a box, while the curves along x stay
+//! in registers.
 
 #![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 
@@ -18,8 +18,8 @@ use super::record::{DITHER, Record};
 use super::tile::Tiles;
 use super::{Latent, Tint};
 
-/// Minimum number of pixels in a band, summed over the boxes of the records: about a quarter of a
-/// millisecond of work.
+/// Minimum number of pixels in a band, summed over the boxes of its records. They take about a
+/// quarter of a millisecond.
 const BAND_PIXELS: u64 = 1 << 19;
 
 /// Number of counts in a page of memory.
@@ -30,7 +30,7 @@ const PAGE: usize = 1024;
 pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = dark_counts(latent);
-    // Each band gets its rows of the three planes.
+    // Gives each band its rows of the three planes.
     let ends = ends_of_bands(&latent.tints, latent.size_px, n_bands);
     let mut remaining: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
     let starts = [0].into_iter().chain(ends.iter().copied());
@@ -62,7 +62,7 @@ pub(super) fn dark_counts(latent: &Latent) -> Vec<u32> {
 /// Returns the end row (exclusive) of each band. All bands have about the same amount of work.
 fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     let [width, height] = size_px;
-    // Counts the box pixels on each row: first as differences between rows, and then summed up.
+    // Counts the box pixels on each row, as cumulative sums of differences between rows.
     let mut pixels = vec![0_i64; height as usize + 1];
     for record in tints.iter().flat_map(|tint| &tint.records) {
         let [columns, rows] = record.inside(width, &(0..height));
@@ -119,7 +119,7 @@ fn add<const N: usize>(
     [columns, rows]: [Range<u32>; 2],
     tiles: &mut Tiles,
 ) {
-    // Start of these columns and rows within the box.
+    // Computes where these columns and rows start within the box.
     let [i, j] = [(&columns, record.x), (&rows, record.y)]
         .map(|(part, first)| (part.start.cast_signed() - first) as usize);
     let across: [[&[u32]; 2]; N] = std::array::from_fn(|k| curves.across(k, j..j + rows.len()));
@@ -135,7 +135,7 @@ fn add<const N: usize>(
         let mut dither: [u32; LANES] = std::array::from_fn(|lane| {
             dither.wrapping_add(DITHER[0].wrapping_mul((c + lane) as u32))
         });
-        // Goes down the rows, and rounds the product of the curves by the dither.
+        // Goes down the rows, and rounds the products of the curves, with the dither as threshold.
         for (j, row) in pixels.chunks_exact_mut(tiles.stride).enumerate() {
             let counts: &mut [u32; LANES] =
                 row[x..].first_chunk_mut().expect("rows are as long as whole lanes");
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn any_number_of_bands_leaves_the_same_bits() {
         for (name, mut latent) in scenes() {
-            // Enough records for several bands are added.
+            // Repeats records until there are enough for several bands.
             for tint in &mut latent.tints {
                 tint.records = tint.records.iter().cycle().take(40_000).copied().collect();
             }

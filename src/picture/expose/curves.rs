@@ -1,13 +1,13 @@
 //! Fixed-point profiles (curves) of a record's spots. CPU and GPU multiply the same integers.
 //!
 //! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ, or a rectangle blurred by one.
-//! Both kinds of spots are the product of one curve along each axis of the picture. A pixel gets `Σ
-//! along[i] × across[j]` over the spots of the record. The curve across includes the light and the
-//! scale. Curves are divided by their sums, so that a spot keeps its light at any position between
-//! pixels and after rounding.
+//! Both kinds of spots are the product of one curve along each axis of the picture. A pixel's light
+//! is `Σ along[i] × across[j]` over the spots of the record. The curve across includes the light
+//! and the scale. Curves are divided by their sums, so that a spot keeps its light at any position
+//! between pixels and after rounding.
 //!
-//! The curves are computed in f32 with `+ - ×`, for rectangles also in f64 with `÷`, then in
-//! integers. Eight lanes are added up in a fixed order, so that every machine gives the same bits.
+//! The curves are computed in f32 with `+ - ×` (for rectangles also in f64 with `÷`), then in
+//! integers. Eight lanes are added in a fixed order, so the bits are the same on every machine.
 
 use std::ops::Range;
 
@@ -17,11 +17,11 @@ use crate::narrow;
 /// Number of pixels that are computed at once: those of a 256-bit register.
 pub(super) const LANES: usize = 8;
 
-/// Peak of the curve along. Steps of 1.5e-5 of the peak cause an error of 7.6e-6.
+/// Peak of the curve along a row. Its steps, 1.5e-5 of the peak, cause an error of 7.6e-6.
 const ALONG: f32 = 65_535.0;
 
-/// Number of bits in the lower part of a curve across. Four products of either part with a curve
-/// along stay below 2^32.
+/// Number of bits in the lower part of a curve across. The sum of four products of either part with
+/// a curve along a row stays below 2^32.
 pub(super) const LOW_BITS: u32 = 14;
 
 /// Number of bits in the sum of a pixel, in counts times `2^shift`. The upper parts stay below
@@ -32,13 +32,13 @@ const SUM_BITS: i32 = 30;
 /// and too many to unroll.
 const STEP: usize = 32;
 
-/// Exponent of 2 that represents zero.
+/// Exponent of 2 that is used in place of zero.
 const ZERO_EXPONENT: f32 = -125.0;
 
 /// The curves of the spots of one record.
 #[derive(Debug, Default)]
 pub(super) struct Curves {
-    /// Curves along a row of the box, spot after spot, zero-padded to whole lanes and one more.
+    /// Curves along a row of the box, spot after spot, with zeros up to whole lanes and one more.
     along: Vec<u32>,
     /// Curves down a column, spot after spot, padded with zeros to whole lanes: the bits above
     /// [`LOW_BITS`] and those below.
@@ -48,7 +48,7 @@ pub(super) struct Curves {
     strides: [usize; 2],
     /// Power of two by which the counts in sums are multiplied, from 1 to 30.
     pub(super) shift: u32,
-    /// Gaussians of all spots: first those along, then those across.
+    /// Gaussians of all spots: first along rows, and then down columns.
     bells: Vec<f32>,
 }
 
@@ -81,7 +81,7 @@ impl Curves {
         if record.half_px != [0.0; 2] {
             self.draw_rectangles(record, n_along);
         }
-        // Converts the curves along to integers, and then the curves across with the light.
+        // Converts the curves along rows to integers, and then those across with the light.
         let bells = self.bells.as_chunks::<STEP>().0;
         for (along, bells) in self.along.as_chunks_mut::<STEP>().0.iter_mut().zip(bells) {
             for (along, bell) in along.iter_mut().zip(bells) {
@@ -96,7 +96,7 @@ impl Curves {
     #[inline(always)]
     fn draw_across(&mut self, record: &Record, counts_per_lx_s: f64, n_along: usize) {
         let strides = self.strides;
-        // The finest scale at which the sum of a pixel fits into its bits.
+        // Selects the finest scale at which the sum of a pixel fits into its bits.
         let exponent = exponent(record.peak_lx_s() * counts_per_lx_s);
         self.shift = (SUM_BITS - exponent).clamp(1, SUM_BITS).cast_unsigned();
         let in_sums = f64::from(1_u32 << self.shift) * f64::from(1_u32 << LOW_BITS);
@@ -182,14 +182,14 @@ fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     }
 }
 
-/// Returns twice the part within `half_px` of x of a Gaussian about 0 of σ = 1 / (√2 `per_px`).
+/// Returns twice the integral, within `half_px` of x, of a Gaussian with σ = 1 / (√2 `per_px`).
 #[inline(always)]
 fn between(x: f64, per_px: f64, half_px: f64) -> f64 {
     error_function((x + half_px) * per_px) - error_function((x - half_px) * per_px)
 }
 
-/// Numerator and denominator of the error function over x: coefficients of powers of x², with the
-/// highest power first.
+/// Numerator and denominator of the ratio of the error function to x: coefficients of powers of x²,
+/// with the highest power first.
 const ERROR_FUNCTION: [&[f64]; 2] = [
     &[
         -2.726_142_258_013_06e-10,
@@ -223,7 +223,7 @@ pub(super) fn error_function(x: f64) -> f64 {
 const LANE: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Returns 2 to the power of a number from -125 to 0, with a relative error of 1e-7. The integer
-/// part becomes the exponent of the float, and a Taylor series gives the rest.
+/// part becomes the exponent of the float, and the rest is computed by a Taylor series.
 #[inline(always)]
 fn exp2(power: f32) -> f32 {
     let whole = power + MAGIC;
@@ -249,8 +249,8 @@ fn sum<T>(rows: &[[T; LANES]], to_integer: impl Fn(&T) -> u32) -> u32 {
     sums.iter().sum()
 }
 
-/// Unit of the sum of a curve across. The unit is fine enough for 1e-7 of the sum, and keeps the
-/// widest spot below 2^32.
+/// Unit of the sum of a curve across. It resolves 1e-7 of the sum, and keeps the sum of the widest
+/// spot below 2^32.
 const SUMMED: f32 = (1_u32 << 22) as f32;
 
 /// Unit of the upper part, and its reciprocal.

@@ -1,5 +1,4 @@
-//! Film: the exposure as integer counts, and their scale, the finest at which no pixel can
-//! overflow.
+//! Film: the exposure as integer counts, at the finest scale at which no pixel can overflow.
 //!
 //! The sum of the peaks of all records that touch a tile of 16 × 16 pixels is an upper bound for
 //! each of its pixels. One count is the smallest power of two, in lx s, at which the brightest tile
@@ -17,13 +16,13 @@ const TILE_PX: u32 = 16;
 /// Number of bits of the sum of peaks on a tile, in counts.
 const TILE_BITS: i32 = 31;
 
-/// Number of bits of the peak of a record in counts, the same as that of its curves.
+/// Number of bits of the peak of a record in counts, the same as in its curves.
 const PEAK_BITS: i32 = 30;
 
 /// Number of bits of the glow of the floor, in counts.
 const GLOW_BITS: i32 = 30;
 
-/// Finest scale, which is fine enough for any light and far from underflow.
+/// Finest scale, sufficient for any light and far from underflow.
 const MIN_SCALE_LOG2: i32 = -128;
 
 /// Coarsest scale, at which the largest count is still far below the largest `f32`.
@@ -50,7 +49,7 @@ pub struct FilmData {
     pub height_px: u32,
     /// Three planes in linear sRGB (red, green, blue), each row by row from the top left.
     pub counts: Vec<u32>,
-    /// One count is `2^scale_log2` lx s.
+    /// Binary logarithm of one count in lx s.
     pub scale_log2: i32,
 }
 
@@ -63,7 +62,7 @@ impl Rules for FilmData {
 
 impl FilmData {
     /// Returns the luminous exposure of one channel (0 red, 1 green, 2 blue) in lx s at the pixel
-    /// with index `y * width_px + x`. White light of H lx s has H in all three channels.
+    /// with index `y * width_px + x`. White light of H lx s has the value H in all three channels.
     ///
     /// # Panics
     ///

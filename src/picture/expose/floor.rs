@@ -2,7 +2,7 @@
 //!
 //! A matte surface of albedo ρ that receives E lx s has a luminance, integrated over time, of `ρ E
 //! / π` cd s/m² in every direction, and leaves `ρ τ E cos⁴ / (4 N²)` lx s on the sensor. E is the
-//! sum of `I(θ) cos / d²` over all lamps and moments (Lambert's law and the inverse square law).
+//! sum of `I(θ) cos / d²` over all lamps and times (Lambert's law and the inverse square law).
 //!
 //! 1. The lamps become point sources (see `sources`). For the walls, the floor becomes a grid of
 //!    point sources as well, which emit the light that it reflects.
@@ -10,7 +10,7 @@
 //!    long as its center differs from the mean of its corners, or a lamp is low above it.
 //! 3. The light is interpolated bilinearly within each square, and counted with the film's dither.
 //!
-//! Light that a wall throws back and the drone's shadow are not modeled.
+//! The model ignores light that walls reflect back, and the drone's shadow.
 
 use std::sync::Arc;
 
@@ -29,11 +29,11 @@ use noctograph_core::camera::Camera;
 const SIDE_PX: u32 = 32;
 
 /// Maximum difference between the center of an undivided square and the mean of its corners:
-/// relative to itself (one level of 8 bits), and to saturation (a fifth of the light that the
-/// camera tone shows as black).
+/// relative to the center (one 8-bit level), and relative to saturation (a fifth of the light that
+/// the camera tone maps to black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
-/// The light of the room in a picture, as squares.
+/// The light of the room in a picture, divided into squares.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
     /// The squares in each band of [`SIDE_PX`] rows.
@@ -54,7 +54,7 @@ struct Square {
     corner_px: [u32; 2],
     side_px: u32,
     corners_lx_s: [Rgb; 4],
-    /// The corners on the floor's texture. `None` on a wall, at edges and in the dark.
+    /// Texture coordinates of the corners on the floor. `None` on walls, at edges and in the dark.
     on_texture: Option<[[f32; 2]; 4]>,
 }
 
@@ -72,7 +72,7 @@ struct Floor<'a> {
     n_lamp_trees: usize,
     /// Points on the floor straight below low sources: x, y and the source's height, in pixels.
     feet_px: Vec<[f64; 3]>,
-    /// Difference that is negligible at any exposure, computed from [`EVEN`].
+    /// Difference of exposure that is always negligible, computed from [`EVEN`].
     even_lx_s: f64,
 }
 
@@ -89,7 +89,8 @@ impl Glow {
         }
         let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
-        // Exposure at the corners of the coarse grid, where up to four squares meet.
+        // Computes the exposure at the corners of the coarse grid, at which up to four squares
+        // meet.
         let corners = (0..=rows).into_par_iter().map(|j| {
             let points_px = (0..=columns).map(|i| [[i * SIDE_PX, j * SIDE_PX]]);
             points_px.flat_map(|point_px| floor.exposures_lx_s(point_px)).collect()
@@ -99,7 +100,7 @@ impl Glow {
         let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
         let bands = rows.map(|(j, corners)| {
             let mut squares = Vec::new();
-            // Only sources below this band can be under its squares.
+            // Squares of this band can only be close to the sources whose foot is near the band.
             let middle_px = f64::from(j * SIDE_PX + SIDE_PX / 2);
             let mut feet_px = floor.feet_px.clone();
             feet_px.retain(|[_, y, _]| (y - middle_px).abs() < f64::from(SIDE_PX));
@@ -134,7 +135,7 @@ impl Glow {
         let [red, green, blue] = planes;
         let bands = (red, green, blue).into_par_iter().zip(&self.bands);
         bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
-            // The band's rows in the planes of the film and of the photographed room.
+            // Selects the band's rows in the planes of the film and of the photographed room.
             let mut planes = [red, green, blue];
             let first = band * SIDE_PX as usize * width;
             let room = self.reflectance.as_ref();
@@ -155,8 +156,8 @@ impl Square {
     }
 
     /// Adds the light, given in counts at the corners, to the square's band in the film's planes.
-    /// The light is multiplied by the relative albedo, which is `reflected` at each pixel of the
-    /// band, or the floor's texture.
+    /// The light is multiplied by the relative albedo, which `reflected` gives for each pixel of
+    /// the band, or else the floor's texture.
     #[inline(always)]
     fn add_to(
         &self,
@@ -177,7 +178,7 @@ impl Square {
         let rows = (planes[0].len() / width).saturating_sub(top as usize);
         let mut albedo = [1.0; SIDE_PX as usize];
         for row in (0..self.side_px).take(rows) {
-            // Relative albedo at the row's pixels, by the floor's texture or the photographed room.
+            // Computes the row's relative albedo from the floor's texture or the photographed room.
             let down = (row as f32 + 0.5) * step;
             if let (Some(points), None) = (self.on_texture, reflected[0]) {
                 let points = along(points, down, step);
@@ -216,8 +217,8 @@ impl Square {
     }
 }
 
-/// Returns the values at the pixel centers in one row of a square, bilinear between its corners.
-/// `down` is the fraction of the square above the row's center, and `step` that of one pixel.
+/// Interpolates bilinearly between a square's corners at the pixel centers of one row. `down` is
+/// the fraction of the square above the row's center, and `step` that of one pixel.
 #[inline(always)]
 fn along<const N: usize>(
     [nw, ne, sw, se]: [[f32; N]; 4],
@@ -238,7 +239,7 @@ impl<'a> Floor<'a> {
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
-        // Points below sources that are so low that their light varies within a square.
+        // Lists the points below sources so low that their light varies within a square.
         let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;
@@ -260,13 +261,13 @@ impl<'a> Floor<'a> {
     /// exposure is 0 outside the surfaces of the room.
     fn exposures_lx_s<const N: usize>(&self, corners_px: [[u32; 2]; N]) -> [Rgb; N] {
         let camera = self.camera;
-        // For each corner: the surface, the point on it, the direction to the camera, and the
-        // factor from the light on the surface to that on the sensor.
+        // Computes for each corner the surface, the point on it, the direction to the camera, and
+        // the ratio of light on the sensor to light on the surface.
         let hits = corners_px.map(|corner_px| {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
             let (on, point_m) = self.room.intersection(ray)?;
-            // Exposure of the sensor relative to that of the surface: ρ τ cos⁴ / (4 N²).
+            // The ratio of exposure on the sensor to exposure on the surface is ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
             let n = camera.f_number;
             let reflected = self.room.surfaces[on].albedo * camera.transmission / (4.0 * n * n);
@@ -385,7 +386,7 @@ mod tests {
         for [x, y] in [[0.1, 2.2], [0.0, 2.0], [-0.5, 1.6], [0.4, 2.9], [0.6, 2.0]] {
             let point_m = Vector3::new(x, y, 0.0);
             let image = camera.image_from_world(point_m).unwrap();
-            // A Lambertian lamp gives E = I cos² / d², and the floor L = ρ E / π.
+            // A Lambertian lamp causes E = I cos² / d², and the floor's luminance is L = ρ E / π.
             let d_sq = height_m * height_m + (x - 0.1) * (x - 0.1) + (y - 2.2) * (y - 2.2);
             let e_lx_s = 1.8 * height_m * height_m / d_sq / d_sq * 3.0;
             let cos = image.depth_m / (point_m - camera.position_m).norm();

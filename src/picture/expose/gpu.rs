@@ -1,7 +1,7 @@
 //! Draws records on a graphics device without a window: Vulkan, Metal or DirectX 12 through wgpu.
 //!
 //! Each color has a buffer of lit tiles. The shader adds the parts of records to it without atomic
-//! operations, which on lavapipe would take longer than everything else.
+//! operations, which would take longer than everything else on lavapipe.
 
 use std::sync::{Arc, Mutex};
 
@@ -19,8 +19,8 @@ pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 /// Size of a tile's counts, in bytes.
 const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
-/// Maximum number of tiles in a buffer: 256 MiB, enough for a picture of 67 megapixels. Every
-/// device supports this number of workgroups.
+/// Maximum number of tiles in a buffer: they take 256 MiB, enough for 67 megapixels. Every device
+/// supports this number of workgroups.
 const MAX_TILES: u64 = 16_384;
 
 /// An open graphics device with the compiled shader.
@@ -52,7 +52,7 @@ impl Gpu {
             gpu_error(format!("none found ({e})"), hint)
         })?;
         let info = adapter.get_info();
-        // A software driver's buffers need no copy to be read.
+        // The buffers of a software driver can be read without a copy.
         let mappable = wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
         let is_processor = info.device_type == wgpu::DeviceType::Cpu;
         let is_processor = is_processor && adapter.features().contains(mappable);
@@ -81,8 +81,8 @@ impl Gpu {
         Ok(Self { device, queue, pipeline, adapter, max_tiles_bytes, is_processor, first_error })
     }
 
-    /// Opens a device and runs the shader once. A driver compiles a shader at its first use, which
-    /// takes longer than most films.
+    /// Opens a device and runs the shader once. A driver compiles the shader at its first use,
+    /// which takes longer than exposing most films.
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
         let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
@@ -107,7 +107,7 @@ impl Gpu {
         let mut counts = dark_counts(latent);
         let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
         for tint in &latent.tints {
-            // For each color, adds up its light on the device, and then its counts in the film.
+            // Sums the light of each color on the device, and then adds its counts to the film.
             let (across, lit) = lit_tiles(tint, latent.size_px);
             for lit in lit.chunks(max_tiles) {
                 let tiles = self.dark_tiles(lit.len());

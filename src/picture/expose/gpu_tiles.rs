@@ -12,11 +12,11 @@ use super::{Latent, Tint};
 
 pub(super) const TILE_PX: u32 = 64;
 
-/// Number of curve values, 4 MB, after which a chunk is sent.
+/// Number of curve values (4 MB) after which a chunk is sent.
 const CHUNK: usize = 1 << 18;
 
-/// Maximum number of loop iterations in a workgroup. llvmpipe ends every loop after 65,535 in
-/// total.
+/// Maximum number of loop iterations in a workgroup. llvmpipe ends all loops after a total of
+/// 65,535.
 const MAX_ITERATIONS: u32 = 60_000;
 
 /// The part of a record on one tile, in the layout of `Record` in `splat.wgsl`.
@@ -60,8 +60,8 @@ fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// Calls `send` with the records of a color in chunks. A chunk has the curves of its records, and
-/// their parts on the tiles in `lit`.
+/// Calls `send` with the records of a color in chunks. A chunk contains the curves of its records,
+/// and their parts on the tiles in `lit`.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,
@@ -70,7 +70,7 @@ pub(super) fn chunks(
 ) {
     let [width, height] = latent.size_px;
     let across = width.div_ceil(TILE_PX) as usize;
-    // Index among the lit tiles of each tile of the picture.
+    // Maps each tile of the picture to its index among the lit tiles.
     let mut slots = vec![None; across * height.div_ceil(TILE_PX) as usize];
     lit.iter().enumerate().for_each(|(slot, &tile)| slots[tile] = Some(slot));
 
@@ -88,7 +88,7 @@ pub(super) fn chunks(
                 }
             }
         }
-        // The device works on this chunk while the next one is drawn.
+        // The device processes this chunk while the next one is drawn.
         if chunk.curves.len() > CHUNK {
             send(&mut chunk);
             chunk.parts.clear();
@@ -131,7 +131,7 @@ fn part(
 }
 
 impl Chunk {
-    /// Appends the curves of a record. Returns the start indices of those along and those across.
+    /// Appends the curves of a record. Returns the indices where those along and across start.
     fn push_curves(&mut self, record: &Record, drawn: &Curves) -> [u32; 2] {
         let (width, height) = (record.width as usize, record.height as usize);
         let first = self.curves.len();
@@ -141,7 +141,7 @@ impl Chunk {
             for (to, from) in along.iter_mut().zip(drawn.along(k, 0)) {
                 to[k] = *from;
             }
-            // Both parts of a value across are stored in one number, with 16 bits each.
+            // The upper and the lower part of a value are stored in one number, with 16 bits each.
             let [high, low] = drawn.across(k, 0..height);
             for (to, (high, low)) in across.iter_mut().zip(high.iter().zip(low)) {
                 to[k] = high << 16 | low;
@@ -179,7 +179,7 @@ impl Chunk {
 impl Part {
     /// Returns an upper bound on the iterations of the shader's loops, including their exits.
     fn iterations(&self) -> u32 {
-        // The threads of a workgroup cover two columns each per iteration.
+        // Each iteration of a workgroup covers 16 columns.
         3 + (self.columns / 16 + 1) * (self.rows + 3)
     }
 }

@@ -1,9 +1,9 @@
 //! A film that grows with its light, for example while a flight is still in progress.
 //!
 //! A film is a sum of integers, for which the order of the records does not matter. When an image
-//! has grown, only records that differ from those before are drawn. If a lamp's last segment has
-//! become longer, its old records are drawn again and subtracted. The film has the same bits as one
-//! that is exposed all at once.
+//! has grown, only records that differ from the earlier ones are drawn. If a lamp's last segment
+//! has become longer, its old records are drawn again and subtracted. The film has the same bits as
+//! one that is exposed all at once.
 
 use super::record::Record;
 use super::tile::{ALL, count};
@@ -14,7 +14,7 @@ use super::{Film, Latent, Tint, cpu};
 pub struct GrowingFilm {
     /// The last image, or `None` before the first one.
     drawn: Option<Latent>,
-    /// The counts of each of its tints, in the brightest channel.
+    /// The counts of each tint of the last image, in the brightest channel.
     planes: Vec<Vec<u32>>,
     /// Number of records that were drawn or subtracted for the last image.
     n_drawn: usize,
@@ -50,14 +50,14 @@ impl GrowingFilm {
         self.n_drawn
     }
 
-    /// Returns the counts of a tint, starting from those that it had before.
+    /// Returns the counts of a tint, computed from its earlier counts if there are any.
     fn draw(&mut self, kept: Option<(Tint, Vec<u32>)>, tint: &Tint, latent: &Latent) -> Vec<u32> {
         let Some((before, mut plane)) = kept else {
             self.n_drawn += tint.records.len();
             return plane_of(tint.records.clone(), latent);
         };
         let [removed, added] = changes(&before, tint);
-        // Adding and subtracting more records than there are takes longer than drawing all.
+        // If more records have changed than the image contains, drawing all of them is faster.
         if removed.len() + added.len() > tint.records.len() {
             return self.draw(None, tint, latent);
         }
@@ -96,7 +96,7 @@ impl Tint {
     }
 }
 
-/// Draws records in one plane, in the counts of an image.
+/// Draws records into a single plane, at the scale of an image.
 fn plane_of(records: Vec<Record>, latent: &Latent) -> Vec<u32> {
     let tint = Tint { fractions: [ALL, 0, 0], records, lamp_ends: Vec::new() };
     let alone = Latent { tints: vec![tint], glow: None, ..*latent };

@@ -1,9 +1,9 @@
 //! Merges neighboring intervals that lie on a straight line at constant speed into segments.
 //!
-//! The algorithm is swinging-door thinning (Bristol 1990), which is greedy and takes linear time.
-//! An interval joins the run as long as three quantities stay within tolerance of the chord from
-//! the run's first sample to its last: the position at constant speed, the brightness (so that a
-//! fade is one segment), and the width of the spot. The segment has the exact sum of the light.
+//! The algorithm is swinging-door thinning (Bristol 1990), which is greedy and runs in linear time.
+//! An interval is added to the run if three quantities stay within tolerance of the chord from the
+//! run's first sample to its last: the position at constant speed, the brightness (so that a fade
+//! is one segment), and the width of the spot. The segment has the exact sum of the light.
 
 use super::project::{Interval, Px};
 use noctograph_core::geometry::Chords;
@@ -47,12 +47,12 @@ impl Segment {
     }
 }
 
-/// Relative error of brightness and spot width per pixel of tolerance. A smaller value makes more
-/// segments of changing light. At 1, the error of a ramp would be ten times the error of position.
+/// Relative error of brightness and spot width per pixel of tolerance. With a smaller value,
+/// changing light takes more segments. At 1, ramps would err ten times as much as positions.
 const UNEVENNESS: f64 = 0.2;
 
 /// Maximum change of half the width or height of a rectangle per pixel of tolerance. Such a change
-/// comes from the height of the camera above the lamp, and only shows at the edge of a stroke.
+/// is due to the camera's height above the lamp, and is visible only at the edge of a stroke.
 const HALF_SLACK: f64 = 4.0;
 
 /// Merges the intervals of one lamp and appends the segments. The segments have the light of the
@@ -81,7 +81,7 @@ pub(super) fn merge(
 
 /// A run of intervals that one segment replaces.
 struct Merged {
-    /// From the start of the first interval to the end of the last one, with the values there.
+    /// Interval from the start of the first to the end of the last one, with the values at both.
     span: Interval,
     /// The chords in x, y and brightness that stay within tolerance.
     chords: Chords<3>,
@@ -89,7 +89,7 @@ struct Merged {
     sigmas_px: [f64; 2],
     halves_px: [Px; 2],
     light: f64,
-    /// Sum of light times width, and sum of light times half size.
+    /// Sums of the products of light and width, and of light and half size.
     light_sigma: f64,
     light_half: Px,
 }
@@ -109,8 +109,8 @@ impl Merged {
         }
     }
 
-    /// Adds the interval if the run stays straight and even with it. Returns false if it would not,
-    /// and the run is then complete.
+    /// Adds the interval if the run stays straight and even with it. Returns false if it would not.
+    /// The run is then complete.
     fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
         let [first_light, last_light] = self.span.light_lx_px2;
         let slack = UNEVENNESS * tolerance_px * first_light.max(last_light);
@@ -142,12 +142,12 @@ impl Merged {
         true
     }
 
-    /// Narrows the chords to those that pass the last sample, which is skipped if `next` joins.
-    /// Returns true if the chord to the end of `next` is among them.
+    /// Narrows the chords to those that pass the last sample, which is skipped if `next` joins the
+    /// run. Returns true if the chord to the end of `next` is among them.
     fn swing_doors(&mut self, next: &Interval, slack_light: f64, tolerance_px: f64) -> bool {
         let [start_s, end_s] = self.span.time_s;
         let [first_light, last_light] = self.span.light_lx_px2;
-        // Half a side of the square inside the tolerance's circle, so that each axis has a test.
+        // Half the side of a square in the tolerance circle, so that each axis has its own test.
         let slack_px = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
         let skipped = self.span.at_px[1] - self.span.at_px[0];
         let low =
@@ -160,7 +160,7 @@ impl Merged {
         self.chords.contain(chord, next.time_s[1] - start_s)
     }
 
-    /// Returns the segment of the run, with the mean size (weighted by light) and the sum of light.
+    /// Returns the segment of the run, with the light-weighted mean size and the total light.
     fn segment(&self, fraction: f64) -> Segment {
         let [first, last] = self.span.light_lx_px2;
         Segment {

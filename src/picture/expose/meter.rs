@@ -1,9 +1,9 @@
-//! Light meter: the exposure of each trail relative to saturation, and the settings for a wanted
+//! Light meter: the exposure of each trail relative to saturation, and the settings for a target
 //! exposure.
 //!
 //! Input: [`LightTrace`] and [`Camera`]. Output: one [`LampReading`] for each emitter. The exposure
 //! in the middle of a trail is the sum of the lamp's light nearby, computed in f64 in the same way
-//! as `expose` draws it, and of the light on the drone's body around the lamp. Light from other
+//! as `expose` draws it, plus the light on the drone's body around the lamp. Light from other
 //! lamps, glare and ambient light are not included.
 
 use serde::Serialize;
@@ -25,7 +25,7 @@ const MERGE_PX: f64 = 0.05;
 /// Distance along or across a segment, in σ, beyond which its light is ignored.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Minimum exposure of a hot spot above its lamp's median. An even stroke varies by about one stop.
+/// Minimum exposure of a hot spot relative to its lamp's median. Even strokes vary by about 1 stop.
 const HOT_STOPS: f64 = 2.0;
 
 /// Minimum speed of a streak in the picture, relative to the median speed of its lamp.
@@ -38,7 +38,7 @@ pub struct LampReading {
     /// The drone, which is part of the name in JSON. `None` if there is only one drone.
     #[serde(skip)]
     pub drone: Option<DroneIndex>,
-    /// Label of the lamp ([`Lamp::label`]).
+    /// Label of the lamp, as returned by [`Lamp::label`].
     pub name: String,
     /// Time for which the lamp is lit inside the picture.
     pub lit_s: f64,
@@ -67,16 +67,16 @@ pub struct HotSpot {
     pub stops: f64,
 }
 
-/// Settings that would each give a trail the wanted exposure on its own. A setting is `None` if it
-/// cannot.
+/// Settings, any one of which would give a trail the target exposure. A setting that cannot do so
+/// is `None`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
-    /// Sensitivity. `None` below the base sensitivity, where the full well still saturates.
+    /// ISO sensitivity. `None` below the base sensitivity, at which the full well still saturates.
     pub iso: Option<f64>,
-    /// Level of the lamp relative to the present one. `None` above 1, which a lamp at full level
-    /// lacks.
+    /// Level of the lamp relative to its present level. `None` above 1, which a lamp at full level
+    /// cannot reach.
     #[serde(rename = "level_factor")]
     pub level: Option<f64>,
 }
@@ -88,7 +88,7 @@ impl LampReading {
         self.p95_stops - self.p5_stops
     }
 
-    /// Returns the reading with the light of discs around the lamp added to each quantile.
+    /// Adds the light of discs around the lamp, such as the illuminated body, to each quantile.
     fn with_discs_around(&self, lamp: &Lamp, readings: &[(&Lamp, Self)]) -> Self {
         let mut sum = self.clone();
         for (_, disc) in readings.iter().filter(|(disc, _)| lamp.is_within(disc)) {
@@ -124,7 +124,7 @@ impl LampReading {
 /// Returns the same [`Error::Input`] as [`super::expose`].
 pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     super::check(trace, camera, &super::ExposeOptions::default())?;
-    // A row of the emitter table that changes its color is several lamps of the same name.
+    // A row of the emitter table whose color changes becomes several lamps with the same name.
     let mut trails: Vec<(&Lamp, Vec<Segment>)> = Vec::new();
     for lamp in &trace.lamps {
         let mut segments = visible_segments(lamp, luminance(lamp.emitter.rgb), camera);
@@ -150,16 +150,16 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     Ok(with_discs.collect())
 }
 
-/// Ratio of the strongest channel to the luminance above which light is colored. White light has 1.
+/// Ratio of the strongest channel to luminance above which light is colored. It is 1 for white.
 const COLORED: f64 = 1.25;
 
-/// True if the light of a lamp with all dies at full level is metered as a color, not as white.
+/// True if the light of a lamp with all dies at full level is metered as colored, not as white.
 #[must_use]
 pub fn is_colored(lamp: &Fixture) -> bool {
     is_color(emitter(lamp, &vec![1.0; lamp.dies.len()]).rgb)
 }
 
-/// True if light in linear sRGB is metered as a color instead of white.
+/// True if light in linear sRGB is metered as colored instead of white.
 fn is_color(rgb: [f64; 3]) -> bool {
     rgb.into_iter().fold(0.0, f64::max) > COLORED * luminance(rgb)
 }
@@ -209,7 +209,7 @@ const MANY: usize = 20_000;
 /// Maximum distance between segments at the same point, in σ of the spot.
 const SAME_POINT_SIGMA: f64 = 0.1;
 
-/// Minimum weight of a segment's length, which gives a lamp at rest quantiles, too.
+/// Minimum weight of a segment, so that quantiles are defined for a lamp at rest, too.
 const MIN_LENGTH_PX: f64 = 1e-9;
 
 /// Maximum gap in s between two segments that follow each other without a pause.
@@ -243,7 +243,7 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
     let stops = (0..segments.len())
         .map(|i| libm::log2(exposure_lx_s(segments, i) / camera.saturation_lx_s()));
     let stops: Vec<f64> = stops.collect();
-    // Quantiles of the exposure over the length of the trail.
+    // Computes the quantiles of the exposure over the length of the trail.
     let lengths = segments.iter().map(|segment| segment.length_px().max(MIN_LENGTH_PX));
     let mut weighted: Vec<(f64, f64)> = stops.iter().copied().zip(lengths).collect();
     let [p5_stops, median_stops, p95_stops] =
@@ -300,17 +300,17 @@ fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
 /// Returns the exposure in lx s that a segment leaves at a point.
 fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
-    // A segment with a half width is a blurred rectangle: its lamp is seen with its shape.
+    // A segment with a half width is a blurred rectangle, because its lamp is not a point.
     if segment.half_px != Px::ZERO {
         return rectangle_lx_s(segment, point_px);
     }
-    // A Gaussian across the segment, multiplied by a Gaussian averaged over its length.
+    // Multiplies a Gaussian across the segment by a Gaussian averaged over the segment's length.
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = segment.length_px();
     let along = if length > 0.0 { (end - start) / length } else { Px::X };
     let (u, v) = ((point_px - start).dot(along) / sigma, along.perp_dot(point_px - start) / sigma);
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
-    // For a very short segment, the difference in the mean would lose all its digits.
+    // For a very short segment, the difference in the mean would lose all significant digits.
     let smear = if length > MIN_LENGTH_SIGMA * sigma {
         let [upper, lower] = [u, u - length / sigma]
             .map(|x| 0.5 * error_function(x * std::f64::consts::FRAC_1_SQRT_2));
@@ -371,8 +371,8 @@ mod tests {
 
     #[test]
     fn the_exposure_table_of_the_field_comes_out() {
-        // Intensity, aperture number, exposure and stops for 35 mm, 3 m, 0.2 m/s, ISO 100 and a
-        // source of 3 mm, which is 35 µm on the sensor.
+        // The rows contain intensity, aperture number, exposure and stops for 35 mm, 3 m, 0.2 m/s,
+        // ISO 100 and a 3 mm source, whose image is 35 µm wide.
         let table = [
             (1.8, 8.0, 33.1, 5.4),
             (1.8, 22.0, 4.38, 2.5),

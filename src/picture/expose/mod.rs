@@ -1,4 +1,4 @@
-//! Expose: lamps and a camera become a [`Film`].
+//! Expose computes a [`Film`] from lamps and a camera.
 //!
 //! Input: [`LightTrace`] and [`Camera`]. Output: [`Film`], in lx s.
 //!
@@ -6,26 +6,26 @@
 //!    its spot. The width combines lens blur, diffraction, the lamp's disc and the pixel into one
 //!    Gaussian. Intervals that run straight and evenly are merged into segments.
 //! 2. Each segment becomes records. A record is `∫ (1 + r s) g(u - s) g(v) ds`, the image of a
-//!    Gaussian spot that moves evenly along a line while it fades. Quadrature makes it a sum of up
-//!    to four spots at rest (to 6e-6 of the peak), each a curve along x times a curve along y. The
-//!    spots are added to the pixels in integers, with the same bits on the CPU and on a graphics
-//!    device.
+//!    Gaussian spot that moves evenly along a line while it fades. Quadrature turns it into a sum
+//!    of up to four spots at rest (to within 6e-6 of the peak), each a curve along x times a curve
+//!    along y. The spots are added to the pixels in integers, with the same bits on the CPU and on
+//!    a graphics device.
 //! 3. Lamps of one color are added up in one plane, which is then distributed to the three planes
 //!    of the film. The glow of the floor is added last.
 //!
 //! Up to the segments, vectors are nalgebra's in f64. Records are scalars in f32, and everything
 //! after them is integers. The conversion from f64 to f32 is in `record`.
 //!
-//! Accuracy: 1e-6 for the light of a spot, and for a pixel 2e-5 of the brightest pixel without
-//! merging or 1e-3 with merging at 0.005 px. No pixel can overflow, because a bound on the
-//! brightest pixel determines the scale of the counts.
+//! Errors: 1e-6 of the light of a spot, and in a pixel 2e-5 of the brightest pixel without merging,
+//! or 1e-3 with merging at 0.005 px. No pixel can overflow, because a bound on the brightest pixel
+//! determines the scale of the counts.
 //!
 //! A lamp of I cd that moves at v m/s at a distance of d m leaves `I τ π f / (4 N² d v)` lx s m
 //! across its trail on the sensor. At rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its
 //! spot. The smeared Gaussian is described by Vereš et al. 2012 (trails of asteroids).
 //!
-//! Not modeled: occlusion by drone or hands, rolling shutter, and lamps nearer than 0.1 m. Ambient
-//! light, glare and noise are added in `photo`.
+//! Occlusion by drone or hands, rolling shutter, and lamps nearer than 0.1 m are not modeled.
+//! Ambient light, glare and noise are added in `photo`.
 
 mod cpu;
 mod curves;
@@ -98,15 +98,15 @@ pub struct Latent {
 /// The records of all lamps of one color.
 #[derive(Clone, Debug, PartialEq)]
 struct Tint {
-    /// Red, green and blue relative to the brightest of them, which is [`ALL`].
+    /// Red, green and blue relative to the brightest channel, for which the value is [`ALL`].
     fractions: [u32; 3],
     records: Vec<Record>,
-    /// Index of the end of each lamp's records.
+    /// Index after the last record of each lamp.
     lamp_ends: Vec<usize>,
 }
 
 settings! {
-    /// Where a film is exposed. Both backends leave the same bits.
+    /// Device on which a film is exposed. Both backends produce the same bits.
     pub enum Backend {
         /// A graphics device.
         "wgpu" => Wgpu,
@@ -179,7 +179,7 @@ pub fn expose(
     developer.develop(&project(trace, camera, options)?)
 }
 
-/// Computes the latent image: the first half of [`expose`], in floating point.
+/// Computes the latent image, which is the first half of [`expose`], in floating point.
 ///
 /// # Errors
 ///
@@ -196,12 +196,12 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
 }
 
 impl Latent {
-    /// Returns the image with counts of `2^scale_log2` lx s, so that films can be added up.
+    /// Returns the image with counts of `2^scale_log2` lx s, so that several films can be added.
     ///
     /// # Errors
     ///
     /// Returns [`Error::Infeasible`] if such fine counts would overflow, and [`Error::Input`] for a
-    /// scale that no film can have.
+    /// scale out of range.
     pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
         film::check_scale(scale_log2)?;
         if scale_log2 < self.scale_log2 {
@@ -218,7 +218,7 @@ impl Latent {
     #[must_use]
     pub fn reflected_by(mut self, room: Option<Reflectance>) -> Self {
         if let (Some(glow), Some(room)) = (&mut self.glow, room) {
-            // The light may become four times as bright, which takes two more bits.
+            // The light may become four times as bright, so two more bits are reserved.
             self.scale_log2 += 2;
             glow.reflectance = Some(room);
         }
@@ -293,7 +293,7 @@ pub struct Developer {
 }
 
 impl Developer {
-    /// Starts the backend in a separate thread. The processor needs no such start.
+    /// Starts the backend in a separate thread. The processor needs no preparation.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
         let device = match choice {
@@ -341,7 +341,7 @@ impl Drop for Developer {
     }
 }
 
-/// Refuses camera and option numbers out of range, and traces with too many samples.
+/// Checks that the camera and the options are in range and that a trace is not too long.
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
     check_size(camera.width_px, camera.height_px)?;
     let ranges = [
@@ -355,7 +355,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
         ("camera: vignetting", camera.vignetting, [0.0, 1.0]),
         ("camera: focus_m", camera.focus_m.unwrap_or(1.0), [1e-3, 1e9]),
     ];
-    // The numbers of the camera's distortion and pose may be negative.
+    // Numbers in the camera's distortion and pose may be negative.
     let distortion = camera.distortion.map(|k| ("camera: distortion", k, [-1e3, 1e3]));
     let pose = camera.position_m.iter().chain(camera.camera_from_world.iter());
     let pose = pose.map(|value| ("camera: position and attitude", *value, [-1e9, 1e9]));
@@ -371,7 +371,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     Ok(())
 }
 
-/// Returns the records of all lamps, grouped by color. Refuses more than [`MAX_SAMPLES`] segments.
+/// Returns the records of all lamps, grouped by color. Fails above [`MAX_SAMPLES`] segments.
 fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
     let mut tints: Vec<Tint> = Vec::new();
     let (mut segments, mut n) = (Vec::new(), 0);

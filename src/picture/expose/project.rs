@@ -2,11 +2,11 @@
 //!
 //! A lamp of intensity `I` cd gives `I(θ) cosα / d²` lx at the entrance pupil (θ from the beam
 //! axis, α from the optical axis). A pupil of diameter `f/N` passes `π (f/2N)² τ` times that in
-//! lumens, all of which fall into the spot. "Light" here means lumens per area of a pixel, summed
-//! over the pixels of the spot, in lx px².
+//! lumens, all of which fall into the spot. "Light" here means lumens per pixel area, summed over
+//! the pixels of the spot, in lx px².
 //!
-//! A small lamp is a disc that faces the camera and widens the Gaussian of the lens. A cylinder,
-//! such as a diffuser, is a blurred rectangle with the width and height of the box around it.
+//! A small lamp is drawn as a disc that faces the camera and widens the lens's Gaussian. A
+//! cylinder, such as a diffuser, becomes a blurred rectangle with its bounding box's size.
 
 use glam::DVec2;
 use nalgebra::Vector3;
@@ -20,11 +20,11 @@ pub(super) type Px = DVec2;
 /// nearer points.
 pub(super) const NEAREST_M: f64 = 0.1;
 
-/// Width of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width
-/// varies by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), so curves are divided by their sums.
+/// σ of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width varies by
+/// 1.4 % with its position (`2 exp(-2 π² σ²)`), so curves are divided by their sums.
 pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
-/// Width of the widest spot. Wider spots are drawn with this width and all of their light.
+/// σ of the widest spot. Wider spots are drawn with this σ and all of their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;
 
 /// Maximum distance of a spot from the corner of the picture, which keeps differences precise.
@@ -45,7 +45,7 @@ const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 pub(super) struct Interval {
     pub(super) time_s: [f64; 2],
     pub(super) at_px: [Px; 2],
-    /// Brightness of the spot at both times, linear in between.
+    /// Brightness of the spot at the start and the end, linear in between.
     pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, averaged over both ends.
     pub(super) sigma_px: f64,
@@ -85,7 +85,7 @@ pub(super) fn intervals<'a>(
         }
         let first = if a.time_s < open { a.toward(&b, open) } else { a };
         let second = if b.time_s > close { a.toward(&b, close) } else { b };
-        // The start usually is the end of the previous interval, which was already projected.
+        // The start is usually the end of the previous interval, which was already projected.
         let from = match last {
             Some((sample, spot)) if sample == first => spot,
             _ => lens.spot(&first),
@@ -144,7 +144,7 @@ impl<'a> Lens<'a> {
         if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
             return None;
         }
-        // The light of the spot is I(θ) cosα / d² through the pupil, reduced by vignetting.
+        // The spot's light is I(θ) cosα / d² times the area of the pupil, reduced by vignetting.
         let to_camera_m = self.camera.position_m - sample.position_m;
         let distance_sq_m2 = to_camera_m.norm_squared();
         let distance_m = distance_sq_m2.sqrt();
@@ -153,7 +153,7 @@ impl<'a> Lens<'a> {
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
         let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
             * self.camera.unvignetted(image.x_px, image.y_px);
-        // The variances of lens and pixel, the lamp's disc, and the circle of confusion add up.
+        // The variances of lens and pixel, of the lamp's disc, and of defocus add up.
         let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
         let variance = self.blur_px2
             + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)

@@ -2,9 +2,9 @@
 //!
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature turns it
 //! into a sum of up to [`SPOTS`] spots, each the product of a curve along x and a curve along y.
-//! The backends add up these products. A blurred rectangle is handled in the same way. A ramp of
-//! the brightness only changes the weights of the spots, so a fade costs no time. f64 becomes f32
-//! here.
+//! The backends add up these products. A blurred rectangle is handled in the same way. A brightness
+//! ramp changes only the weights of the spots, so a fade takes no extra time. Values are converted
+//! from f64 to f32 here.
 
 use std::ops::Range;
 
@@ -15,22 +15,22 @@ use noctograph_core::random::{GOLDEN, split_mix};
 
 pub(super) const SPOTS: usize = 4;
 
-/// Radius of a spot. The spot there has 3.7e-6 of its peak, and 3.7e-6 of its light is beyond. That
-/// light is added to the rest of the spot.
+/// Radius at which a spot is cut off. Its brightness there is 3.7e-6 of its peak. The light beyond,
+/// also 3.7e-6, is added to the rest.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Upper bound on the peak of a spot relative to its Gaussian, after the correction of the sum: for
-/// spots narrower than 0.85 px, and for wider ones.
+/// Upper bound on the peak of a spot relative to its Gaussian, after its sum was corrected: for
+/// spots narrower than 0.85 px, and for wider spots.
 const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 const NARROW_SIGMA_PX: f64 = 0.85;
 
-/// Maximum length, in σ, of a segment that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak, by
-/// the error term of the quadrature with the derivative of order 2n in the middle of the Gaussian.
-/// Longer segments are split.
+/// Maximum length, in σ, of a segment that 1, 2, 3 and 4 spots, respectively, represent to within
+/// 6e-6 of its peak, by the error term of n-point quadrature with the derivative of order 2n at the
+/// Gaussian's center. Longer segments are split.
 const LONGEST_SIGMA: [f64; SPOTS] = [0.011, 0.3, 0.95, 1.8];
 
-/// Factor on [`LONGEST_SIGMA`] for a rectangle wider and higher than 2 σ, which is drawn to within
-/// 4e-5 of its peak, by the same error term with the derivative of order 2n - 1 at its edge.
+/// Multiple of [`LONGEST_SIGMA`] for a rectangle wider and higher than 2 σ, which is drawn to
+/// within 4e-5 of its peak, by the same error term with the derivative of order 2n - 1 at its edge.
 const LONGER_FLAT: f64 = 1.6;
 
 /// Nodes from -1 to 1 and weights for 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and
@@ -55,14 +55,14 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
 /// With thousands of overlapping segments, rounding to nearest would lose the faint edge of every
 /// spot (2e-6 of the light of a hover at 250 Hz).
 ///
-/// The steps are 2^32 divided by the plastic number and by its square, which distributes the
-/// threshold evenly over the plane (Roberts 2018, the R2 sequence).
+/// The steps are 2^32 divided by the plastic number and by its square, which distributes thresholds
+/// evenly over the plane (Roberts 2018, the R2 sequence).
 pub(super) const DITHER: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
 
 /// √(π/2). A Gaussian has the same peak as a rectangle that extends this many σ to either side.
 const ROOT_HALF_PI: f64 = 1.253_314_137_315_500_3;
 
-/// Minimum half width, in σ, of a rectangle that is drawn as such.
+/// Minimum half width, in σ, of a rectangle that is not drawn as a Gaussian.
 const LEAST_HALF_SIGMA: f64 = 0.1;
 
 /// A short segment as the sum of its spots.
@@ -85,7 +85,7 @@ pub(super) struct Record {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) spots: u32,
-    /// Threshold at the first pixel (see [`DITHER`]).
+    /// Dither threshold at the first pixel (see [`DITHER`]).
     pub(super) dither: u32,
 }
 
@@ -95,7 +95,7 @@ impl Record {
     pub(super) fn peak_lx_s(&self) -> f64 {
         let per_px = f64::from(self.per_px);
         let margin = PEAK_MARGINS[usize::from(per_px < 1.0 / NARROW_SIGMA_PX)];
-        // The peak of a two-dimensional Gaussian, reduced by the rectangle on each axis.
+        // Computes the peak of a two-dimensional Gaussian, reduced by the rectangle on each axis.
         let gaussian = per_px * per_px * (margin / std::f64::consts::TAU);
         let flat = self.half_px.map(|half| {
             let half_sigma = f64::from(half) * per_px;
@@ -161,7 +161,7 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     let [start, end] = segment.ends_px;
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        // Borders of the picture, extended by the reach of a spot.
+        // The borders of the picture are extended by the reach of a spot.
         let borders = [-reach[axis], f64::from(size_px[axis]) + reach[axis]];
         if [start, end].iter().all(|px| (borders[0]..=borders[1]).contains(&px[axis])) {
             continue;
@@ -184,7 +184,7 @@ fn reach_px(segment: &Segment) -> Px {
 
 /// Returns the record of a short segment, or `None` if its box is outside the picture.
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
-    // The box contains the pixels whose centers, at +0.5, the light reaches.
+    // The box contains the pixels whose centers (at +0.5) are reached by light.
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
     let reach = reach_px(segment);
@@ -223,8 +223,8 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     Some(record)
 }
 
-/// Returns the first dither of a segment, which is a hash of its start time. The dither depends on
-/// nothing else, so that films can be added up.
+/// Returns the first dither of a segment, which is a hash of its start time. It depends on nothing
+/// else, so that films can be added.
 fn dither(start_s: f64) -> u32 {
     (split_mix(start_s.to_bits().wrapping_sub(GOLDEN)) >> 32) as u32
 }

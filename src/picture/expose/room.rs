@@ -1,4 +1,4 @@
-//! Room: the planes of floor and walls, their intersection with rays, and how they reflect light.
+//! Room: the planes of floor and walls, their intersections with rays, and their reflectance.
 //!
 //! Walls are matte. The floor is matte or also has a sheen: microfacets with GGX-distributed
 //! normals (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect
@@ -16,10 +16,10 @@ use super::texture;
 /// Fraction of light that a polished surface of refractive index 1.5 reflects at normal incidence.
 const NORMAL_REFLECTANCE: f64 = 0.04;
 
-/// Maximum light close to a gap, relative to that on a wall at the depth of the room.
+/// Maximum light from a gap on surfaces close to it, relative to light at the depth of the room.
 const MAX_GAP_LIGHT: f64 = 30.0;
 
-/// Minimum cosine at which a ray meets a surface, and a lower limit that prevents division by zero.
+/// Minimum cosine at which a ray meets a surface, and lower limit of cosines in divisors.
 const MIN_RAY_COS: f64 = 1e-9;
 const MIN_COS: f64 = 1e-6;
 
@@ -48,7 +48,7 @@ pub(crate) struct Room {
 }
 
 impl Room {
-    /// Returns the surfaces that face a camera. A camera outside the room looks through the wall.
+    /// Returns the surfaces that face a camera. A camera outside the room sees through the wall.
     pub(crate) fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
         let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
         let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);
@@ -63,7 +63,7 @@ impl Room {
             ];
             surfaces.extend(walls.map(|(normal, at_m)| Surface::matte(normal, at_m, wall_albedo)));
         }
-        // A wall is transparent from behind.
+        // A wall is invisible from behind.
         surfaces.retain(|surface| surface.height_m(camera_m) >= NEAREST_M);
         Self { camera_m, surfaces, size_m: options.room_m, unevenness: options.unevenness }
     }
@@ -79,7 +79,7 @@ impl Room {
         Some((i, self.camera_m + ray * distance))
     }
 
-    /// Returns the point of the texture at a point on surface `on`.
+    /// Returns the texture coordinates of a point on surface `on`.
     pub(super) fn on_texture(&self, on: usize, point_m: Vector3<f64>) -> [f32; 2] {
         let normal = self.surfaces[on].normal;
         texture::on_tile(match (normal.x != 0.0, normal.y != 0.0) {
@@ -112,7 +112,7 @@ impl Room {
         let surface = &self.surfaces[on];
         let albedos = self.surfaces.iter().map(|surface| surface.albedo);
         let brightest = albedos.fold(1e-9, f64::max);
-        // A darker plane at right angles, with width h and distance d, fills the fraction (1 - d /
+        // A darker perpendicular plane, with width h at distance d, fills the fraction (1 - d /
         // √(d² + h²)) / 2 of the view (its form factor).
         let others = self.surfaces.iter().filter(|other| other.normal.dot(&surface.normal) == 0.0);
         let hidden = others.map(|other| {
@@ -122,7 +122,7 @@ impl Room {
             0.5 * (1.0 - d / (d * d + h * h).sqrt()) * (1.0 - other.albedo / brightest).max(0.0)
         });
         let diffuse = 1.0 - hidden.sum::<f64>();
-        // The gap's light falls with the cosine divided by d², relative to the depth of the room.
+        // The gap's light decreases as the cosine divided by d², relative to the depth of the room.
         // The added constant limits it near the gap.
         let light = gap_m.map_or(diffuse, |gap_m| {
             let to_gap_m = gap_m - point_m;
@@ -163,7 +163,7 @@ impl Surface {
         // Schlick's approximation of the Fresnel term.
         let x = 1.0 - from.dot(&half).clamp(0.0, 1.0);
         let reflected = NORMAL_REFLECTANCE + (1.0 - NORMAL_REFLECTANCE) * x * x * x * x * x;
-        // Smith's shadowing term, without the cosines of the microfacet model.
+        // Smith's shadowing term, divided by the cosines of the microfacet model.
         let shadow = |cos: f64| 1.0 / (cos + (a_sq + (1.0 - a_sq) * cos * cos).sqrt());
         let lobe = facets * reflected * shadow(cos_from) * shadow(cos_to);
         1.0 + std::f64::consts::PI * lobe / self.albedo
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn a_sheen_reflects_no_more_light_than_it_receives() {
-        // Sums over the hemisphere, without the matte part, whose albedo is 0.2.
+        // Integrates over the hemisphere, without the matte part, whose albedo is 0.2.
         let floor = Room::new(&ROOM, Vector3::z()).surfaces[0];
         for (roughness, degrees) in [(0.1, 10.0_f64), (0.3, 45.0), (0.3, 75.0), (1.0, 60.0)] {
             let angle = degrees.to_radians();

@@ -1,8 +1,8 @@
-//! The lamps as point sources of the light on floor and walls, sorted into trees.
+//! Represents lamps by point sources that light floor and walls, sorted into trees.
 //!
 //! Each lamp becomes point sources along its path. Sources with the same beam shape and nearly the
-//! same axis form a tree (Barnes and Hut 1986). A branch that is small for its distance counts as
-//! one source.
+//! same axis form a tree (Barnes and Hut 1986). A branch that is small relative to its distance
+//! counts as one source.
 
 use std::sync::LazyLock;
 
@@ -13,8 +13,8 @@ use crate::light::{Emitter, LightSample, LightTrace};
 use crate::whole;
 use noctograph_core::camera::Camera;
 
-/// Minimum height of a lamp above the floor: half the thickness of an LED package. The zero of a
-/// flight may be off by centimeters, but no lamp can shine from below the floor.
+/// Minimum height of a lamp above the floor: half the thickness of an LED package. A flight's
+/// heights may be off by centimeters, but no lamp can shine from below the floor.
 const LOWEST_M: f64 = 0.002;
 
 /// Maximum ratio of a branch's radius to its distance. At 0.3 an evenly filled branch errs by 4 %
@@ -53,7 +53,7 @@ pub(super) struct Source {
 
 /// Returns the light of a trace while the shutter is open: one tree per beam shape and axis.
 pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) -> Vec<Tree<'a>> {
-    // The sources of each emitter, grouped by beam shape and axis.
+    // Groups the sources of each emitter by beam shape and axis.
     let mut groups: Vec<(&Emitter, [f64; 6], Vec<Source>)> = Vec::new();
     for lamp in &trace.lamps {
         let emitter = &lamp.emitter;
@@ -61,7 +61,7 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
         for LightSample { position_m, axis, level, .. } in points(&lamp.samples, camera, floor_z_m)
         {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
-            // Axes are grouped by coordinates rounded to halves. An isotropic lamp has no axis.
+            // Axes are grouped by coordinates, rounded to halves. An isotropic lamp has no axis.
             let scale = if emitter.is_isotropic() { 0.0 } else { 2.0 };
             let [x, y, z] = axis.map(|value| (scale * value).round()).into();
             let key =
@@ -123,7 +123,7 @@ fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Light
 /// Appends the branch that contains all `sources`, followed by its children.
 fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let Some(first) = sources.first() else { return };
-    // The branch as one source has the sum of the light, at the mean position weighted by light.
+    // The branch's combined source has the sum of the light, at the light-weighted mean position.
     let (mut low, mut high) = (first.position_m, first.position_m);
     let (mut sum, mut total) = (Source::default(), 0.0);
     for source in &sources {
@@ -141,7 +141,7 @@ fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let (size, index) = (high - low, branches.len());
     let radius_m = 0.5 * size.norm();
     branches.push(Branch { source: sum, radius_m, next: 0 });
-    // A branch that is large for the nearest point of the floor is halved along its longest side.
+    // A branch that is large relative to its height above floor is halved along its longest side.
     if radius_m > OPENING * (low.z - floor_z_m) {
         let axis = size.imax();
         let middle = low[axis] + 0.5 * size[axis];
@@ -171,10 +171,10 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     depth_m: None,
 });
 
-/// Returns the sources of the light that the floor of a room reflects, one for each square.
+/// Returns sources that emit the light reflected by a room's floor, one for each square.
 ///
 /// The exposure of a square is computed at the point one side length below its center. A lamp close
-/// to the floor then neither lights one square too much nor falls between two squares.
+/// to the floor then neither illuminates a single square too much nor is missed between squares.
 pub(super) fn reflected(
     trees: &[Tree<'_>],
     [width_m, depth_m]: [f64; 2],
@@ -208,7 +208,7 @@ pub(super) fn reflected(
 /// reflection toward a unit vector at each point, relative to a matte surface.
 ///
 /// The points are computed together because they are close to each other and mostly open the same
-/// branches. The result has the same bits as for each point separately.
+/// branches. The result has the same bits as if each point were computed separately.
 #[inline(always)]
 pub(super) fn exposures_lx_s<const N: usize>(
     trees: &[Tree<'_>],
@@ -221,7 +221,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
     let opening = surface.roughness.map_or(OPENING, |roughness| OPENING.min(0.5 * roughness));
     let mut sums = [[0.0; N]; 3];
     for Tree { emitter, branches } in trees {
-        // Intensity at the edge of the body's shadow, where the light ends abruptly.
+        // Computes the intensity at the edge of the body's shadow, where the light ends abruptly.
         let edge = if emitter.visible_cos <= -1.0 {
             0.0
         } else {
@@ -265,7 +265,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
                 let weight = (-down[n] * per_m[n] / squares[n]).max(0.0);
                 if counts[n] { weight } else { 0.0 }
             });
-            // Effect of beam shape and sheen, relative to an isotropic lamp and a matte surface.
+            // Applies beam shape and sheen, relative to an isotropic lamp and a matte surface.
             if !is_even {
                 let beams =
                     beams(emitter, edge, cos_beam, at_edge, per_m.map(|per| radius_m * per));
@@ -281,7 +281,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
             for (sums, light) in sums.iter_mut().zip(source.light_cd_s) {
                 sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * light);
             }
-            // Goes on to the children if any point opens the branch, and otherwise past them.
+            // Continues with the children if any point opens the branch, and otherwise skips them.
             let mut any_opens = false;
             for n in 0..N {
                 any_opens |= opens[n] && skipped_until[n] <= index;
@@ -293,9 +293,9 @@ pub(super) fn exposures_lx_s<const N: usize>(
     std::array::from_fn(|n| sums.map(|sums| sums[n]))
 }
 
-/// Returns the intensity of a branch toward points, relative to the axis, by the cosines off it. At
-/// the edge of the body's shadow, where the intensity is `edge`, only a part of the branch's
-/// sources is visible. `angles` is the branch's radius over each distance.
+/// Returns the intensity of a branch toward points, relative to the axis, given the cosines of the
+/// angles to it. At the edge of the body's shadow, where the intensity is `edge`, only a part of
+/// the branch's sources is visible. `angles` is the branch's radius over each distance.
 #[inline(always)]
 fn beams<const N: usize>(
     emitter: &Emitter,
@@ -306,7 +306,7 @@ fn beams<const N: usize>(
 ) -> [f64; N] {
     let Emitter { isotropic_fraction, visible_cos, .. } = *emitter;
     let beams: [f64; N] = if emitter.beam_exponent == 1.0 {
-        // As below, for all points at once.
+        // Computes [`Emitter::relative_intensity`] for all points at once.
         std::array::from_fn(|n| {
             #[expect(
                 clippy::manual_clamp,
@@ -319,7 +319,7 @@ fn beams<const N: usize>(
     } else {
         cos_beam.map(|cos| emitter.relative_intensity(cos))
     };
-    // The fraction of the branch's sources that the body does not hide, instead of all or none.
+    // At the shadow's edge, counts the visible fraction of a branch's sources, not all or none.
     std::array::from_fn(|n| {
         let beyond_edge = cos_beam[n] - visible_cos;
         let visible = 0.5 + 0.5 * beyond_edge / angles[n];

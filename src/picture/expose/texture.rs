@@ -1,7 +1,7 @@
 //! Texture: how unevenly floor and walls reflect light, from worn spots to stains.
 //!
-//! Fractal noise (Perlin, "An image synthesizer", 1985) whose octaves, from 4 cm to 1.28 m, all
-//! have the same variance. One tile repeats. Boards, tiles and seams are not modeled.
+//! The texture is fractal noise (Perlin, "An image synthesizer", 1985), with equal variance in all
+//! octaves from 4 cm to 1.28 m. A single tile repeats. Boards, tiles and seams are not modeled.
 
 use std::sync::LazyLock;
 
@@ -14,7 +14,7 @@ const STEP_M: f64 = 0.02;
 /// Distance between the nodes of each octave, in points.
 const OCTAVES: [usize; 6] = [2, 4, 8, 16, 32, 64];
 
-/// Deviations from the mean, with a variance of 1.
+/// Deviations from the mean albedo, scaled to a variance of 1.
 static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let mut tile = vec![0.0; SIDE * SIDE];
     for cell in OCTAVES {
@@ -81,7 +81,7 @@ mod tests {
         }
         let ratio = roughness(0.0) / roughness(0.5 * period_m);
         assert!((0.7..1.4).contains(&ratio), "at the seam by the middle: {ratio}");
-        // Means over squares of 0.32 m keep only coarser structures: two of the six octaves.
+        // Means over squares of 0.32 m retain only two of the six octaves.
         let mean = |i: usize, j: usize| {
             let points = (0..256)
                 .map(|k| value((i * 16 + k % 16) as f64 * 0.02, (j * 16 + k / 16) as f64 * 0.02));

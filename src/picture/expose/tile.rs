@@ -1,4 +1,4 @@
-//! Tiles: the light of one color on some rows of the picture, before it is counted into the film.
+//! Tiles: the light of one color on some rows of the picture, before it is distributed to the film.
 //!
 //! All records of a color are added up in one plane. The plane's lit tiles are then counted into
 //! the three planes of the film, so the light is multiplied by the color once per pixel, not per
@@ -6,10 +6,10 @@
 
 use std::ops::Range;
 
-/// Width and height of the tiles that are counted.
+/// Width and height of a tile.
 const TILE_PX: [usize; 2] = [64, 16];
 
-/// Fraction for a channel that receives all light of the tiles.
+/// Value of a fraction that means all of the light.
 pub(super) const ALL: u32 = 1 << ALL_BITS;
 const ALL_BITS: u32 = 31;
 
@@ -34,7 +34,7 @@ impl Tiles {
         Self { rows, stride, counts, width, lit: vec![false; tiles] }
     }
 
-    /// Marks all tiles as lit that columns and rows of the picture touch.
+    /// Marks all tiles as lit that the given columns and rows touch.
     #[inline(always)]
     pub(super) fn light(&mut self, columns: &Range<u32>, rows: &Range<u32>) {
         let [first_column, last_column] =

@@ -1,10 +1,10 @@
 //! Light traces as tables, for trails from other programs.
 //!
-//! The columns are `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every
-//! direction). Further columns are allowed. A table cannot describe beams.
+//! The columns are `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, as intensity
+//! in every direction in cd). Further columns are allowed. A table cannot describe beams.
 //!
 //! [`read`] also accepts the light logs of other programs: titles from `TITLES` in any case or
-//! after `#`, every form of table that [`Head`] knows, units in brackets, timestamps in ms, µs or
+//! after `#`, every table layout that [`Head`] supports, units in brackets, timestamps in ms, µs or
 //! ns (told by their steps), and levels from 0 to 255 (1 cd). Guesses and omissions give warnings.
 
 use std::collections::BTreeMap;
@@ -35,19 +35,19 @@ const TITLES: [(&str, &str); 7] = [
     ("b", "b blue led_b"),
 ];
 
-/// Speed that no drone reaches.
+/// Speed above which a lamp moves faster than any drone.
 const FASTEST_M_S: f64 = 15.0;
 /// Minimum length of a step that counts as motion.
 const STEP_M: f64 = 1e-3;
-/// Minimum number of steps, and minimum fraction of all steps, that make a lamp too fast.
+/// Minimum number of fast steps, and minimum fraction of steps, that make a lamp too fast.
 const MIN_FAST_STEPS: usize = 3;
 const MIN_FAST_FRACTION: f64 = 0.1;
 /// Maximum intensity of a channel, in cd.
 const MAX_CD: f64 = 1e6;
-/// Number of bytes in which the header is searched.
+/// Number of bytes at the start of a file in which the header is searched.
 const HEADER_SIZE: usize = 1 << 16;
 
-/// Maximum level of a light log in bytes, and the intensity that it stands for.
+/// Maximum level of a light log in bytes, and the intensity that it represents.
 const FULL_LEVEL: f64 = 255.0;
 const FULL_CD: f64 = 1.0;
 
@@ -98,7 +98,7 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     if !others.is_empty() {
         warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
     }
-    // The title has the unit of time, or else it follows from the steps.
+    // The unit of time is taken from the title or, without one, from the size of the steps.
     let [unit_t, unit_x, unit_y, unit_z] =
         ["t", "x", "y", "z"].map(|name| units.get(name).copied().flatten());
     let unit_s = match unit_t {
@@ -107,7 +107,7 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
         None => unit_from_steps_s(&table, &mut warnings)?,
     };
     let unit_cd = unit_cd(&table, is_trace, &mut warnings);
-    // The rows of the table in s, m and cd.
+    // Converts the rows of the table to s, m and cd.
     let t = table.times_in("t", unit_s)?;
     if let Some(first) = t.first().filter(|first| **first != 0.0) {
         let first_s = on_grid(first * unit_s);
@@ -154,8 +154,8 @@ fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>,
     (units, others)
 }
 
-/// Returns the unit of the timestamps in s, by the steps between them. Warns if the unit is not 1
-/// s.
+/// Determines the unit of the timestamps, in s, from the steps between them. Warns if the unit is
+/// not 1 s.
 fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
     let timestamps = unit_of(table.column("t")?);
     let (unit_s, step) = (timestamps.unit_s, timestamps.step);
@@ -229,7 +229,7 @@ fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
     })
 }
 
-/// Number of rows in a run that allow it one more stretch of a single color, beyond the first
+/// Number of rows of a run for each stretch of a single color that is allowed beyond the first
 /// [`MIN_STRETCHES`].
 const ROWS_PER_STRETCH: usize = 8;
 const MIN_STRETCHES: usize = 2;
@@ -250,7 +250,7 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
         }
     }
     stretches.push((start..run.len(), brightest));
-    // With too many stretches for a lamp each, the color changes continuously.
+    // If there are too many stretches for one lamp each, the color changes continuously.
     if stretches.len() > run.len() / ROWS_PER_STRETCH + MIN_STRETCHES {
         let channels = (0..3).map(|c| {
             lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, instant| instant.rgb_cd[c])
@@ -268,7 +268,7 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
 
 /// True if two rows have the same color within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
-    // Compares x / a with y / b in each channel, without dividing by zero in the dark.
+    // Compares x / a with y / b in each channel, as products to avoid a division by zero.
     let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
     let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
     channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))

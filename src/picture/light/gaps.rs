@@ -1,8 +1,8 @@
-//! Gaps in a log: lamps shine across a gap if the motion there is known well enough, else are dark.
+//! Gaps in a log. Lamps are lit across a gap only if the motion in it is known well enough.
 //!
-//! In a gap of T seconds the position follows the cubic through both ends with the velocities
-//! there, and the attitude changes at a constant rate. A drone with an acceleration of `a` deviates
-//! from that path by at most about `a T² / 8`. The flight has less than `a` in 95 % of its time.
+//! In a gap of T seconds the position follows a cubic that matches positions and velocities at both
+//! ends, and the attitude changes at a constant rate. With an acceleration of `a`, the deviation is
+//! at most about `a T² / 8`. The flight's acceleration is below `a` for 95 % of its time.
 
 use std::borrow::Cow;
 
@@ -16,7 +16,7 @@ use noctograph_core::statistics::weighted_quantile;
 /// draw strokes that were not flown, and a smaller limit would leave dashes.
 const BRIDGE_M: f64 = 0.02;
 
-/// Minimum acceleration that is assumed for a flight in m/s², that of the reference flight.
+/// Minimum assumed acceleration of a flight, in m/s²: the value of the reference flight.
 const LEAST_M_S2: f64 = 0.4;
 
 /// Time over which velocities are measured: ten samples of the firmware's position loop.
@@ -55,14 +55,14 @@ pub fn gaps(flight: &Flight) -> Vec<Gap> {
     }
     let acceleration_m_s2 = acceleration_m_s2(flight).max(LEAST_M_S2);
     Vec::from_iter(flight.gaps.iter().map(|span_s| {
-        // a T² / 8 is the maximum deviation from a path of constant velocity.
+        // The maximum deviation from a path of constant velocity is a T² / 8.
         let duration_s = span_s[1] - span_s[0];
         let uncertainty_m = acceleration_m_s2 * duration_s * duration_s / 8.0;
         Gap { span_s: *span_s, uncertainty_m }
     }))
 }
 
-/// Returns the gaps that are not bridged, each with the longest possible path in m of a lamp in it.
+/// Returns the gaps that are not bridged, each with the longest path of a lamp in it, in m.
 pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     if flight.gaps.is_empty() {
         return Vec::new();
@@ -100,7 +100,7 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
 /// either has no samples.
 fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> {
     let (Some(a), Some(b)) = (before.last(), after.first()) else { return Vec::new() };
-    // Velocities at both ends. With too few samples, the mean velocity over the gap is used.
+    // Measures the velocities at both ends, or with too few samples the mean over the gap.
     let span_s = b.time_s - a.time_s;
     let chord_m_s = (b.position_m - a.position_m) / span_s;
     let start = before.partition_point(|s| s.time_s < a.time_s - VELOCITY_S);
@@ -110,7 +110,7 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     #[expect(clippy::cast_possible_truncation, reason = "under a minute")]
     let steps = ((span_s / STEP_S).ceil() as u32).max(1);
     Vec::from_iter((1..steps).map(|step| {
-        // Cubic Hermite interpolation, with the smoothstep 3u² - 2u³ between the positions.
+        // Interpolates by a cubic Hermite curve, with 3u² - 2u³ between the positions.
         let u = f64::from(step) / f64::from(steps);
         let position_m = a.position_m.lerp(&b.position_m, u * u * (3.0 - 2.0 * u))
             + (v_a * u * ((1.0 - u) * (1.0 - u)) - v_b * u * u * (1.0 - u)) * span_s;

@@ -20,10 +20,10 @@ pub(super) struct Pose {
 }
 
 /// Maximum distance of a lamp from its path between two samples: 1 % of a pixel that shows one
-/// millimeter. A smaller distance takes more samples without a visible gain.
+/// millimeter. A smaller distance would require more samples without a visible benefit.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// Maximum distance for a lamp that cycles through several colors, such as an LED of a spinner.
+/// Maximum distance from its path of a lamp that cycles through colors, such as a spinner's LED.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances from the center along the three axes.
@@ -80,7 +80,7 @@ impl Straight {
         let slack_m = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
         if skipped_s > 0.0 {
-            // If the run goes on, its last pose is skipped and thus limits the chord's rates.
+            // If the run continues, its last pose is skipped and limits the chord's rates.
             let skipped_m = self.last.lengths_from(&self.first);
             let [low, high] = [-slack_m, slack_m].map(|m| skipped_m.map(|length_m| length_m + m));
             self.chords.keep_between(low, high, skipped_s);
@@ -150,7 +150,7 @@ fn shine_along(
             let end = mount.dark_sample(pose);
             let start = previous.map_or(end, |previous| mount.dark_sample(previous));
             for index in first..*next {
-                // The lamp is lit at the knot, just before it, or just after it.
+                // Skips knots unless the lamp is lit at, just before or just after them.
                 let neighbors = &knots[index.saturating_sub(1)..(index + 2).min(knots.len())];
                 if neighbors.iter().any(|knot| knot.level > 0.0) {
                     let Change { time_s, level } = knots[index];

@@ -1,11 +1,11 @@
-//! Light: from the commands to the drone's lamps to the light that these emit.
+//! Light: computes the light that a drone's lamps emit from the commands that they receive.
 //!
-//! Input: [`Flight`]. Output: [`LightTrace`], which has lamps moving through the world. This module
-//! knows neither pixels nor cameras.
+//! Input: [`Flight`]. Output: [`LightTrace`], with lamps that move through the world. This module
+//! is independent of pixels and cameras.
 //!
-//! 1. Each row of the emitter table ([`Fixture`]) has a drive: a channel of the plan, the power
-//!    supply, a sequence of the firmware, or the effect of the LED ring. Commands are delayed by
-//!    the radio and wait for the timer of the firmware, which has a period of 50 ms.
+//! 1. Each row of the emitter table ([`Fixture`]) is driven by a channel of the plan, the power
+//!    supply, a firmware sequence, or the LED ring's effect. Commands are delayed by the radio and
+//!    wait for the timer of the firmware, which has a period of 50 ms.
 //! 2. The dies of a row have levels over time. Each color that they produce together becomes a
 //!    lamp.
 //! 3. Together with the flight, the levels become samples of the lamps while they are lit. There
@@ -15,9 +15,9 @@
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, see [`tables`]. The body hides a lamp outside a cone around the lamp's axis.
 //!
-//! Not modeled: light reflected by the body, ring effects that depend on sensors, falling battery
-//! voltage, the error of the firmware's clock (1.2 % slow until 2026), and rare stalls of the radio
-//! (up to 0.7 s in the team's log). A lamp dimmed by pulse width shines at its mean level.
+//! The model omits light reflected by the body, ring effects that depend on sensors, falling
+//! battery voltage, the firmware's clock error (1.2 % slow until 2026), and rare stalls of the
+//! radio (up to 0.7 s in the team's log). A lamp dimmed by pulse width shines at its mean level.
 
 use std::cell::LazyCell;
 
@@ -42,7 +42,7 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
-/// The lamps of one or several drones ([`LightTraceData::append`]), moving through the world.
+/// The lamps of one or several drones ([`LightTraceData::append`]), which move through the world.
 pub type LightTrace = Valid<LightTraceData>;
 
 /// Data of a [`LightTrace`].
@@ -89,7 +89,7 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
     Ok(())
 }
 
-/// Maximum level of a sample. Levels above 1 are not expected, but a film can hold them.
+/// Maximum level of a sample. Levels above 1 are unusual, but a film can store them.
 const MAX_LEVEL: f64 = 1e3;
 
 /// Checks that an emitter's numbers are within range.
@@ -153,12 +153,12 @@ pub struct Lamp {
     /// The constant properties of the lamp.
     pub emitter: Emitter,
     /// The path, sorted by time. Position, axis and level are linear between samples. Two samples
-    /// at the same time make a step.
+    /// at the same time form a step.
     pub samples: Vec<LightSample>,
 }
 
 impl Lamp {
-    /// Returns the name, preceded by the drone's number (from 1) if there are several drones.
+    /// Returns the lamp's name, preceded by the drone's number (from 1) if there are several.
     #[must_use]
     pub fn label(&self) -> String {
         let Self { drone, emitter: Emitter { name, .. }, .. } = self;
@@ -206,8 +206,8 @@ impl LightSample {
 /// A light source with one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name of the row in the table. A row that changes its color becomes several lamps with the
-    /// same name.
+    /// Name of the row in the table. A row whose color changes becomes several lamps with the same
+    /// name.
     pub name: String,
     /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,
@@ -217,7 +217,7 @@ pub struct Emitter {
     pub beam_exponent: f64,
     /// Isotropic fraction: the intensity in all directions relative to that on the axis, 0 to 1.
     pub isotropic_fraction: f64,
-    /// Cosine of the angle from the axis beyond which the body hides the lamp.
+    /// Cosine of the angle to the axis beyond which the body hides the lamp.
     pub visible_cos: f64,
     /// Diameter of the luminous disc or cylinder.
     pub diameter_m: f64,
@@ -256,8 +256,8 @@ impl Emitter {
 
 /// Computes the light of a flight's lamps.
 ///
-/// `seed` and `drone` (its index from 0) determine all random numbers, which are the jitter of the
-/// radio and the flicker of the link LEDs.
+/// `seed` and `drone` (its index from 0) determine all random numbers: the jitter of the radio and
+/// the flicker of the link LEDs.
 ///
 /// # Errors
 ///
@@ -273,7 +273,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
     let samples = gaps::stretches(flight);
-    // A row of several colors has many short runs, for which a coarser path suffices.
+    // A row of several colors has many short runs, so a coarser path suffices.
     let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
     let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
     let mut trace = LightTraceData::default();
@@ -290,12 +290,12 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     LightTrace::new(trace)
 }
 
-/// Refuses a flight that has none of the channels that the lamps follow.
+/// Returns an error for a flight that has none of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
     let mut drives = fixtures.iter().map(|fixture| &fixture.drive);
     let commanded = drives.find(|drive| matches!(drive, Drive::Command(_)));
     let Some(first) = commanded.and_then(Drive::channel) else { return Ok(()) };
-    // Any channel of a lamp suffices, because the others may be dark throughout.
+    // One channel of a lamp is enough, because the other channels may be dark throughout.
     if flight.lights.keys().any(|channel| {
         fixtures.iter().any(|fixture| fixture.drive.channel() == Some(channel))
             || ring::CHANNELS.contains(&channel.as_str())
@@ -321,10 +321,10 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
 const MAX_COLORS: usize = 8;
 
 /// Returns the emitters of a row and the changes of their levels. There is one emitter per color
-/// that the row ever has, or per primary color. `dies` has the changes of each die's level.
+/// that the row ever has, or per primary color. `dies` contains the changes of each die's level.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let states = states(dies);
-    // Every color that the row ever has, as levels relative to the highest one.
+    // Lists every color that the row ever has, as levels relative to the highest one.
     let mut colors: Vec<Vec<f64>> = Vec::new();
     for (_, levels) in &states {
         let color = relative_levels(levels);
@@ -348,7 +348,7 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
 /// converted to sRGB as a whole, because single dies are outside sRGB and would lose more
 /// saturation.
 fn by_primary(fixture: &Fixture, states: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
-    // Luminous intensity of each primary color at each change.
+    // Computes the luminous intensity of each primary color at each change.
     let intensities = states.iter().map(|(time_s, levels)| {
         let Emitter { intensity_cd, rgb, .. } = emitter(fixture, levels);
         (*time_s, std::array::from_fn(|k| intensity_cd * rgb[k] * LUMINANCE[k]))
@@ -367,7 +367,7 @@ fn by_primary(fixture: &Fixture, states: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Ve
     primaries.into()
 }
 
-/// Returns the times at which any die changes, each with the levels of all dies from then on.
+/// Returns the times at which any die changes, each with the levels of all dies after the change.
 fn states(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     let mut next = vec![0; dies.len()];
     let mut levels = vec![0.0; dies.len()];
@@ -423,7 +423,7 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
 }
 
 /// Converts XYZ to linear sRGB with a luminance of 1. Narrow-band LEDs are outside sRGB, but a film
-/// cannot store negative light. Clipping keeps the luminance and roughly the hue, and loses
+/// cannot store negative light. Clipping preserves luminance and, roughly, hue, but reduces
 /// saturation.
 fn rgb(xyz: [f64; 3]) -> [f64; 3] {
     let rgb = rgb_from_xyz(xyz).map(|channel| channel.max(0.0));

@@ -28,14 +28,14 @@ pub(super) struct Programs<'a> {
     ring: OnceCell<Vec<(f64, Frame)>>,
 }
 
-/// Bit of `led.bitmask` by which it takes control of the board's LEDs.
+/// Bit of `led.bitmask` with which it takes control of the board's LEDs.
 const BITMASK_ENABLED: u8 = 0x80;
 
 /// Time over which flicker is averaged, in s.
 const FLICKER_S: f64 = 0.1;
 
 /// Scales of the white, red, green and blue dies of the color LED deck (`LED_PERCEPTUAL_SCALE` in
-/// `color_led_deck.h`), which are the same in every release that knows the deck, 2025.12 and later.
+/// `color_led_deck.h`), which are the same in every release with the deck (2025.12 and later).
 const COLOR_LED_SCALE: [f32; 4] = [0.99, 0.78, 0.51, 1.0];
 
 impl<'a> Programs<'a> {
@@ -91,7 +91,7 @@ impl<'a> Programs<'a> {
     fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
         let timer = Timer { period_s, phase_s };
         let mut changes = Vec::new();
-        // The first flash may have started before the flight.
+        // Starts with the flash that may have begun before the flight.
         let mut number = timer.next(self.begin_s - on_s);
         while timer.tick_s(number) < self.end_s {
             let tick_s = timer.tick_s(number);
@@ -134,7 +134,7 @@ impl<'a> Programs<'a> {
 
     /// Returns the level changes of the four dies of the color LED deck.
     fn color_led(&self) -> Vec<Vec<Change>> {
-        // The four bytes are packed into one number, so that a change of any die is a command.
+        // The four bytes are packed into one number, so any change counts as a command.
         let commands = self.color_led_commands();
         let initial = commands.first().copied().unwrap_or(0.0);
         let chance = Chance::new(self.seed, self.drone, COLOR_LED.name);
@@ -156,7 +156,7 @@ impl<'a> Programs<'a> {
     fn color_led_commands(&self) -> Vec<f64> {
         let level = self.flight.lights.get(COLOR_LED.name);
         let colors = COLOR_LED_COLORS.map(|name| self.flight.lights.get(name));
-        // Without color channels in the plan, a letter's color stays until the next letter.
+        // If the plan has no color channels, a letter's color persists until the next letter.
         let mut letter = None;
         let samples = self.flight.samples.iter().enumerate();
         Vec::from_iter(samples.map(|(row, sample)| {
@@ -172,13 +172,13 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Twice the deck's value overexposes a word of seven letters at f/22, and half of it leaves 8
-/// steps of green. An LED of the ring can emit 1 cd. Screen colors that differ only in brightness
-/// become one color, whose strongest channel is as bright as that of white, so that one exposure
-/// suits all.
+/// Intensity of white from the color LED deck and from an LED of the ring, which can emit 1 cd.
+/// Twice the deck's value overexposes a seven-letter word at f/22, and half of it leaves 8 steps of
+/// green. Screen colors that differ only in brightness become one color, whose strongest channel is
+/// as bright as white's.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
-/// Factors on the intensity that are tried to find the best bytes. The first factor is preferred.
+/// Intensity factors that are tried in the search for the best bytes. The first is preferred.
 const FACTORS: [f64; 17] = [
     1.0, 1.025, 0.975, 1.05, 0.95, 1.075, 0.925, 1.1, 0.9, 1.125, 0.875, 1.15, 0.85, 1.175, 0.825,
     1.2, 0.8,
@@ -212,7 +212,7 @@ fn closest_bytes(
     white_cd: f64,
     cd: impl Fn(usize, u8) -> f64,
 ) -> [u8; 3] {
-    // The color as a mixture of the dies, and as displayed on a screen.
+    // Computes the color as a mixture of the dies, and as displayed on a screen.
     let chromaticities: [_; 3] = std::array::from_fn(|die| dies[die].chromaticity);
     let color = mixture(chromaticities, srgb);
     let wanted = at_full_scale(match srgb {
@@ -268,7 +268,7 @@ pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4
             ColorLedLevels::Corrected => {
                 #[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
                 let scaled = (f32::from(wrgb[die]) * COLOR_LED_SCALE[die]) as u8;
-                // A square from 3 to 255, except that 0 stays dark.
+                // The level increases quadratically from 3 to 255, except that 0 stays dark.
                 match f64::from(scaled) / 255.0 {
                     0.0 => 0.0,
                     level => (3.0 + 252.0 * level * level).round(),

@@ -1,12 +1,12 @@
 //! Radio: the times at which the commands of a plan reach the firmware, and the firmware's timer.
-//! The lamps' random numbers are here as well: named streams of one seed, with numbers addressed by
+//! This file also contains the lamps' random numbers: named streams from one seed, addressed by
 //! index.
 
 use super::LightOptions;
 use noctograph_core::flight::FlightSample;
 use noctograph_core::random::{GOLDEN, poisson, split_mix};
 
-/// A level that a lamp has from `time_s` on.
+/// A change of a lamp to a level at `time_s`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Change {
     pub(super) time_s: f64,
@@ -21,7 +21,7 @@ pub(super) struct Chance {
 }
 
 impl Chance {
-    /// Returns the stream with a name for a drone.
+    /// Returns the stream with the given name for a drone.
     pub(super) fn new(seed: u64, drone: u64, name: &str) -> Self {
         let name = name.bytes().fold(0, |hash, byte| split_mix(hash ^ u64::from(byte)));
         Self { key: split_mix(split_mix(split_mix(seed) ^ drone) ^ name) }
@@ -29,7 +29,7 @@ impl Chance {
 
     /// Returns a number that is uniformly distributed in `[0, 1)`.
     pub(super) fn uniform(&self, index: u64) -> f64 {
-        // The upper 53 bits, divided by 2^53.
+        // Divides the upper 53 bits by 2^53.
         let bits = (split_mix(self.key.wrapping_add(index.wrapping_mul(GOLDEN))) >> 11) as f64;
         bits / 9_007_199_254_740_992.0
     }
@@ -41,8 +41,8 @@ impl Chance {
 }
 
 /// Returns the times at which commands arrive, in order. A command is sent at each sample whose
-/// level differs from the one before, which is `initial_level` for the first sample. The command
-/// arrives after the radio's delay and a random jitter.
+/// level differs from that of the previous sample, which is `initial_level` for the first sample.
+/// The command arrives after the radio's delay and a random jitter.
 pub(super) fn arrivals(
     samples: &[FlightSample],
     levels: &[f64],
@@ -80,7 +80,7 @@ pub(super) struct Timer {
 impl Timer {
     /// Returns the number of the first tick at or after `time_s`.
     pub(super) fn next(self, time_s: f64) -> f64 {
-        // Rounding must not make a command that arrives on a tick miss that tick.
+        // The tolerance keeps a command that arrives on a tick from missing that tick.
         ((time_s - self.phase_s) / self.period_s - TICK_TOLERANCE).ceil()
     }
 
@@ -89,8 +89,8 @@ impl Timer {
         self.phase_s + number * self.period_s
     }
 
-    /// Returns the changes of a lamp that obeys commands at the next tick. If several arrive before
-    /// the same tick, the last one is used.
+    /// Returns the changes of a lamp that obeys commands at the next tick. If several commands
+    /// arrive before the same tick, the last one is used.
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {
@@ -121,7 +121,7 @@ mod tests {
         let chance = Chance::new(3, 0, "test");
         let n = 20_000;
         let mean = (0..n).map(|i| chance.uniform(i)).sum::<f64>() / 20_000.0;
-        // The standard deviation of the mean is 0.2887 / √20000 = 0.002.
+        // The mean of the numbers has a standard deviation of 0.2887 / √20000 = 0.002.
         assert!((mean - 0.5).abs() < 0.008, "uniform mean {mean}");
         for wanted in [0.5, 20.0] {
             let counts: Vec<f64> = (0..n).map(|i| chance.poisson(i, wanted).into()).collect();

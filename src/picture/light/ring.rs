@@ -2,7 +2,7 @@
 //!
 //! The effects follow Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values
 //! are 0 to 255, and the light of a WS2812B is proportional to them. Single precision and
-//! truncation are those of the firmware.
+//! truncation are the same as in the firmware.
 
 use super::radio::{Chance, Change, Timer, arrivals};
 use super::{
@@ -45,7 +45,7 @@ pub(super) fn frames(
     let mut frames = vec![(first.time_s, ring.tick())];
     let mut number = timer.next(first.time_s);
     while timer.tick_s(number) <= last.time_s {
-        // At its tick, the firmware sees all commands that have arrived by then.
+        // At each tick, the firmware applies all commands that have arrived by then.
         let time_s = timer.tick_s(number);
         while let Some((channel, change)) =
             commands.next_if(|(_, c)| timer.next(c.time_s) <= number)
@@ -149,7 +149,7 @@ impl Ring {
             RingEffect::Off => DARK,
             RingEffect::DoubleSpin => double_spin(self.calls),
             RingEffect::Solid(_) => {
-                // As in the firmware, rounded steps may exceed 1 for one call.
+                // As in the firmware, the sum of rounded steps may exceed 1 for one call.
                 if self.brightness < 1.0 {
                     self.brightness += BRIGHTNESS_STEP;
                 } else {
@@ -194,7 +194,7 @@ const WHITE_LIGHT: [[u8; 3]; 3] = [[32; 3], [8; 3], [2; 3]];
 const BLUE_LIGHT: [[u8; 3]; 3] = [[64, 64, 255], [32, 32, 64], [8, 8, 16]];
 
 /// Returns the frame of the double spinner at a call, counted from 1. The white light moves toward
-/// lower LED numbers and the blue light toward higher ones, by one LED per call, and their tails
+/// lower LED numbers and the blue light toward higher ones, by one LED per call. Their tails
 /// follow. Each LED shows half of both lights.
 fn double_spin(call: usize) -> Frame {
     let mut frame = DARK;
@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn led_memory_rounds_to_16_bits() {
-        // The firmware computes R8 = (R5·527 + 23) >> 6 and G8 = (G6·259 + 33) >> 6.
+        // In the firmware, R8 = (R5·527 + 23) >> 6 and G8 = (G6·259 + 33) >> 6.
         assert_eq!(ring_memory_rgb([255; 3]), [255; 3]);
         assert_eq!(ring_memory_rgb([0; 3]), [0; 3]);
         assert_eq!(ring_memory_rgb([20, 20, 20]), [16, 20, 16], "20 is 2 of 31 and 5 of 63");

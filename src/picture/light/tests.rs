@@ -71,7 +71,7 @@ fn stretches(lamp: &Lamp) -> Vec<(LightSample, LightSample)> {
     pairs.filter(|(a, b)| b.time_s > a.time_s && (a.level > 0.0 || b.level > 0.0)).collect()
 }
 
-/// Returns the level of a lamp at a time, or 0 if the lamp has no samples there.
+/// Returns the level of a lamp at a time, or 0 if the lamp has no samples around it.
 fn level(lamp: &Lamp, time_s: f64) -> f64 {
     let around = stretches(lamp).into_iter().find(|(a, b)| (a.time_s..b.time_s).contains(&time_s));
     around.map_or(0.0, |(a, b)| {
@@ -79,7 +79,7 @@ fn level(lamp: &Lamp, time_s: f64) -> f64 {
     })
 }
 
-/// Returns the light in cd that all lamps of a name send straight down at a time.
+/// Returns the light in cd that all lamps with a name emit straight down at a time.
 fn down_cd(trace: &LightTrace, name: &str, time_s: f64) -> f64 {
     let lamps = trace.lamps.iter().filter(|lamp| lamp.emitter.name.starts_with(name));
     lamps.map(|lamp| level(lamp, time_s) * lamp.emitter.intensity_cd(1.0)).sum()

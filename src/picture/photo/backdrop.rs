@@ -21,16 +21,16 @@ pub(super) struct Backdrop {
     /// Square of the focal length, in square pixels.
     focal_sq_px2: f32,
     center_px: [f32; 2],
-    /// Fraction of the light that vignetting removes, per squared distance from the middle.
+    /// Fraction of the light that vignetting removes, per squared pixel distance from the middle.
     vignetting_px2: f32,
     picture: Option<Picture>,
     /// Floor and walls with their camera, if the room has walls.
     surfaces: Option<(Camera, Room)>,
-    /// Position of a gap through which half of the room's light enters.
+    /// Position of a gap, as of a door, through which half of the room's light enters.
     gap_m: Option<Vector3<f64>>,
 }
 
-/// Distance in pixels between columns, between which the light of a surface is linear.
+/// Distance in pixels between columns, between which a surface's light is interpolated.
 const STEP_PX: usize = 8;
 
 /// A background picture, scaled to the photo.
@@ -74,7 +74,7 @@ impl Backdrop {
         })
     }
 
-    /// Adds the room's light to a row before the sensor reads it. A background replaces that light.
+    /// Adds the room's light to a row before the sensor reads it. A background replaces this light.
     pub(super) fn add_room(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if self.picture.is_some() || self.room == [0.0; 3] {
             return;
@@ -112,8 +112,7 @@ impl Backdrop {
         let mut row = Vec::with_capacity(width + STEP_PX);
         let (mut left_surface, mut left) = self.luminance(camera, room, 0.0, y as f64);
         for i in 0..width.div_ceil(STEP_PX) {
-            // Alternates between the row's upper and lower edge to detect a room edge along the
-            // row.
+            // Samples the row's upper and lower edge in turn, to detect a room edge along the row.
             let right_px = [((i + 1) * STEP_PX) as f64, (y + (i + 1) % 2) as f64];
             let (right_surface, right) = self.luminance(camera, room, right_px[0], right_px[1]);
             for j in 0..STEP_PX {
@@ -144,9 +143,9 @@ impl Backdrop {
     }
 }
 
-/// Returns the albedo of floor and walls relative to its median, or `None` without a background.
-/// The albedo is taken from the background's brightness in each channel, as if the room had been
-/// evenly lit, and is 4 at most.
+/// Returns the albedo of floor and walls relative to its median, or `None` if there is no
+/// background. The albedo is taken from the background's brightness in each channel, as if the room
+/// had been evenly lit, and is 4 at most.
 ///
 /// # Errors
 ///
@@ -163,7 +162,7 @@ pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Ref
         picture.add(y, height as f32 / 2.0, &mut rows);
         planes.iter_mut().zip(rows).for_each(|(plane, row)| plane.extend(row));
     }
-    // Lower levels would only add noise.
+    // Levels lower than this would only add noise.
     let darkest = picture.light[DARKEST_LEVEL];
     for plane in &mut planes {
         let mut sorted = plane.clone();
@@ -174,7 +173,7 @@ pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Ref
     Ok(Some(Arc::new(planes)))
 }
 
-/// Minimum level of a background that is used as it is.
+/// Minimum level of a background. Darker pixels are raised to this level.
 const DARKEST_LEVEL: usize = 4;
 
 /// Maximum light of a surface, relative to the median.
@@ -183,7 +182,7 @@ const BRIGHTEST: f32 = 4.0;
 impl Picture {
     /// Reads a background picture and scales it so that it covers the photo.
     fn read(path: &str, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
-        // A web page has no files, and its module has no decoder for photos.
+        // A web page has no access to files, and its module has no decoder for photos.
         if cfg!(target_family = "wasm") {
             let (wanted, hint) =
                 ("no background on a web page", "use the program, which reads files");

@@ -1,15 +1,15 @@
 //! Reads a camera's sensor, lens and exposure from the EXIF of a photograph (EXIF 2.32).
 //!
-//! Only the tags that [`taken_as`] lists change the camera. A directory without any of these tags
-//! may be broken.
+//! Only the tags that [`taken_as`] lists change the camera. Broken directories without any of these
+//! tags are ignored.
 //!
-//! The sensor width of a known body is tabulated. For other bodies it follows from the resolution
-//! in pixels per unit of length, or from the focal length and its equivalent on 35 mm film, which
-//! refers to diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of pixels may be
-//! newer than the resolution. Canon writes the resolution as 1000 times the pixels divided by
-//! thousandths of the unit, so that it contains both. For other makers the width is used if the
-//! film equivalent confirms it. If nothing confirms it, there is a warning, or no width if the tags
-//! show that the picture was edited.
+//! The sensor width of a known body is tabulated. For other bodies it is computed from the
+//! resolution in pixels per unit of length, or from the focal length and its equivalent on 35 mm
+//! film, which refers to diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of
+//! pixels may be newer than the resolution. Canon writes the resolution as 1000 times the pixels
+//! divided by thousandths of the unit, so that it contains both. For other makers the width is used
+//! if the film equivalent confirms it. If nothing confirms it, there is a warning, or no width if
+//! the tags show that the picture was edited.
 
 use std::path::Path;
 
@@ -22,16 +22,16 @@ use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{JpegFrame, Limit};
 
-/// Maximum size of a photograph's file: a raw file of a technical camera.
+/// Maximum size of a photograph's file: that of a raw file from a technical camera.
 const LIMIT: Limit = Limit { bytes: 160 << 20, what: "a photograph", hint: HINT };
 
-/// Value of `SubjectDistance` that means infinity.
+/// Value of the tag `SubjectDistance` that means infinity.
 const ENDLESS: u32 = u32::MAX;
 
-/// Value of `PhotographicSensitivity` that means 65535 or more. Other tags then have the number.
+/// Value of `PhotographicSensitivity` that means 65535 or more. Other tags then contain the number.
 const ISO_BEYOND: f64 = 65_535.0;
 
-/// Names in `Software` of programs that edit pictures. Cameras write their firmware's name there.
+/// Names in `Software` of programs that edit pictures. Cameras store their firmware there.
 const EDITORS: &str = "photoshop,lightroom,gimp,darktable,rawtherapee,paint,capture one,affinity,\
                        snapseed,picasa,imagemagick,photos ,acdsee,luminar,digikam,photo editor";
 
@@ -50,7 +50,7 @@ const TAGS: [(&str, Tag); 7] = [
 ///
 /// The photograph sets sensor, lens, aperture number, shutter time, sensitivity, focus distance,
 /// and the aspect ratio of the picture, whose longer side keeps its number of pixels. Pose and
-/// other options do not change. Each guess gives a warning with its reason.
+/// other options remain unchanged. Each guess gives a warning with its reason.
 ///
 /// # Errors
 ///
@@ -101,7 +101,7 @@ struct Photograph {
 }
 
 impl Photograph {
-    /// Sets body, lens, exposure and aspect ratio of a camera. Refuses a photograph that lacks tags
+    /// Sets body, lens, exposure and aspect ratio of a camera. Fails if the photograph lacks tags
     /// that a camera needs.
     fn set(&mut self, camera: &mut CameraOptions, place: &str) -> Result<()> {
         let body = self.text(Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
@@ -110,7 +110,7 @@ impl Photograph {
             Some(body) => Some(body.figures().sensor_width_m),
             None => self.sensor_width_m(focal_length_m),
         };
-        // Missing values are computed from APEX values: N = 2^(Av/2), t = 2^-Tv.
+        // Computes missing values from APEX values: N = 2^(Av/2), t = 2^-Tv.
         let f_number = self
             .number(Tag::FNumber)
             .or_else(|| Some(libm::exp2(0.5 * self.signed(Tag::ApertureValue)?)));
@@ -134,7 +134,7 @@ impl Photograph {
         else {
             return Err(self.incomplete(&needed, place));
         };
-        // The lens keeps the scene's distortion, because EXIF has none.
+        // The lens keeps the scene's distortion, because EXIF contains none.
         camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
         let distortion = match &camera.lens {
             LensModel::Custom(lens) => lens.distortion,
@@ -151,7 +151,7 @@ impl Photograph {
 
     /// Returns the error for needed tags that are missing or 0.
     fn incomplete(&self, needed: &[Needed], place: &str) -> Error {
-        // Cameras write 0 for an unknown value, which needs another hint than a missing tag.
+        // Cameras write 0 for an unknown value, which needs a different hint than a missing tag.
         let is_zero =
             |tag| self.value(tag).is_some() && self.signed(tag).is_none_or(|value| value <= 0.0);
         let film_mm = self
@@ -221,7 +221,7 @@ impl Photograph {
         (camera.width_px, camera.height_px) = (longer, shorter);
         if (width < height) != turned {
             (camera.width_px, camera.height_px) = (shorter, longer);
-            // The longer side of the sensor is vertical.
+            // In a portrait, the longer side of the sensor is vertical.
             let aspect = f64::from(shorter) / f64::from(longer);
             let sensor_width_m = camera.body.figures().sensor_width_m * aspect;
             camera.body = BodyModel::Custom(CustomBody { sensor_width_m });
@@ -237,7 +237,7 @@ impl Photograph {
         let Some((pixels, width_m, is_of_one_age)) = plausible else { return film_width_m };
         let mm = 1e3 * width_m;
         match film_width_m {
-            // Programs that shrink a picture leave its resolution tags unchanged.
+            // A program that shrinks a picture may leave its resolution tags unchanged.
             Some(film_m) if relative_difference(width_m, film_m) >= SAME_WIDTH => {
                 let message = format!(
                     "the sensor is taken to be {:.2} mm wide, by FocalLengthIn35mmFilm: \
@@ -268,9 +268,9 @@ impl Photograph {
         Some(width_m)
     }
 
-    /// Returns the number of pixels across, the sensor width by the resolution, and true if both
-    /// were certainly written together, or `None` without the tags. Warns of an unknown unit if the
-    /// width is needed.
+    /// Returns the number of pixels across, the sensor width computed from the resolution, and true
+    /// if both were certainly written together, or `None` without the tags. Warns of an unknown
+    /// unit if the width is needed.
     fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
         let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
             None | Some(2.0) => 0.0254, // inches by default
@@ -297,8 +297,8 @@ impl Photograph {
         Some([width, side(Tag::PixelYDimension, Tag::ImageLength)?])
     }
 
-    /// Returns the sensor width by the focal length and its equivalent on 35 mm film, for the
-    /// picture's aspect ratio, or `None` without these tags. Warns of an impossible equivalent.
+    /// Returns the sensor width computed from the focal length and its equivalent on 35 mm film,
+    /// for the picture's aspect ratio, or `None` without tags. Warns of an impossible equivalent.
     fn equivalent_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_mm = self.number(Tag::FocalLengthIn35mmFilm)?;
         if !FILM_MM.contains(&film_mm) {
@@ -306,7 +306,7 @@ impl Photograph {
             self.warn("film-equivalent", message);
             return None;
         }
-        // A picture of unknown size is taken to have the usual aspect ratio of 3:2.
+        // A picture of unknown size is assumed to have the common aspect ratio of 3:2.
         let [width, height] = self.tagged_size_px().or(self.size_px).unwrap_or([3.0, 2.0]);
         let aspect = width.max(height) / width.min(height);
         let film_by_sensor = film_mm / (1e3 * focal_length_m?);
@@ -321,7 +321,7 @@ impl Photograph {
         }
         let Value::Rational(ratio) = self.value(Tag::FocalPlaneXResolution)? else { return None };
         let exif::Rational { num, denom } = *ratio.first()?;
-        // In thousandths of an inch, a sensor 3 mm wide has 118.
+        // In thousandths of an inch, the width of a 3 mm sensor is 118.
         (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
             .then(|| f64::from(denom) / 1000.0)
     }
@@ -336,12 +336,12 @@ impl Photograph {
             }
         }
         let (taken, written) = (self.text(Tag::DateTimeOriginal)?, self.text(Tag::DateTime)?);
-        // Only the days are compared, because a long exposure is written when it ends.
+        // Only the days are compared, because the file of a long exposure is written after it ends.
         (taken.get(..10) != written.get(..10))
             .then(|| format!("it was taken at {taken} and changed at {written}"))
     }
 
-    /// Returns the sensitivity from the first tag that can hold it.
+    /// Returns the sensitivity from the first tag that can represent it.
     fn iso(&self) -> Option<f64> {
         let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
         match self.number(Tag::PhotographicSensitivity) {
@@ -366,7 +366,7 @@ impl Photograph {
             let shown = "the picture shows only a part of the sensor, and its camera saw more";
             self.warn("digital-zoom", format!("DigitalZoomRatio {zoom}: {shown}"));
         }
-        // A distance of 0 means unknown. A value that is not a number is no distance.
+        // A distance of 0 means unknown. A value that is not a number cannot be used.
         if let Some(subject) = subject
             && self.signed(Tag::SubjectDistance).is_none_or(|m| m < 0.0)
             && self.subject_m().is_none()
@@ -421,8 +421,8 @@ impl Photograph {
     }
 }
 
-/// Maximum relative difference between two equal aspect ratios. The sides of thumbnails are small
-/// whole numbers.
+/// Maximum relative difference between two equal aspect ratios. Thumbnails have small sides, which
+/// are rounded to whole pixels.
 const SAME_ASPECT: f64 = 0.04;
 
 /// Maximum relative difference between two equal sensor widths.
@@ -453,7 +453,7 @@ const RAW_FILES: [(&str, &[u8]); 12] = [
     ("Sigma X3F", b"FOVb"),
 ];
 
-/// Refuses a raw file and names its format.
+/// Returns an error that names the format if a file is a raw file.
 pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
     let raw = RAW_FILES.iter().find(|(_, signature)| {
         bytes.len() >= signature.len()
@@ -470,9 +470,9 @@ const FILM_DIAGONAL_M: f64 = 0.043_267;
 /// Returns the width on 35 mm film of a picture's longer side. `aspect` is the picture's aspect
 /// ratio, and the film is `film_by_sensor` times as large as the sensor.
 ///
-/// The aspect ratio of the sensor follows from its size. Full frame, APS-C and one-inch sensors
-/// (2.7) have 3:2. Larger sensors, Micro Four Thirds (2.0) and smaller ones have 4:3. A picture
-/// longer than the sensor was cropped in height, and a squarer picture in width.
+/// The aspect ratio of the sensor follows from its size. It is 3:2 for full frame, APS-C and
+/// one-inch sensors (2.7), and 4:3 for larger sensors, Micro Four Thirds (2.0) and smaller sensors.
+/// A picture longer than that was cropped in height, and a squarer one in width.
 pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
     let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
     let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };
@@ -533,7 +533,7 @@ mod tests {
         ]
     }
 
-    /// Returns the telephone's tags without some, and with others added or replaced.
+    /// Returns the telephone's tags, with some left out and others added or replaced.
     fn telephone_with(left_out: &[Tag], added: &[(Tag, Value)]) -> Vec<(Tag, Value)> {
         let mut tags = telephone();
         tags.retain(|(tag, _)| {
@@ -561,7 +561,7 @@ mod tests {
             (0.0057, 1.8, 50.0)
         );
         let sensor_width_m = camera.body.figures().sensor_width_m;
-        // The diagonals are 43.267 mm for film, and 5 units for a picture of 4 by 3.
+        // The diagonal is 43.267 mm for film, and 5 units for a picture of 4 by 3 units.
         assert!((sensor_width_m - 0.8 * 0.043_267 * 5.7 / 26.0).abs() < 1e-12, "{camera:?}");
         assert_eq!(camera.shutter_close_s, Some(30.0));
         assert_eq!((camera.width_px, camera.height_px), (1920, 1440));
@@ -614,7 +614,7 @@ mod tests {
         let width_m = |tags: &[(Tag, Value)]| taken(tags).0.body.figures().sensor_width_m;
         assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
         tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
-        // On so small a sensor, a picture of 2 by 1 is as wide as one of 4 by 3.
+        // On a sensor this small, a 2:1 picture is as wide as a 4:3 picture.
         assert!((width_m(&tags) - 0.034_613_6 * 5.7 / 26.0).abs() < 1e-7, "{}", width_m(&tags));
         assert!(taken(&tags).1[0].contains("makes it 22.30 mm"), "{:?}", taken(&tags).1);
     }
@@ -639,7 +639,7 @@ mod tests {
             let width_mm = 1e3 * camera.body.figures().sensor_width_m;
             assert!((width_mm - 7.391).abs() < 0.001 && said.is_empty(), "{pixels:?}: {width_mm}");
         }
-        // The resolution tags of another maker do not tell when they were written.
+        // Resolution tags of other makers do not reveal when they were written.
         let mut other = compact([2560, 1920]);
         other.retain(|(tag, _)| *tag != Tag::Make);
         let (camera, said) = taken(&other);
@@ -700,7 +700,7 @@ mod tests {
         fn entries(bytes: &[u8], start: usize) -> usize {
             usize::from(u16::from_be_bytes(bytes[start..start + 2].try_into().unwrap()))
         }
-        // The directory of EXIF, and the pointer after it, which must be 0.
+        // Locates the EXIF directory, and the pointer after it, which must be 0.
         let first = long(&bytes, 4);
         let tag = (0..entries(&bytes, first)).map(|n| first + 2 + 12 * n);
         let tag = tag.clone().find(|start| bytes[*start..*start + 2] == [0x87, 0x69]).unwrap();
@@ -710,7 +710,7 @@ mod tests {
         std::fs::write(file.path(), &bytes).unwrap();
         let camera = read(file.path()).unwrap().0;
         assert_eq!((camera.f_number, camera.iso), (1.8, 50.0));
-        // The pointer after the first directory, to that of the thumbnail.
+        // Overwrites the pointer from the first directory to the thumbnail's directory.
         let next = first + 2 + 12 * entries(&bytes, first);
         bytes[next..next + 4].copy_from_slice(&[0xff; 4]);
         std::fs::write(file.path(), &bytes).unwrap();
@@ -752,7 +752,7 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
 
-        /// Sensors from data sheets in mm, and pictures as cameras crop them.
+        /// Tests sensor sizes from data sheets, in mm, and pictures cropped as cameras crop them.
         #[test]
         fn an_equivalent_focal_length_gives_the_width_of_every_sensor_and_aspect(
             sensor in proptest::sample::select(vec![
@@ -782,7 +782,7 @@ mod tests {
             proptest::prop_assert!(error.abs() < 0.02, "{found_mm} mm, not {wanted_mm} mm");
         }
 
-        /// A tag of a valid file that cannot be understood leaves the camera unchanged or is named.
+        /// Tests that any unusable tag of a valid file leaves the camera unchanged or is named.
         #[test]
         fn a_tag_that_is_not_understood_is_named_or_changes_nothing(
             which in 0..13_usize,

@@ -10,7 +10,7 @@ use super::{Readout, metadata};
 use crate::narrow;
 use noctograph_core::camera::Camera;
 
-/// Primaries and white of linear sRGB (ITU-R BT.709, D65).
+/// Primaries and white point of linear sRGB (ITU-R BT.709, D65).
 const CHROMATICITIES: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.3, 0.6),
@@ -53,7 +53,7 @@ impl Readout {
             focus: camera.focus_m.map(narrow),
             white_luminance: Some(narrow(self.white_lx_s / camera.lx_s_of_luminance())),
             software_name: Text::new_or_none(metadata::SOFTWARE),
-            // This is not `Text::new_or_none`, because that writes Latin-1.
+            // `Text::new_or_none` is not used, because it writes Latin-1.
             comments: Some(Text::from_slice_unchecked(notes.as_bytes())),
             ..LayerAttributes::default()
         }

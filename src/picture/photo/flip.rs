@@ -2,9 +2,9 @@
 //! Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "ꟻLIP: A difference evaluator for
 //! alternating images", with the constants of that paper).
 //!
-//! Colors are filtered by the contrast sensitivity of the eye at a distance (`PIXELS_PER_DEGREE`),
+//! Colors are filtered by the eye's contrast sensitivity at a distance (`PIXELS_PER_DEGREE`),
 //! compared in Hunt-adjusted `L*a*b*` by the distance `HyAB`, and weighted by differences of edges
-//! and points. 0 means equal, and 1 is the largest difference (black and white, or green and blue).
+//! and points. 0 means equal, and 1 the largest difference (black and white, or green and blue).
 
 use std::f32::consts::PI;
 use std::iter::Sum;
@@ -55,7 +55,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Returns the mean error over the pixels for whose index `mask` is true, or 0 without any.
+    /// Returns the mean error over pixels for whose index `mask` is true, or 0 if there are none.
     #[must_use]
     pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
         let masked = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
@@ -78,7 +78,7 @@ impl Difference {
         ];
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
         let rgb8 = self.values.iter().flat_map(|value| {
-            // Horner's rule.
+            // Evaluates the polynomial by Horner's rule.
             let color = FIT.iter().rev().fold(Vec3::ZERO, |sum, k| sum * value + Vec3::from(*k));
             color.to_array().map(|channel| (channel.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
         });
@@ -152,12 +152,12 @@ impl Perceived {
 impl Plane<Vec3> {
     /// Filters colors by the contrast sensitivity of the eye, a sum of two separable Gaussians.
     fn filtered(&self) -> Self {
-        // All channels have the same radius, as in the program of the paper.
+        // All channels use the same radius, as in the paper's reference program.
         let widest = SENSITIVITY.iter().map(|[_, b]| b.max_element()).fold(0.0, f32::max);
         let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil();
         let [(first, mut out), (second, wide)] = SENSITIVITY.map(|[a, b]| {
             let bell = kernel(radius, |x| b.map(|b| libm::expf(-PI * PI * x * x / b)));
-            // The factor a √(π/b) applies once for both axes.
+            // The factor a √(π/b) is applied only once, not for each axis.
             let area: Vec3 = bell.iter().sum();
             let bell = unit(bell);
             (a * b.map(|b| (PI / b).sqrt()) * area * area, self.along_x(&bell).along_y(&bell))
@@ -170,12 +170,12 @@ impl Plane<Vec3> {
 }
 
 impl Plane<f32> {
-    /// Returns the strengths of edges and of points, which are the first and the second derivative
-    /// of a Gaussian.
+    /// Returns the strengths of edges and of points, which are detected by the first and the second
+    /// derivative of a Gaussian, respectively.
     fn features(&self) -> [Self; 2] {
         let sigma = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
         let radius = (3.0 * sigma).ceil();
-        // The functions below take pixels, but `kernel` passes degrees.
+        // The functions below expect pixels, but `kernel` passes degrees.
         let in_px = |f: &dyn Fn(f32) -> f32| kernel(radius, |x| f(x * PIXELS_PER_DEGREE));
         let bell = |x: f32| libm::expf(-x * x / (2.0 * sigma * sigma));
         let flat = unit(in_px(&bell));
@@ -321,7 +321,7 @@ mod tests {
 
     #[test]
     fn mean_errors_are_those_of_flip_evaluator() {
-        // flip-evaluator 1.7 (Python), evaluate(a, b, "LDR", inputsRGB=True), 67 pixels per degree.
+        // Expected: flip-evaluator 1.7, evaluate(a, b, "LDR", inputsRGB=True), 67 px per degree.
         for (name, a, b, wanted) in [
             ("shifted", drawing(0), drawing(3), 0.186_907),
             ("dark", drawing(0), picture(96, 64, |_, _| [0, 0, 0]), 0.532_208),

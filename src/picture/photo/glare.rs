@@ -1,10 +1,10 @@
 //! Veiling glare and halo: the lens scatters a fraction of all light, computed in integers.
 //!
 //! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves, which are bell-shaped
-//! blurs with σ = 4, 8, 16 … px. Each octave has the light that the scatter puts into its ring of
-//! radii. A pyramid computes an octave as sums over cells as wide as its σ, which are blurred and
-//! spread back to pixels. Light scattered by less than 4 px stays in its pixel. No count of the
-//! light is lost.
+//! blurs with σ = 4, 8, 16 … px. Each octave contains the light scattered into its ring of radii. A
+//! pyramid computes an octave as sums over cells as wide as its σ, which are blurred and spread
+//! back to pixels. Light scattered by less than 4 px stays in its pixel. No count of the light is
+//! lost.
 //!
 //! Ghost images of bright lights are not modeled. Light that would cross the border of the picture
 //! is mirrored.
@@ -20,7 +20,7 @@ use noctograph_core::camera::Camera;
 /// Side of the finest cells, and σ of the finest octave, in pixels.
 pub(super) const CELL_PX: usize = 4;
 
-/// Unit of fractions of light.
+/// Number that represents all of the light in fractions.
 pub(super) const WHOLE: u32 = 1 << 16;
 
 /// The scattered light of a film.
@@ -30,7 +30,7 @@ pub(super) struct Glare {
     fraction: u32,
     /// Scattered light of each channel, in the finest cells.
     halo: Vec<Plane>,
-    /// Cells and parts from which each row of pixels gets its light.
+    /// Cells, and their parts, from which each row of pixels receives light.
     rows: Vec<Vec<(usize, usize)>>,
 }
 
@@ -50,7 +50,7 @@ impl Glare {
     }
 
     /// Writes the counts of row `y` of a channel after scattering to `out`. `pixels` are the counts
-    /// before it, and `cells` is a buffer.
+    /// before scattering, and `cells` is a buffer.
     pub(super) fn row(
         &self,
         channel: usize,
@@ -72,8 +72,7 @@ impl Glare {
             for (out, &count) in out.iter_mut().zip(pixels) {
                 *out = count - scattered(count, self.fraction);
             }
-            // The light is spread along the row in 32 bits if the cells are faint, as nearly all
-            // are.
+            // If the cells are faint, as most are, light is spread along the row in 32 bits.
             let brightest = cells.iter().copied().fold(0, u64::max);
             if brightest < QUADRUPLE.narrow_limit() {
                 QUADRUPLE.along_narrow(cells, out);
@@ -124,7 +123,7 @@ pub(super) fn cells(film: &Film, fraction: u32) -> [Plane; 3] {
 /// units of 1 / [`WHOLE`].
 fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) -> Vec<u32> {
     let PhotoOptions { glare_frac, glare_radius_m, glare_exponent, .. } = *options;
-    // Fraction of the scatter within a radius r, which is its integral over a disc.
+    // Returns the fraction of the scatter within a radius r: its integral over a disc.
     let within = |r_px: f64| {
         let ratio = r_px * pitch_m / glare_radius_m;
         1.0 - libm::pow(1.0 + ratio * ratio, 1.0 - glare_exponent)
@@ -144,12 +143,12 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     }))
 }
 
-/// Spreads a channel's scattered light over its octaves, and returns that of the finest cells.
+/// Spreads a channel's scattered light over its octaves, and returns the light in the finest cells.
 fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Goes to coarser octaves. Each octave takes its part of the light that finer octaves left.
+    // Goes to coarser octaves. Each one takes its part of the light that finer octaves left over.
     let mut remaining_fraction: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut remaining = cells;
     let mut parts = Vec::with_capacity(octaves.len());
@@ -165,7 +164,7 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
         remaining = remaining.halved();
         parts.push(part);
     }
-    // Goes back to finer octaves: blurs the light and spreads it to cells of half the width.
+    // Then goes back to finer octaves, blurring the light and spreading it to half-width cells.
     let mut halo = remaining.blurred();
     for mut part in parts.into_iter().rev() {
         halo.spread_into(&DOUBLE, &mut part);

@@ -1,4 +1,4 @@
-//! Spreads light over neighbors in integers, without losing a count.
+//! Spreads light over neighboring cells in integers, without losing a single count.
 //!
 //! A value V is divided into fractions `c_j / 2^s` whose sum is 1. Part j gets `⌊V c_0…j / 2^s⌋ -
 //! ⌊V c_0…j-1 / 2^s⌋`, so that the rounded parts add up to V. Light that would leave the picture is
@@ -25,14 +25,14 @@ pub(super) struct Kernel<const PARTS: usize> {
     shift: u32,
 }
 
-/// Blurs cells by 1-2-1.
+/// Kernel that blurs cells by 1-2-1.
 pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
-/// Spreads cells to cells of half the width by 1-3-3-1.
+/// Kernel that spreads cells to cells of half the width by 1-3-3-1.
 pub(super) const DOUBLE: Kernel<4> =
     Kernel { step: 2, first: -1, cumulative: [1, 4, 7, 8], shift: 3 };
 
-/// Spreads cells four pixels wide to pixels by 1-3-5-7-7-5-3-1.
+/// Kernel that spreads cells four pixels wide to pixels by 1-3-5-7-7-5-3-1.
 pub(super) const QUADRUPLE: Kernel<8> =
     Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 
@@ -52,7 +52,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
         mirrored.clamp(0, n - 1).cast_unsigned()
     }
 
-    /// Returns the cells, each with the index of the part, that each of `n` positions receives.
+    /// Returns for each of `n` positions the cells, with the index of the part, that it receives.
     pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
         let mut sources = vec![Vec::new(); n];
         for cell in 0..cells {
@@ -116,7 +116,7 @@ impl Kernel<8> {
             }
             previous = upper;
         }
-        // Only the border remains, where parts that leave the picture are mirrored.
+        // Then handles the border, at which parts that leave the picture are mirrored.
         let n_inside = inside.len();
         let last = cells.len().saturating_sub(2).max(1)..cells.len();
         for cell in (0..cells.len().min(1)).chain(last) {

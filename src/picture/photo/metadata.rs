@@ -1,8 +1,8 @@
 //! Metadata of a picture, in EXIF 2.32 and XMP.
 //!
-//! A time would change the bytes with every run, and a maker would name a camera that does not
-//! exist, so both are left out. The digital source type of the IPTC marks the picture as computed
-//! from a model.
+//! A timestamp would make the bytes differ in every run, and a maker would refer to a camera that
+//! does not exist, so both are left out. The digital source type of the IPTC marks the picture as
+//! computed from a model.
 
 use exif::experimental::Writer;
 use exif::{Field, In, Rational, Tag, Value};
@@ -72,12 +72,12 @@ impl Metadata {
             (Tag::ExposureTime, rational(self.exposure_s)),
             (Tag::FNumber, rational(self.f_number)),
             (Tag::PhotographicSensitivity, Value::Short(vec![short(self.iso)])),
-            // 3 means the ISO speed of ISO 12232.
+            // The value 3 means the ISO speed of ISO 12232.
             (Tag::SensitivityType, Value::Short(vec![3])),
             (Tag::ISOSpeed, Value::Long(vec![iso])),
             (Tag::FocalLength, rational(self.focal_length_m * 1000.0)),
             (Tag::FocalLengthIn35mmFilm, Value::Short(vec![short(length_35_mm)])),
-            // 1 means sRGB.
+            // The value 1 means sRGB.
             (Tag::ColorSpace, Value::Short(vec![1])),
             (Tag::ImageUniqueID, ascii(&self.unique_id)),
         ];
@@ -107,27 +107,27 @@ impl Metadata {
 /// Number of bytes that each checksum of [`unique_id`] covers.
 const BLOCK: usize = 4096;
 
-/// Returns 128 bits of the SHA-256 of all blocks' CRC-32. The SHA-256 of the whole picture took a
-/// quarter of the time from light trace to photo.
+/// Returns 128 bits of the SHA-256 of all blocks' CRC-32. A SHA-256 of the whole picture would take
+/// a quarter of the time from light trace to photo.
 fn unique_id(picture: &[u8]) -> String {
     let sums = picture.chunks(BLOCK).flat_map(|block| crc32fast::hash(block).to_le_bytes());
     sha256(&sums.collect::<Vec<_>>())[..32].to_owned()
 }
 
-/// Returns a rational number in millionths, or if it is too large in thousandths or whole numbers.
+/// Returns a rational number in millionths, or in thousandths or whole numbers if it is large.
 fn rational(value: f64) -> Value {
     let mut denoms = [1_000_000_u32, 1000, 1].into_iter();
     let denom = denoms.find(|denom| value * f64::from(*denom) < f64::from(u32::MAX)).unwrap_or(1);
     Value::Rational(vec![Rational { num: whole(value * f64::from(denom)), denom }])
 }
 
-/// Returns a rounded number.
+/// Rounds a number to an integer.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn whole(value: f64) -> u32 {
     value.round() as u32
 }
 
-/// Returns a rounded number of 16 bits. Larger numbers saturate.
+/// Rounds a number to a 16-bit integer. Larger numbers saturate.
 fn short(value: f64) -> u16 {
     u16::try_from(whole(value)).unwrap_or(u16::MAX)
 }

@@ -1,11 +1,11 @@
-//! Photo: a film becomes a picture.
+//! Photo develops a film into a picture.
 //!
 //! Input: [`Film`]. Output: [`Photo`], or the [`Readout`] of the sensor in linear light.
 //!
 //! Light passes through a camera in several steps. The lens scatters part of it
 //! ([`PhotoOptions::glare_frac`]) and diffracts part into spikes. The light of the room is added.
 //! The sensor converts light to noisy electrons, clips and reads them (EMVA 1288, ISO 12232). A
-//! background is added, which already has the light of its room and the noise of its sensor. A tone
+//! background is added, which already contains its room's light and its sensor's noise. A tone
 //! curve converts light to levels. An effect that is turned off leaves the light unchanged.
 //!
 //! Counts stay integers through the lens. The later steps use only `+ - × ÷ √` in f32, pixel by
@@ -68,7 +68,7 @@ pub struct Readout {
     /// Red, green and blue of each pixel, row by row from the top left, in linear sRGB with 1 at
     /// saturation. Noise and the color matrix make some values slightly negative.
     pub rgb: Vec<f32>,
-    /// Luminous exposure that a value of 1 stands for.
+    /// Luminous exposure that a value of 1 represents.
     pub white_lx_s: f64,
 }
 
@@ -140,7 +140,7 @@ pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
 const TASK_ROWS: usize = 16;
 
 /// Processes the picture row by row. `finish` converts the channels of a row to the result. Returns
-/// the luminous exposure at white, and the result.
+/// the luminous exposure of white, and the result.
 fn process<T: Copy + Default + Send>(
     film: &Film,
     camera: &Camera,
@@ -155,7 +155,7 @@ fn process<T: Copy + Default + Send>(
         let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
         return Err(Error::input("film", size, wanted, "use the camera that exposed the film"));
     }
-    // Parts of the camera that are prepared once for the whole picture.
+    // Prepares the parts of the camera once for the whole picture.
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
     let glare = Glare::new(film, camera, options);
@@ -171,7 +171,7 @@ fn process<T: Copy + Default + Send>(
     let mut out = vec![T::default(); 3 * width * height];
     let rows = out.par_chunks_exact_mut(3 * width).enumerate().with_min_len(TASK_ROWS);
     rows.for_each_init(scratch, |(light, counts, scattered, reading), (y, out)| {
-        // Values are counts up to the lens, and light relative to white after it.
+        // Values are counts up to the lens, and light relative to white after the lens.
         for (channel, light) in light.iter_mut().enumerate() {
             lens.row(channel, y, scattered, counts);
             noctograph_core::dispatch!(|| {

@@ -1,5 +1,5 @@
 //! Random numbers of the sensor. The numbers are functions of seed, row, channel, source and
-//! column, so that the noise of a pixel depends neither on other pixels nor on order or threads.
+//! column, so that a pixel's noise depends neither on other pixels nor on the order of computation.
 
 use std::sync::LazyLock;
 
@@ -13,12 +13,12 @@ const CELLS: usize = 2048;
 /// distribution replaces it (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
-/// The use of a random number.
+/// The purpose of a random number.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// All noise of a bright pixel, or only the photons of a dark pixel.
     Shot,
-    /// All other noise of a dark pixel, from reading and PRNU.
+    /// All other noise of a dark pixel: read noise and PRNU.
     Read,
     /// Hot photosites of a row, and their electrons.
     Hot,
@@ -59,8 +59,8 @@ impl Stream {
     }
 }
 
-/// Normally distributed numbers, by a piecewise linear inverse of the distribution function. The
-/// numbers have a variance of 1 to the last digits of f32, and reach 3.8 σ.
+/// Normally distributed numbers, from a piecewise linear inverse of the distribution function.
+/// Their variance is 1 to within f32's precision, and they reach 3.8 σ.
 #[derive(Debug)]
 pub(super) struct Normal {
     /// Start of each cell, and its slope per unit of the lower bits.
@@ -109,7 +109,7 @@ impl Normal {
 const LOWER_BITS: u32 = 32 - CELLS.ilog2();
 
 /// Returns the quantile of the normal distribution for 0 < p < 1, with a relative error of 1.2e-9
-/// (rational approximation by Acklam).
+/// (rational approximation by P. J. Acklam).
 fn quantile(p: f64) -> f64 {
     const A: [f64; 6] = [
         -3.969_683_028_665_376e1,
@@ -143,7 +143,7 @@ fn quantile(p: f64) -> f64 {
         1.0,
     ];
     const TAIL: f64 = 0.024_25;
-    // Ratios of polynomials, in p - 1/2 in the middle and in √(-2 ln p) in the tails.
+    // Uses ratios of polynomials, in p - 1/2 in the middle and in √(-2 ln p) in the tails.
     let series = |terms: &[f64], x: f64| terms.iter().fold(0.0, |sum, term| sum * x + term);
     if p > 0.5 {
         -quantile(1.0 - p)
@@ -168,11 +168,11 @@ pub(super) struct Poisson {
 const LEVELS: usize = 256;
 const LAST_LEVEL: u32 = 255;
 
-/// At a mean of 25, larger numbers have a probability below 2^-32.
+/// Size of a table. At a mean of 25, numbers beyond it have a probability below 2^-32.
 const NUMBERS: usize = 64;
 const LAST_NUMBER: u32 = 63;
 
-/// Number of bits that select a table's column, and number of bits that select within it.
+/// Number of bits that select a table's column, and number of bits that decide within it.
 const COLUMN_BITS: u32 = NUMBERS.ilog2();
 const WITHIN_BITS: u32 = 32 - COLUMN_BITS;
 
@@ -198,7 +198,7 @@ impl Poisson {
 
     /// Returns a Poisson-distributed number for each mean and its uniform bits.
     ///
-    /// The code has no branches, because random bits would make their prediction fail. Lookups are
+    /// The code has no branches, because random bits would defeat branch prediction. Lookups are
     /// separate from the computations before and after them, which use wide registers.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, means: [f32; N], bits: [u32; N]) -> [f32; N] {
@@ -233,7 +233,7 @@ impl Poisson {
 /// column if the bits within are less than the cell's upper bits, and otherwise the alias in its
 /// lower bits.
 fn table(mean: f64) -> [u32; NUMBERS] {
-    // Probabilities, multiplied by the number of columns.
+    // Computes the probabilities, multiplied by the number of columns.
     let mut probability = NUMBERS as f64 * libm::exp(-mean);
     let mut scaled: [f64; NUMBERS] = std::array::from_fn(|number| {
         let scaled = probability;
@@ -243,7 +243,7 @@ fn table(mean: f64) -> [u32; NUMBERS] {
     let (mut rare, mut frequent): (Vec<usize>, Vec<usize>) =
         (0..NUMBERS).partition(|&number| scaled[number] < 1.0);
     let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
-    // A number too rare to fill its column fills the rest with a frequent number, its alias.
+    // If a number is too rare to fill its column, a frequent number, its alias, fills the rest.
     while let (Some(&alias), Some(column)) = (frequent.last(), rare.pop()) {
         #[expect(clippy::cast_possible_truncation, reason = "below 1")]
         let within = (scaled[column] * f64::from(1 << WITHIN_BITS)) as u32;

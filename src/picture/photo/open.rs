@@ -1,4 +1,4 @@
-//! Reads photos from PNG and JPEG files, and turns them upright by their EXIF.
+//! Reads photos from PNG and JPEG files, and turns them upright according to their EXIF data.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -13,7 +13,7 @@ use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::JpegFrame;
 
-/// Maximum memory for decoding a JPEG file, that of the largest PNG with four channels of 16 bits.
+/// Maximum memory for decoding a JPEG file: that of the largest PNG with four 16-bit channels.
 const MAX_BYTES: u64 = 8 * MAX_PIXELS;
 
 /// Reads a photo from a PNG or JPEG file. The header is checked before anything is decoded.
@@ -61,11 +61,11 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     Ok((Photo::new(turned(photo, orientation))?, Notes::default()))
 }
 
-/// Refuses a JPEG file that is truncated, or takes more memory to decode than any other photo.
+/// Checks that a JPEG file is complete, and needs no more memory than the largest other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
-    // The decoder itself refuses a file without a frame.
+    // The decoder itself rejects a file without a frame.
     let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
-    // The decoder keeps a copy of the file.
+    // The decoder keeps a copy of the file in memory.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
     if needed <= MAX_BYTES {
         let hint = "copy the whole file from the camera's card";
@@ -128,7 +128,7 @@ mod tests {
     fn the_coefficients_of_a_progressive_photo_count() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.jpg");
-        // An image of 8000 x 8000 pixels with four components, progressive and in a single scan.
+        // Returns the header of an image of 8000 x 8000 pixels with four components in one scan.
         fn frame(marker: u8) -> Vec<u8> {
             let mut bytes = vec![0xff, 0xd8, 0xff, marker, 0, 20, 8, 0x1f, 0x40, 0x1f, 0x40, 4];
             (0..4).for_each(|id| bytes.extend([id, 0x11, 0]));

@@ -98,8 +98,8 @@ impl SensorNoise {
 }
 
 impl PhotoOptions {
-    /// Returns options with every effect off, for measurements: the sensor clips at saturation, and
-    /// the sRGB curve encodes the rest.
+    /// Returns options without any effects, for measurements: the sensor clips at saturation, and
+    /// the sRGB curve encodes the light.
     #[must_use]
     pub fn plain() -> Self {
         Self {

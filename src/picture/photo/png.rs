@@ -13,15 +13,15 @@ use noctograph_core::files::Limit;
 
 const SCENE_KEYWORD: &str = "noctograph.scene";
 
-/// Keyword of the gaps in flight logs, which are stored as JSON.
+/// Keyword of the text that contains the gaps in flight logs, as JSON.
 pub const LOG_GAPS_KEYWORD: &str = "noctograph.log_gaps";
 
-/// Keyword of the digests of the flights.
+/// Keyword of the text that contains the digests of the flights.
 pub const FLIGHT_KEYWORD: &str = "noctograph.flight_sha256";
-/// Keyword of the digest of the strokes.
+/// Keyword of the text that contains the digest of the strokes.
 pub const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
 
-/// Maximum size of a decompressed text in bytes, that of the largest scene file.
+/// Maximum size of a decompressed text in bytes, equal to that of the largest scene file.
 const MAX_TEXT_BYTES: usize = 1 << 20;
 
 /// Maximum memory in bytes for everything except the picture.
@@ -36,7 +36,7 @@ const FITS: &str = "a checked picture fits into memory";
 pub(super) const LIMIT: Limit =
     Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
 
-/// Encodes a photo as PNG: 8 bits per channel, sRGB, fast compression, no time.
+/// Encodes a photo as PNG: 8 bits per channel, sRGB, fast compression, no timestamp.
 ///
 /// The scene and `notes`, which are pairs of keyword and text, become text chunks. With metadata,
 /// the file also contains EXIF, XMP and the size of the print.
@@ -109,7 +109,7 @@ pub struct Notes {
     pub log_gaps_json: Option<String>,
 }
 
-/// Returns the text of a keyword, or `None` if there is none. Refuses a text that is damaged or
+/// Returns the text of a keyword, or `None` if there is none. Fails if the text is damaged or
 /// larger than the limit.
 fn text(
     texts: &[png::text_metadata::ITXtChunk],
@@ -139,13 +139,13 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let n = samples.len() / bytes;
     samples.resize(samples.len().max(3 * n), 0);
     for index in 0..n {
-        // Pixels that shrink are converted forward, and pixels that grow backward, so that no
-        // sample is overwritten before it is read.
+        // Pixels that get shorter are converted forward, and pixels that get longer backward, so
+        // that no sample is overwritten before it is read.
         let index = if bytes >= 3 { index } else { n - 1 - index };
         let pixel = &samples[index * bytes..][..bytes];
         let levels = [0, 1, 2].map(|channel| match if has_color { channel } else { 0 } {
             channel if !is_wide => pixel[channel],
-            // The nearest of 256 levels, where 65535 = 255 · 257.
+            // Rounds to the nearest of 256 levels. Note that 65535 = 255 · 257.
             channel => {
                 let level = u16::from_be_bytes([pixel[2 * channel], pixel[2 * channel + 1]]);
                 u8::try_from((u32::from(level) + 128) / 257).unwrap_or(u8::MAX)
@@ -156,7 +156,7 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     samples.truncate(3 * n);
 }
 
-/// Refuses an image that is too large before it is decoded.
+/// Returns an error for an image that is too large, before it is decoded.
 pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result<()> {
     check_size(width_px, height_px).map_err(|error| match error {
         Error::Input { found, wanted, .. } => {
@@ -205,7 +205,7 @@ fn encode(
     let mut encoder = png::Encoder::with_info(&mut file, info)?;
     encoder.set_compression(png::Compression::Fastest);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    // The texts come before the pixels for readers that stop at the pixels.
+    // The texts come before the pixels, for the sake of readers that stop at the pixels.
     let xmp = metadata.map(|metadata| (XMP_KEYWORD, metadata.xmp()));
     let scene = scene_toml.map(|scene| (SCENE_KEYWORD, scene.to_owned()));
     for (keyword, text) in xmp.into_iter().chain(notes.iter().cloned()).chain(scene) {
@@ -252,7 +252,7 @@ mod tests {
         let sixteen = readout.encode_png16(linear, (&camera, print), &[], Some("seed = 7"));
         for file in [eight, sixteen] {
             let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
-            // The print has 150 dots per 25.4 mm.
+            // The print has 150 dots per inch (25.4 mm).
             let dims = reader.info().pixel_dims.unwrap();
             assert_eq!((dims.xppu, dims.yppu, dims.unit), (5906, 5906, png::Unit::Meter));
             let exif = reader.info().exif_metadata.clone().unwrap();
@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// A text chunk of 60 kB that expands to 60 MB, in a photo that is otherwise valid.
+    /// Tests a text chunk of 60 kB that expands to 60 MB, in an otherwise valid photo.
     #[test]
     fn a_text_that_unpacks_without_end_is_refused_only_where_it_is_read() {
         let folder = tempfile::tempdir().unwrap();
@@ -295,8 +295,8 @@ mod tests {
         assert_eq!(crate::photo::read(&path).unwrap().rgb8, [1, 2, 3]);
     }
 
-    /// Every kind of PNG is compared with the decoder of `image`, which is a second implementation
-    /// on top of the same decompression.
+    /// Compares every kind of PNG with the decoder of the crate `image`, which is a second
+    /// implementation on top of the same decompression.
     #[test]
     fn every_color_type_and_depth_becomes_rgb_of_8_bits() {
         use png::{BitDepth, ColorType};

@@ -1,20 +1,20 @@
 //! The sensor converts the light on its pixels to a readout, as in EMVA 1288.
 //!
-//! 1. Light leaks between the color channels and then becomes electrons. The numbers of electrons
-//!    are Poisson-distributed with a mean of the light times the channel's response. Dark current
-//!    and hot photosites add more electrons.
+//! 1. Light leaks between the color channels and then becomes electrons. Electron counts are
+//!    Poisson-distributed, with a mean of the light times the channel's response. Dark current and
+//!    hot photosites add more electrons.
 //! 2. The well or the converter clips each channel, and reading adds noise.
-//! 3. The camera subtracts the mean dark current, clips all channels at the same light, and inverts
-//!    the leak by its matrix. Unclipped light thereby regains its color, and clipped light gets a
+//! 3. The camera subtracts the mean dark current, clips all channels at the same light, and undoes
+//!    the leak by a matrix. Unclipped light thereby regains its color, and clipped light gets a
 //!    color closer to its neighbor's and to white. Then the camera balances white and clips again.
-//!    Gains before the matrix would tint every gray.
+//!    Balancing white before the matrix would tint every gray.
 //!
 //! Green photosites receive a fourth of a blue LED's light ([`SENSITIVITY`]), which makes the
 //! center of an overexposed blue lamp cyan.
 //!
 //! White is [`Camera::saturation_lx_s`]. A single picture does not show which part of its noise is
-//! a fixed pattern, so PRNU is part of the variance. Not modeled: rounding of the converter, the
-//! color filter mosaic, banding, cosmic rays.
+//! a fixed pattern, so PRNU is part of the variance. The model omits rounding by the converter, the
+//! color filter mosaic, banding and cosmic rays.
 
 use super::noise::{NORMAL, Normal, POISSON, POISSON_BELOW, Poisson, Source, Stream};
 use super::options::{Noise, PhotoOptions, SensorNoise};
@@ -53,7 +53,7 @@ struct Noisy {
 
 /// Mean dark current of a hot pixel, which is exponentially distributed.
 pub(super) const HOT_PIXEL_E_S: f64 = 100.0;
-/// Seed of the hot pixels, which are the same in all pictures of a camera.
+/// Seed of the hot pixels, which are the same in all pictures from a camera.
 const HOT_PIXEL_SEED: u64 = 0;
 
 /// Number of pixels whose electrons are computed together.
@@ -109,12 +109,12 @@ impl Sensor {
 /// Sensitivity of red, green and blue photosites (rows) to red, green and blue LEDs of 622, 525 and
 /// 466 nm, relative to the photosites of the LED's own color, with white balanced.
 ///
-/// Medians over 32 cameras, whose spectral sensitivities were measured by Jiang and others 2013 and
-/// by contributors of github.com/butcherg/ssf-data.
+/// The values are medians over 32 cameras, whose spectral sensitivities were measured by Jiang and
+/// others 2013 and by contributors of github.com/butcherg/ssf-data.
 const SENSITIVITY: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
 
-/// Returns the matrix of the crosstalk, and its inverse. The matrix has the fractions of red, green
-/// and blue light that each kind of photosite receives. White light is equal in all channels.
+/// Returns the matrix of the crosstalk, and its inverse. The matrix contains the fractions of red,
+/// green and blue light that each kind of photosite receives. White light is equal in all channels.
 fn crosstalk() -> [[[f32; 3]; 3]; 2] {
     let fractions = SENSITIVITY.map(|row| row.map(|light| light / row.iter().sum::<f64>()));
     let crosstalk = nalgebra::Matrix3::from_fn(|i, j| fractions[i][j]);
@@ -140,7 +140,7 @@ impl Noisy {
         let gain = (camera.iso / camera.base_iso).max(1.0);
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
         let largest = noise.response.into_iter().fold(0.0, f64::max);
-        // With gain, the converter clips before the well is full.
+        // If there is gain, the converter clips before the well is full.
         let clip = noise.full_well_e / gain;
         let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
         Self {
@@ -166,7 +166,7 @@ impl Noisy {
         read_bits.resize(width, 0);
         self.hot_pixels(y, width, hot);
         for (channel, row) in rows.iter_mut().enumerate() {
-            // Mean electrons of each pixel from photons, dark current and hot photosites.
+            // Computes each pixel's mean electrons from photons, dark current and hot photosites.
             let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
             let mut n_dark = 0;
             for light in row.iter_mut() {
@@ -194,7 +194,7 @@ impl Noisy {
         }
     }
 
-    /// Replaces the mean electrons of a row with some dark pixels by random numbers.
+    /// Replaces the mean electrons of a row, in which some pixels are dark, with random numbers.
     #[inline(always)]
     fn add_noise(&self, row: &mut [f32], bits: &[u32], read_bits: &[u32]) {
         // Processes whole groups of pixels first, and then the remaining pixels.
@@ -210,7 +210,7 @@ impl Noisy {
         }
     }
 
-    /// Replaces mean electrons by random numbers: Poisson-distributed photons plus normally
+    /// Replaces mean electrons with random numbers: Poisson-distributed photons plus normally
     /// distributed noise of all other sources. Pixels of at least [`POISSON_BELOW`] are computed as
     /// bright pixels.
     #[inline(always)]

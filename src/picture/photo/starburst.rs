@@ -3,11 +3,11 @@
 //! A straight blade diffracts light into a spike perpendicular to it. As for a round iris, the
 //! fraction `2 λ N / (π² r)` of a point's light lands farther than r from it. Straight blades
 //! concentrate that light in spikes, so each of n spikes has `2 λ N / (π² n r²)` per unit length.
-//! The spikes of a moving lamp are too faint to be visible, so only lamps at rest get them. The
+//! The spikes of a moving lamp are too faint to be visible, so only lamps at rest get spikes. The
 //! light of the spikes is subtracted from the point.
 //!
-//! The light of a spike in a pixel is rounded down to an integer. The fine structure of spikes by
-//! color is not modeled.
+//! The light of a spike in a pixel is rounded down to an integer. The color-dependent fine
+//! structure of spikes is not modeled.
 
 use glam::DVec2;
 
@@ -74,7 +74,7 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
             let (sin, cos) = libm::sincos(angle);
             draw(film, point.center_px, DVec2::new(cos, sin), light, &mut changes);
         }
-        // The point loses the counts of its spikes, so that light is conserved.
+        // The counts in the spikes are subtracted from the point, so that light is conserved.
         subtract_spikes(film, &point, first, &mut changes);
     }
     changes.sort_by_key(|change| change.index);
@@ -86,11 +86,11 @@ struct Point {
     /// First cell of the block of cells around the point.
     corner: [usize; 2],
     center_px: DVec2,
-    /// Light in counts, without the light of a trail through the point.
+    /// Light of the point in counts, without that of a trail through the point.
     light: [f64; 3],
 }
 
-/// Returns the brightest points at which lamps dwell: cells much brighter than all around them.
+/// Returns the brightest points at which lamps dwell: cells much brighter than those around.
 fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     let (width, height) = (cells[0].width, cells[0].height);
     let saturation = camera.saturation_lx_s() * libm::exp2(-f64::from(film.scale_log2));
@@ -109,7 +109,7 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
                 (y - reach..=y + reach)
                     .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
             };
-            // If several cells are equal, the last one is the point.
+            // If several cells are equally bright, the last one counts as the point.
             if !around(margin).all(|[i, j]| (cell(i, j), [j, i]) <= (light, [y, x])) {
                 continue;
             }
@@ -159,7 +159,7 @@ fn center_px(film: &Film, corner: [usize; 2]) -> DVec2 {
 /// light beyond 1 px from the point.
 fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<Change>) {
     let size = [film.width_px, film.height_px].map(|side| side as usize);
-    // Goes along the axis that is closer to the spike's direction, and across that axis.
+    // Proceeds along the axis closest to the spike's direction, and across that axis.
     let (main, side) = if along.x.abs() > along.y.abs() { (0, 1) } else { (1, 0) };
     for main_px in 0..size[main] {
         let u_main = main_px as f64 + 0.5 - from[main];
@@ -190,7 +190,7 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
 }
 
 /// Subtracts the light of the changes starting at `first` from the pixels of the point, in
-/// proportion to their own light.
+/// proportion to each pixel's light.
 fn subtract_spikes(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let spikes: [i128; 3] = std::array::from_fn(|c| {

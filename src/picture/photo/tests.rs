@@ -41,7 +41,7 @@ fn random(x: usize, y: usize) -> u32 {
     Stream::new(5, y, 0, Source::Shot).bits(u32::try_from(x).unwrap())
 }
 
-/// Returns a film with a thin trail and some dots on a dark background.
+/// Returns a film that shows a thin trail and some dots on a dark background.
 fn drawing(size_px: [u32; 2]) -> Film {
     film(size_px, |channel, x, y| match (x + 2 * y) % 97 {
         0 => count(8.0) >> channel,
@@ -58,7 +58,7 @@ fn electrons_only() -> PhotoOptions {
     noisy(|_| {})
 }
 
-/// Returns electrons with read noise and everything that `change` adds.
+/// Returns options with read noise and all noise that `change` adds.
 fn noisy(change: impl FnOnce(&mut SensorNoise)) -> PhotoOptions {
     let mut noise = SensorNoise {
         response: [1.0; 3],
@@ -75,7 +75,7 @@ fn noisy(change: impl FnOnce(&mut SensorNoise)) -> PhotoOptions {
 fn with_all_effects_off_the_sensor_clips_and_the_curve_is_srgb() {
     let camera = camera([64, 33], |_| {});
     let film = film([64, 33], |channel, x, y| random(x, y) >> ((3 * channel + x + y) % 32));
-    // Smallest integer count that reaches each level.
+    // Computes the smallest integer count that reaches each level.
     let thresholds: Vec<u32> = (0..255)
         .map(|level| {
             let light = srgb::linear_from_encoded((f64::from(level) + 0.5) / 255.0);
@@ -189,7 +189,7 @@ fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
     });
     for (blades, wanted) in [(7, 14), (6, 6)] {
         let changes = spikes(&dwell, blades);
-        // The light of a ring around the point, by direction, has its peaks at the spikes.
+        // By direction, the light in a ring around the point has its peaks at the spikes.
         let mut around = [0; 120];
         for change in &changes {
             let x = (change.index % 400) as f64 - 200.0;
@@ -219,7 +219,7 @@ fn an_overexposed_color_turns_white_and_others_stay() {
     assert!(readout.rgb[3..].iter().all(|value| *value > 0.9), "{:?}", &readout.rgb[3..]);
 }
 
-/// Returns the mean and the variance, in electrons, of what the sensor reads of even light.
+/// Returns the mean and the variance, in electrons, of the sensor's readout of uniform light.
 fn statistics(options: &PhotoOptions, electrons: f64) -> (f64, f64) {
     let film = film([1000, 700], |_, _, _| count(electrons / 50_000.0));
     let rgb = read_out(&film, &camera([1000, 700], |_| {}), options, 3).unwrap().rgb;
@@ -255,7 +255,7 @@ fn nonuniform_gain_adds_its_square() {
 
 #[test]
 fn blocks_of_even_light_pass_the_z_test() {
-    // Means of 2,000 blocks of 100 pixels. Šidák's bound for 1 % over all of them is 4.42 σ.
+    // Compares the means of 2,000 blocks of 100 pixels. Šidák's bound for 1 % over all is 4.42 σ.
     for electrons in [4.0, 60.0, 4000.0] {
         let options = noisy(|noise| noise.read_noise_e = 2.0);
         let film = film([1000, 200], |_, _, _| count(electrons / 50_000.0));
@@ -318,8 +318,8 @@ fn hot_pixels_are_white_and_have_their_density_and_mean() {
     });
     let film = film([1000, 1000], |_, _, _| 0);
     let rgb = read_out(&film, &camera([1000, 1000], |_| {}), &options, 4).unwrap().rgb;
-    // The distribution is exponential with a mean of 100 e-/s · 10 s, so that exp(-0.1) of 1,000
-    // are above 100 e-.
+    // The distribution is exponential with a mean of 100 e-/s · 10 s, so exp(-0.1) of 1,000 hot
+    // pixels are above 100 e-.
     fn electrons(value: f32) -> f64 {
         f64::from(value) * 50_000.0
     }
@@ -334,8 +334,8 @@ fn hot_pixels_are_white_and_have_their_density_and_mean() {
     assert!((sum / number - 1100.0).abs() < 4.0 * 1000.0 / number.sqrt(), "{}", sum / number);
 }
 
-/// Four photosites of a sensor and one pixel of a print have the same mean and variance, whether
-/// photons, reading, dark current, uneven gain or hot photosites dominate.
+/// Tests that four photosites of a sensor and one pixel of a print have the same mean and variance,
+/// whether photons, reading, dark current, uneven gain or hot photosites dominate.
 #[test]
 fn a_print_has_the_noise_of_the_photosites_that_its_dots_stand_for() {
     let sensor = SensorNoise {
@@ -477,7 +477,7 @@ fn hot_pixels_belong_to_the_camera() {
     }
     let [one, other] = [hot(1), hot(2)];
     assert!(one.len() > 30, "{one:?}");
-    // Near the threshold, the noise of the electrons decides which pixels are hot.
+    // Close to the threshold, electron noise determines which pixels count as hot.
     let shared = one.iter().filter(|index| other.contains(index)).count();
     assert!(20 * shared > 19 * one.len().max(other.len()), "the same in every flight: {shared}");
 }

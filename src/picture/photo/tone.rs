@@ -31,7 +31,7 @@ const GRAY_LEVEL: f64 = 118.0 / 255.0;
 /// Change of the encoded value per stop at middle gray.
 const CONTRAST: f64 = 0.2;
 
-/// Distance of black from middle gray, in stops.
+/// Difference between middle gray and black, in stops.
 const BLACK_STOPS: f64 = 8.0;
 
 /// Sharpness of the bends to white and to black, where 1 is the softest.
@@ -42,7 +42,7 @@ const TOE: f64 = 1.5;
 const MIN_LIGHT: f64 = 1e-9;
 
 impl Tone {
-    /// Applies the part of the curve that combines the three channels of a pixel.
+    /// Applies the part of the tone curve that combines the three channels of a pixel.
     pub(super) fn mixed(self, rgb: [f32; 3]) -> [f32; 3] {
         match self {
             Self::Neutral => neutral(rgb),
@@ -73,7 +73,7 @@ impl Tone {
     pub(super) fn decode(self, encoded: f64) -> f64 {
         match self {
             Self::Camera if encoded > 0.0 => {
-                // Bisects down to the last bit.
+                // Bisects until the last bit is determined.
                 let (mut low, mut high) = (0.0, 1.0);
                 for _ in 0..f64::MANTISSA_DIGITS {
                     let middle = 0.5 * (low + high);
@@ -89,8 +89,8 @@ impl Tone {
 
 /// Returns the encoded value of light by the curve of [`Tone::Camera`].
 fn camera(light: f64) -> f64 {
-    // g + s u / (1 + |s u / l|^b)^(1/b), with u in stops from middle gray. The limit l makes the
-    // curve reach white at saturation, and black at BLACK_STOPS below middle gray.
+    // The curve is g + s u / (1 + |s u / l|^b)^(1/b), with u in stops from middle gray. The limit l
+    // makes the curve reach white at saturation, and black at BLACK_STOPS below middle gray.
     let stops = libm::log2(light.max(MIN_LIGHT) / GRAY);
     let (end_stops, end_level, bend) = if stops > 0.0 {
         (-libm::log2(GRAY), 1.0 - GRAY_LEVEL, SHOULDER)
@@ -162,7 +162,7 @@ impl Levels8 {
             }
             *least = f32::from_bits(low);
         }
-        // A bin spans at most one step between levels, so that a single comparison decides.
+        // A bin spans at most one step between levels, so a single comparison determines the level.
         let bins = ((1.0_f32.to_bits() - DARK.to_bits()) >> BIN_BITS) + 1;
         let mut level = 0;
         let start = (0..bins).map(|bin| {
@@ -196,7 +196,7 @@ impl Levels8 {
     }
 }
 
-/// Table of a tone curve for 16 bits, linear between 256 points per octave.
+/// Table of a tone curve for 16 bits, interpolated linearly between 256 points per octave.
 #[derive(Debug)]
 pub(super) struct Levels16 {
     nodes: Vec<f64>,
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn neutral_is_the_published_formula() {
-        // Computed by hand from the specification (Khronos PBR Neutral Tone Mapper, 2024).
+        // Values computed by hand from the specification (Khronos PBR Neutral Tone Mapper, 2024).
         let cases = [
             ([0.5, 0.5, 0.5], [0.46, 0.46, 0.46]),
             ([0.04, 0.2, 0.3], [0.01, 0.17, 0.27]),

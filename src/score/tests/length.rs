@@ -4,8 +4,8 @@ use noctograph_core::strokes::StrokesData;
 
 use super::*;
 
-/// Words, each with words that have one letter more or less at the start, in the middle or at the
-/// end. Some of the longer or shorter words are real words.
+/// Words, each with variants that have one letter more or less at the start, in the middle or at
+/// the end. Some of the variants are real words.
 const PAIRS: [(&str, &[&str]); 10] = [
     ("PARIS", &["ARIS", "PAIS", "PARI", "SPARIS", "PARTIS", "PARISH"]),
     ("EAR", &["AR", "ER", "EA", "NEAR", "EVAR", "EARN"]),
@@ -36,7 +36,7 @@ fn a_letter_too_many_or_too_few_is_seen_wherever_it_is() {
     assert!(sure >= 57, "{sure} of 60 at 0.5 or less");
 }
 
-/// The wall beside HELLO was once read as a J.
+/// Regression test: the lit wall beside HELLO was once read as a J.
 #[test]
 fn a_lit_wall_is_no_letter() {
     for (word, wall) in [("HELLO", 0.2), ("HELLO", 0.4), ("Sofia", 0.2)] {
@@ -81,7 +81,7 @@ fn two_lines_agree_with_their_light_as_one_does() {
 fn told_the_word_it_is_as_likely_as_read_blindly() {
     let noor = word("NOOR");
     let photo = Shot::new(&noor).photo();
-    // This camera looks past the word.
+    // The camera is pointed beside the word.
     let aside = Shot::new(&noor).shifted(0.5, 0.2);
     let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
     let verdict = reader.score(&photo, &(&aside.camera).into()).unwrap();

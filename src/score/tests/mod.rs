@@ -12,7 +12,7 @@ mod reading;
 mod studio;
 mod why;
 
-/// Returns a word in the repaired team letters, which include digits.
+/// Returns a word in the team's repaired font, which includes digits.
 fn fixed(text: &str) -> Strokes {
     write(text, &LetterOptions { font: "ae483-fixed".into(), ..Default::default() }).unwrap()
 }
@@ -158,7 +158,7 @@ fn scribbles_are_not_legible() {
     }
 }
 
-/// Each letter is drawn between an N and an E, and scored as each letter of the same group.
+/// Draws each letter between an N and an E, and scores it as each other letter of its group.
 #[test]
 fn one_wrong_letter_is_not_legible() {
     for group in ["OCGQD", "EFPRB", "ITLJ", "MNHW", "UVY", "KXA", "SZ"] {
@@ -212,7 +212,7 @@ fn a_missing_letter_is_a_gap() {
     let a = &near.glyphs[2].moves;
     moves.retain(|step| !a.contains(step));
     let verdict = Shot::new(&near).showing(moves).verdict(&near);
-    // That position is dark, so the spelling leaves its letter open.
+    // The third position is dark, so the spelling leaves its letter open.
     assert_eq!((&verdict.read[..], verdict.letters[2].best), ("NE?R", None), "{verdict:?}");
     assert!(!verdict.legible && verdict.readability < 0.7, "{verdict:?}");
     assert_eq!(verdict.rival.unwrap().word, "NER");
@@ -398,7 +398,7 @@ fn the_same_photo_has_the_same_verdict_on_any_number_of_threads() {
     let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
     let explain = || {
         let (verdict, marks) = reader.explain(&photo, &view, &Known::default()).unwrap();
-        // Rust prints floats with the fewest digits that identify them: equal texts mean equal
+        // Rust prints floats with the fewest digits that identify them, so equal texts mean equal
         // bits.
         format!("{verdict:?} {marks:?}")
     };

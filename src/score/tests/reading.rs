@@ -72,7 +72,7 @@ fn mirrored_writing_is_read_from_behind() {
 
 #[test]
 fn a_character_alone_is_read() {
-    // In so small a photo, C and L of the team's font have 0.8.
+    // In a photo this small, C and L of the team's font only have a probability of 0.8.
     let letters = "ABDEFGHJKMNOPQRSTUVWXYZ";
     type Font = fn(&str) -> Strokes;
     let fonts: [(Font, &str); 3] = [(word, letters), (simplex, letters), (simplex, "23456789CL")];
@@ -153,8 +153,8 @@ fn two_lines_small_letters_and_accents_are_read_blindly() {
     }
 }
 
-/// Stars of several kinds. A triangle or a ring is a letter to the net, which knows no other
-/// shapes.
+/// Tests several kinds of stars. The net takes a triangle or a ring for a letter, because it knows
+/// no other shapes.
 #[test]
 fn shapes_are_no_writing() {
     let noor = simplex("NOOR");

@@ -1,5 +1,5 @@
-//! Photos for the tests. A camera sees what is lit in the plane of the word, and the picture glows,
-//! gets noise and is encoded. The faults of flights are drawn as they look, not simulated.
+//! Photos for the tests. A camera renders the lit lines in the word's plane, glow and noise are
+//! added, and the photo is encoded. Faults of flights are drawn as they look, not simulated.
 
 use nalgebra::Vector3;
 use tiny_skia::Transform;
@@ -33,7 +33,7 @@ pub(super) struct Shot {
     pub(super) noise: f64,
 }
 
-/// Reproducible random numbers from 0 to 1.
+/// Generator of reproducible random numbers from 0 to 1.
 pub(super) struct Dice(pub(super) u64);
 
 impl Dice {
@@ -48,13 +48,13 @@ impl Dice {
     }
 }
 
-/// Returns a word in the team's letters and boxes.
+/// Returns a word in the team's font.
 pub(super) fn word(text: &str) -> Strokes {
     write(text, &LetterOptions::default()).unwrap()
 }
 
-/// Returns a camera in front of the middle of the word, turned about it by an angle, that sees half
-/// a meter more than the word.
+/// Returns a camera that faces the word's center from an angle, and sees half a meter more than the
+/// word.
 pub(super) fn camera(strokes: &Strokes, width_px: u32, angle_rad: f64) -> Camera {
     let [left, bottom, right, top] = strokes.bounds_m();
     let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
@@ -97,7 +97,7 @@ fn sq(value: f32) -> f32 {
 }
 
 impl Shot {
-    /// Returns a shot of a word as intended.
+    /// Creates a shot of a faultless word.
     pub(super) fn new(strokes: &Strokes) -> Self {
         Self {
             moves: strokes.glyphs.iter().flat_map(|glyph| glyph.moves.clone()).collect(),
@@ -128,7 +128,7 @@ impl Shot {
     }
 
     /// Draws the word like a drone that trails its setpoint along the path: corners are rounded,
-    /// ends are not reached, and jumps are lit.
+    /// the ends of strokes are missing, and jumps are lit.
     pub(super) fn trailing(mut self, lag_m: f64) -> Self {
         let piece_m = 0.005;
         let mut pen_m = self.moves[0].from_m;
@@ -190,7 +190,7 @@ impl Shot {
         reader.explain(&self.photo(), &(&self.camera).into(), known).unwrap().0
     }
 
-    /// Exposes and encodes the photo. The photo's trails are 2 cm wide and glow by another 6 mm.
+    /// Exposes and encodes the photo. The trails are 2 cm wide, with 6 mm of glow around them.
     pub(super) fn photo(&self) -> Photo {
         let camera = &self.camera;
         let seen = |[x, y]: [f64; 2]| {

@@ -1,4 +1,4 @@
-//! Tests of causes: faults are named and measured, and mending them gains what they cost.
+//! Tests of causes: faults are named and measured, and mending them restores the lost probability.
 
 use super::studio::{Shot, word};
 use super::*;
@@ -37,11 +37,11 @@ fn an_early_end_is_measured_and_its_mending_gains() {
         .iter()
         .find(|cause| cause.kind == CauseKind::MissingRun && cause.letter == Some(1));
     let first_o = first_o.expect("the bottom of the O ends early");
-    // The pen's width and the tolerance of 5 cm cover a part of the missing 25 cm.
+    // The pen's width and the tolerance of 5 cm hide part of the missing 25 cm.
     let run = first_o.missing.unwrap();
     assert!((150.0..=260.0).contains(&(run.to_mm - run.from_mm)), "{run:?}");
     assert!((run.to_mm - 1600.0).abs() < 60.0, "the end of the square's 1.6 m: {run:?}");
-    // The O is read even with this fault, but the R is not read without its leg.
+    // The O is read despite its fault, but the R is not read without its leg.
     let is_leg = |cause: &&Cause| cause.kind == CauseKind::MissingRun && cause.letter == Some(3);
     let leg = verdict.causes.iter().find(is_leg).expect("the leg of the R ends early");
     assert!(leg.gain > Some(0.5), "{leg:?}");
@@ -100,7 +100,7 @@ fn a_letter_drawn_as_another_one_is_a_flaw_of_design() {
 
 #[test]
 fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
-    // The hook of the reference team's J is small.
+    // The J of the reference team's font has only a small hook.
     for (font, flawed) in [("ae483", Some((Some(1), Some('T')))), ("simplex", None)] {
         let options = LetterOptions { font: font.into(), ..Default::default() };
         let [nje, shown] = ["NJE", "NTE"].map(|text| write(text, &options).unwrap());
@@ -112,8 +112,8 @@ fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
     }
 }
 
-/// The log has a gap where the leg of the R, which ends early, was flown. Without a gap, or with a
-/// gap elsewhere, the missing leg is the lamp's fault.
+/// The log has a gap while the leg of the R is flown, and the leg ends early. Without a gap, or
+/// with a gap elsewhere, the missing leg is blamed on the lamp.
 #[test]
 fn light_that_the_log_lost_is_not_blamed_on_the_lamp() {
     let noor = word("NOOR");
@@ -162,7 +162,7 @@ fn gaps_of_a_log_are_read_back_and_foreign_text_is_refused() {
     }
 }
 
-/// A lagging drone cuts corners, which is not a fault. A corner that is missing by a log gap is.
+/// A lagging drone cuts corners, which is not a fault. A corner lost in a log gap is a fault.
 #[test]
 fn a_corner_that_the_log_lost_is_not_one_that_was_cut() {
     let noor = word("NOOR");

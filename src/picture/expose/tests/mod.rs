@@ -1,4 +1,4 @@
-//! Tests of the whole exposure on the CPU. `twins` compares the backends.
+//! Tests of complete exposures on the CPU. The module `twins` compares the backends.
 
 use crate::light::LightTraceData;
 use nalgebra::{Matrix3, Vector3};
@@ -143,7 +143,7 @@ fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<
     latent.expect("a coarse scale").on_cpu().film
 }
 
-/// Computes the film a second way: each interval in f64, with erf, at every pixel within 8 σ.
+/// Computes the film in a second way: each interval in f64, with erf, at every pixel within 8 σ.
 fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
     let [width, height] = [camera.width_px as usize, camera.height_px as usize];
     let mut plane = vec![0.0; width * height];
@@ -162,7 +162,7 @@ fn brute_force(lamp: &Lamp, camera: &Camera) -> Vec<f64> {
                 let root_2 = std::f64::consts::SQRT_2;
                 let bell = |x: f64| libm::exp(-0.5 * x * x) / std::f64::consts::TAU.sqrt();
                 let smear = if length > 1e-6 {
-                    // (a + b u) [Φ(u) - Φ(u - L)] + b [g(u) - g(u - L)], with u and L in σ.
+                    // Integral: (a + b u) [Φ(u) - Φ(u - L)] + b [g(u) - g(u - L)], u and L in σ.
                     let [first, last] = interval.light_lx_px2;
                     let ramp = (last - first) / (last + first);
                     let (l, end) = (length / sigma, u - length / sigma);
@@ -207,7 +207,7 @@ fn a_lamp_at_rest_leaves_its_intensity_through_the_pupil_over_the_distance_squar
 
 #[test]
 fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
-    // The blur is wide enough that no part of the spot's width is below its lower limit.
+    // The blur is wide enough that the lower limit of the spot's width has no effect.
     let camera = Camera { blur_m: 70e-6, ..camera(640, 400) };
     let (v, d) = (0.2, 3.0);
     let path = (0..=2000).map(|i| (f64::from(i) / 500.0, [f64::from(i) / 500.0 * v - 0.4, d, 0.0]));
@@ -233,7 +233,7 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     }
 }
 
-/// Compares with the sum of Gaussian lamps on a 1 mm grid all over a diffuser's silhouette.
+/// Compares with the sum of Gaussian lamps on a 1 mm grid across a diffuser's silhouette.
 #[test]
 fn a_diffuser_leaves_a_stroke_as_wide_as_it_looks_from_the_camera() {
     let camera = Camera { blur_m: 60e-6, ..camera(640, 400) };
@@ -274,7 +274,7 @@ fn films_are_within_2e_5_of_the_peak_unmerged_and_1e_3_merged() {
     let mut fade = streak([-1.0, 3.0, 0.1], [0.9, 3.0, -0.2]);
     fade.samples[1].level = 0.0;
     let small = Camera { blur_m: 110e-6, ..camera(320, 200) };
-    // The shutter opens after the pause, because no trail beside a hover errs by much of the peak.
+    // The shutter opens after the pause, because beside a hover a trail's error is tiny.
     let large = |blur_m| Camera { blur_m, shutter_open_s: 1.41, ..camera(960, 540) };
     // A spot of half a pixel is 1.4 % brighter or fainter between the pixels than at their centers.
     let cases = [
@@ -407,7 +407,7 @@ fn a_step_of_the_level_is_exact() {
 
 #[test]
 fn no_pixel_overflows_and_few_bits_are_unused() {
-    // A hover of 12,000 samples on one spot, unmerged, with a trail beside it.
+    // The lamp hovers on one spot for 12,000 samples, unmerged, with a trail beside it.
     let camera = camera(320, 200);
     let hover = lamp((0..12_000).map(|i| (f64::from(i) / 250.0, [0.2, 3.0, 0.0])));
     let lamps = [hover, figure(500)];
@@ -442,12 +442,12 @@ fn lamps_out_of_sight_leave_no_light_and_no_panic() {
         let exposed = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
         assert!(exposed.counts.iter().all(|&count| count == 0), "light from {a:?} to {b:?}");
     }
-    // Lines from far outside across the picture, and along the edge of the minimum depth.
+    // Lines go from far outside across the picture, and along the minimum depth.
     for [a, b] in [[[-9e3, 3.0, -9e3], [9e3, 3.0, 9e3]], [[-2.0, 0.1, 0.0], [2.0, 0.1, 0.0]]] {
         let exposed = film(&[lamp([(0.0, a), (1.0, b)])], &camera, 0.005, None);
         assert!(exposed.counts.iter().any(|&count| count != 0), "no light from {a:?} to {b:?}");
     }
-    // Beams that point away from the camera, and a closed shutter.
+    // Beams that point away from the camera, and a closed shutter, leave no light.
     let mut away = figure(10);
     for sample in &mut away.samples {
         sample.axis = Vector3::new(0.0, 1.0, 0.0);

@@ -1,5 +1,5 @@
-//! Tests that both backends leave the same bits, and that the shader has the same constants and
-//! structs as the code.
+//! Tests that both backends produce the same bits, and that the shader has the same constants and
+//! structs as the Rust code.
 
 use crate::light::LightTraceData;
 use wgpu::naga;
@@ -10,7 +10,7 @@ use super::super::gpu_tiles::{Part, TILE_PX};
 use super::super::record::DITHER;
 use super::*;
 
-/// Returns the device. Without a device, the test fails if `NOCTOGRAPH_REQUIRE_GPU` is set.
+/// Returns the device, if any. Panics without a device if `NOCTOGRAPH_REQUIRE_GPU` is set.
 fn device() -> Option<Gpu> {
     match Gpu::open() {
         Ok(gpu) => Some(gpu),
