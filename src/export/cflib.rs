@@ -267,8 +267,7 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
-/// Returns a controller's number in the firmware (`controller.h`), or `None` if the firmware lacks
-/// it.
+/// Returns a controller's number in the firmware (`controller.h`), or `None` if it lacks it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind.law() {
         Law::Cascade => Some(1),

@@ -62,8 +62,8 @@ pub(super) struct Piece {
     /// First control point, equal to the end of the previous piece, mm.
     pub(super) start_mm: [i16; 3],
     pub(super) duration_ms: u16,
-    /// Control points of each axis after the first one, mm: none for a constant, the end for a
-    /// line, three for a cubic.
+    /// Control points of each axis after the first one, mm: none, one for a line, or three for a
+    /// cubic.
     pub(super) axes: [Vec<i16>; 3],
 }
 
@@ -83,8 +83,7 @@ impl Compressed {
         if bytes <= TRAJECTORY_MEMORY_BYTES {
             return Ok(trajectory);
         }
-        // The error states the number of letters that fit together with one more piece for the
-        // run-out.
+        // The error states the number of letters that fit together with a piece for the run-out.
         let (mut used, mut until_s) = (START_SIZE + END.len() + MAX_PIECE_BYTES, 0.0);
         for piece in &trajectory.pieces {
             used += piece.n_bytes();
@@ -120,8 +119,8 @@ impl Compressed {
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            // Each axis is encoded in two bits: 0, 1 and 3 further control points have codes 0, 1
-            // and 2, respectively.
+            // Each axis takes two bits: 0, 1 and 3 further control points have codes 0, 1 and 2,
+            // respectively.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
@@ -136,8 +135,7 @@ impl Compressed {
     /// motors. The script lands `over_s` after the end of the trajectory. Returns an error for a
     /// flight that exceeds the memory.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
-        // The bytes contain take-off and path, the letters without their start and end bytes, hover
-        // and landing.
+        // The bytes are take-off and path, letters without start and end bytes, hover and landing.
         let mut bytes = millimeters(&timeline.before[0].position_m).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
@@ -278,8 +276,7 @@ fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> [i16; 3] {
     gentlest.expect("nine cubics")
 }
 
-/// Returns an error if setpoints are too far apart in time, or if coordinates exceed the format's
-/// range.
+/// Returns an error if setpoints are too far apart in time, or coordinates are out of range.
 fn check_range(stretch: &Stretch) -> Result<()> {
     for (index, setpoint) in stretch.setpoints.iter().enumerate() {
         let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
@@ -308,8 +305,7 @@ fn tenths_of_degrees(yaw_rad: f64) -> i16 {
     (10.0 * yaw_rad.to_degrees()).round() as i16
 }
 
-/// Returns true if a release can fly the heading of a compressed trajectory. Older releases only
-/// fly a heading of 0.
+/// Returns true if a release flies a compressed trajectory's heading. Older releases only fly 0.
 pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
     release.has(&Feature::HEADING) || tenths_of_degrees(yaw_rad) == 0
 }

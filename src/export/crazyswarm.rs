@@ -30,8 +30,7 @@ const SCRIPT: &str = include_str!("crazyswarm.py");
 const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
-/// Returns all files for Crazyswarm2. Returns an error for drones and controllers that it cannot
-/// fly.
+/// Returns all files for Crazyswarm2, or an error for a drone or controller it cannot fly.
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let (controller, platform) = firmware(job)?;
     // Each drone has a trajectory and an entry. All trajectories start together.
@@ -80,8 +79,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
 /// different clock.
 fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
-    // Lamps are timed for a flight under the scene's controller, so no other controller may be
-    // used.
+    // Lamps are timed under the scene's controller, so no other controller may be used.
     let Some(controller) = firmware_controller(kind) else {
         let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
         let hint = "choose one of these, or fly your own controller with the script for cflib";

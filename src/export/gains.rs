@@ -105,8 +105,7 @@ fn object(parameters: Parameters) -> Map<String, serde_json::Value> {
     parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
 }
 
-/// Returns `gains.json` with parameters, or `gains.h` for state feedback. Returns an error for
-/// other controllers.
+/// Returns `gains.json` with parameters, or `gains.h` for state feedback, or else an error.
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let kind = sim.controller.kind;
     let json = match kind.law() {
@@ -198,8 +197,7 @@ mod tests {
         assert!((torque / want - 1.0).abs() < 1e-12, "{torque} N m instead of {want} N m");
         let torque = 4.0 * command * mellinger["ctrlMel.kw_z"] * vehicle.k_m_n_m;
         assert!((torque / lee["ctrlLee.Kw_z"] - 1.0).abs() < 1e-12, "{torque} N m s");
-        // The gains are comparable in size to the firmware's default values 70 000, 20 000 and 132
-        // 000.
+        // The gains are comparable to the firmware's default values 70 000, 20 000 and 132 000.
         assert!((10_000.0..100_000.0).contains(&(command * mellinger["ctrlMel.kR_xy"])));
         assert!((120_000.0..140_000.0).contains(&(command * mellinger["ctrlMel.massThrust"])));
     }

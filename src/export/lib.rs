@@ -1,13 +1,12 @@
 //! Export: converts plans to files for drones and other programs.
 //!
 //! Products in: [`Plan`]s with the lamps, the controller and the camera of their scene. Product
-//! out: [`File`]s. Each format has a module that uses SI units and radians until it writes the
-//! numbers.
+//! out: [`File`]s. Each format's module uses SI units and radians until it writes the numbers.
 //!
 //! An onboard trajectory runs from a run-up before the first letter to a run-out after the last
 //! one. Scripts upload it together with take-off, the path to the run-up, and a landing. Other
-//! files contain only the letters. [`flown`] is the plan of such a flight, decoded from the
-//! exported data.
+//! files contain only the letters. [`flown`] is such a flight's plan, decoded from the exported
+//! data.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -132,8 +131,7 @@ impl Format {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
-    /// Returns true if files contain only the letters' trajectory, which begins and ends in the
-    /// air.
+    /// Returns true if files contain only the letters, beginning and ending in the air.
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)
     }
@@ -238,8 +236,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     }
 }
 
-/// Returns the heights above the floor at which the trajectory of a plan's letters begins and ends,
-/// m.
+/// Returns the heights above the floor at which a plan's letter trajectory begins and ends, m.
 ///
 /// # Errors
 ///

@@ -53,8 +53,7 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Finds the parameter for a channel of a deck or a custom lamp. Returns an error for other
-    /// channels.
+    /// Finds the parameter for a deck's channel or a custom lamp, or returns an error for others.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -119,8 +118,7 @@ fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Returns a command for each change of a plan's lights, in order of time. The lights are initially
-/// dark.
+/// Returns a command for each change of a plan's lights, in order of time, from darkness.
 ///
 /// # Errors
 ///
@@ -197,8 +195,7 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
     Ok(timing(plan, &commands(plan, options)?).map(|timing| timing.entries.len()))
 }
 
-/// Lights that a ring plays from its timing memory (`ring.effect` 17), beginning with the first
-/// change.
+/// Lights that a ring plays from its timing memory (`ring.effect` 17), from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
     /// Duration of each entry in units of 40 ms, and its rounded color. The last entry is dark.

@@ -59,8 +59,7 @@ pub enum Length {
 /// # Errors
 ///
 /// Returns the errors of [`Compressed::encode`] and [`Poly4d::fit`]. Returns [`Error::Infeasible`]
-/// if, with onboard trajectories, a drone that hovers at its start is too close to another drone's
-/// path.
+/// if, with onboard trajectories, a drone hovering at its start is too close to another's path.
 pub fn flown(
     release: Release,
     plans: &[Plan],
@@ -89,8 +88,7 @@ pub fn flown(
     ))
 }
 
-/// Checks that the trajectories of plans fit in the onboard memory, and that a release can fly
-/// them.
+/// Checks that plans' trajectories fit in the onboard memory, and that a release can fly them.
 ///
 /// # Errors
 ///
@@ -133,7 +131,7 @@ fn flown_alone(
     let lit = plan.lit();
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     for time_s in sample_times_s(plan, &timeline) {
-        // Lights and letter are those of the plan's last setpoint. Before the first one, lights are
+        // Lights and letter are those of the plan's last setpoint. Before the first, lights are
         // dark.
         let plan_time_s = time_s + timeline.zero_s + SAME_TIME_S;
         let row = plan.setpoints.partition_point(|s| s.time_s <= plan_time_s).checked_sub(1);
@@ -152,8 +150,7 @@ fn flown_alone(
     Plan::new(out)
 }
 
-/// Returns the times of a flown plan: uniform steps, and the times at which its plan changes
-/// lights.
+/// Returns the times of a flown plan: uniform steps, and the times of light changes.
 fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
     let end_s = timeline.after[1].time_s;
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
@@ -169,8 +166,7 @@ fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
 /// Returns position, velocity, acceleration and jerk of a path at `time_s`, in m and s.
 fn derivatives(time_s: f64, position_m: impl Fn(f64) -> Vector3<f64>) -> [Vector3<f64>; 4] {
     // Forward differences are used, because a piece may begin here. The velocity is (4b - 3a - c) /
-    // 2h, which is of second order, the acceleration is (a - 2b + c) / h², and the jerk is the
-    // third difference.
+    // 2h, of second order, the acceleration (a - 2b + c) / h², and the jerk the third difference.
     let [h, k] = [DIFFERENCE_S, JERK_DIFFERENCE_S];
     let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h].map(&position_m);
     let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0].map(|step| position_m(time_s + step * k));
@@ -224,8 +220,7 @@ mod tests {
                 assert!(off_m_s <= 0.3, "{off_m_s} m/s at {} s", pair[0].time_s);
                 mean_off_m_s += off_m_s / plan.setpoints.len() as f64;
             }
-            // Within a piece they agree. With the wrong sign, the acceleration would cause a
-            // difference of 8 mm/s.
+            // Within a piece they agree. A wrong sign of the acceleration would add 8 mm/s.
             assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
         }
     }

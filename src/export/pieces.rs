@@ -247,8 +247,7 @@ pub(super) enum Rounding {
 /// of the design. If no piece can follow it, it is replaced by a shorter one.
 ///
 /// `piece` computes the piece between two setpoints, given the previous pieces. If the design
-/// contains no acceleration, only the distance matters, and a piece to the next setpoint is always
-/// accepted.
+/// contains no acceleration, only the distance matters, and the shortest piece is always accepted.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
@@ -274,7 +273,7 @@ pub(super) fn pieces<P>(
             } else {
                 (stuck_start, retries + 1)
             };
-            // The search returns to the last piece that can be shortened, and recomputes the later
+            // The search returns to the last piece that can be shortened, and recomputes later
             // ones.
             if retries <= RETRIES
                 && let Some((index, shorter_end)) = fit.backtrack(&mut choices, &pieces)

@@ -20,11 +20,9 @@ pub const START_RADIUS_M: f64 = 0.2;
 /// Minimum distance between people and any flight, m: an arm's length plus a step (an assumption).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
 /// Maximum difference in heading from the plan before take-off, rad: 10°. The light of headlights
-/// shifts sideways by the sine of this difference. A drone that points along a different axis is
-/// off by 90°.
+/// shifts sideways by the sine of this difference. A drone along another axis is off by 90°.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
-/// Maximum roll and pitch before take-off, rad: 5°. A drone on an edge or a cable exceeds this
-/// angle.
+/// Maximum roll and pitch before take-off, rad: 5°, exceeded by a drone on an edge or a cable.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
 /// Maximum error of the drone's position at a corner of the canvas, m.
 pub const CORNER_M: f64 = 0.02;
@@ -43,15 +41,14 @@ pub const WRONG_S: f64 = 0.5;
 /// Minimum voltage at rest if the scene's drone has no battery, V. It corresponds to a charge of
 /// about 28 % in a Crazyflie's cell. The flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
-/// Ratio of a coordinate's variance to the settled variance at which the position counts as lost in
-/// the air.
+/// Ratio of a coordinate's variance to the settled one at which the position counts as lost.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` on
 /// all platforms).
 pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// Time below the low voltage after which the firmware reports a low battery, s
-/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). A shorter sag, as at
-/// take-off, is ignored.
+/// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`). Shorter sags are
+/// ignored.
 pub const LOW_BATTERY_S: f64 = 5.0;
 /// Oldest cflib that supports everything the script uses: arming requests, and protocol 8.
 pub const OLDEST_CFLIB: &str = "0.1.27";
@@ -66,8 +63,7 @@ pub enum Platform {
 }
 
 impl Platform {
-    /// Returns the names by which the firmware may identify itself (`platform_cf2.c`,
-    /// `platform_cf21bl.c`).
+    /// Returns the firmware's possible names for itself (`platform_cf2.c`, `platform_cf21bl.c`).
     pub fn names(self) -> &'static [&'static str] {
         match self {
             Self::Crazyflie2 => &["Crazyflie 2.1", "Crazyflie 2.0"],
@@ -87,8 +83,8 @@ impl Platform {
 
 /// Returns the maximum variance of an estimated coordinate that counts as settled, m².
 ///
-/// For Lighthouse it is (3 cm)², the limit in Bitcraze's examples (cflib,
-/// `autonomous_sequence.py`). The filter settles at 1 mm. For ultra-wideband it is (10 cm)². With
+/// The square root for Lighthouse is 3 cm, the limit in Bitcraze's examples (cflib,
+/// `autonomous_sequence.py`). The filter settles at 1 mm. For ultra-wideband it is 10 cm. With
 /// two-way ranges of 0.25 m standard deviation (`lpsTwrTag.c`), 150 per second, and the filter's
 /// process noise of 0.5 m/s² in a millisecond, the filter settles at 3.4 cm inside the anchors, and
 /// at two to three times as much beside them, so it would never settle within 3 cm.
@@ -282,8 +278,7 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
 
-    /// Returns the battery for a flight of a short word from a given charge, and true if it lasts
-    /// by the table's rule.
+    /// Returns the battery for a flight of a short word, and true if it lasts by the table's rule.
     fn flown(charge_frac: f64) -> (Battery, bool) {
         let mut options = SimOptions::default();
         options.battery.capacity_ah = 0.25;
@@ -325,8 +320,8 @@ mod tests {
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
         let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
         let battery = Battery::new(&options, &flight, low_v).unwrap();
-        // The voltage may be low for the last 5 s, beginning at 55 s: 3.7 V without load, on the
-        // steep part of the curve.
+        // The voltage may be low from 55 s on, for 5 s: 3.7 V without load, on the curve's steep
+        // part.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let least_frac = 0.1 * (low_v + drop_v - 3.0) / (3.78 - 3.0) + spent_frac(55.0);
         let least_v = options.open_circuit_v(least_frac) - idle_v;

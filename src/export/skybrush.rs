@@ -60,8 +60,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// Returns a segment from rest to rest, whose control points are its ends. A segment without motion
-/// has no control points.
+/// Returns a segment from rest to rest. It has two control points, or none without motion.
 fn segment(from_m: Vector3<f64>, to: Rest) -> Value {
     let to_m = to.position_m;
     let control_m = if from_m == to_m { vec![] } else { vec![from_m.as_slice(), to_m.as_slice()] };
@@ -75,8 +74,7 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result
     let [first_m, last_m] = trajectory.ends_m();
     let timeline = Timeline::new(plan, &stretch, first_start_s, [first_m, last_m]);
     let home_m = timeline.before[0].position_m;
-    // The trajectory's Bézier curves are the path to the letters, the letters, a hover and the
-    // landing.
+    // The trajectory's Bézier curves are the path to the letters, letters, a hover and the landing.
     let mut points = vec![json!([0.0, home_m.as_slice(), []])];
     let segments =
         timeline.before.windows(2).filter(|ends| ends[1].time_s - ends[0].time_s > MIN_SEGMENT_S);
@@ -132,8 +130,7 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     bytes
 }
 
-/// Appends a number in bytes of seven bits, the lowest first. The highest bit of a byte is set if
-/// another byte follows.
+/// Appends a number in 7-bit bytes, the lowest first. The highest bit announces another byte.
 fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     while value > 127 {
         bytes.push((value & 127) as u8 | 128);

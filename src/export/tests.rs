@@ -1,8 +1,7 @@
 //! Tests of trajectories with random plans, and with recorded responses of other programs.
 //!
 //! A recorded file contains comment lines (`#`) that state the program and its version, a line
-//! `bytes` in hexadecimal, and rows of the time in s with position, velocity and acceleration in m
-//! and s.
+//! `bytes` in hexadecimal, and rows of time, position, velocity and acceleration in m and s.
 
 use nalgebra::Vector3;
 use proptest::array::uniform3;

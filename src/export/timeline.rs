@@ -64,8 +64,7 @@ pub(super) struct Rest {
 pub(super) struct Timeline {
     /// Time of the take-off command by the plan's clock, s.
     pub(super) zero_s: f64,
-    /// Rests before the trajectory: on the floor, above it, at the first letter, and at the start
-    /// of the trajectory.
+    /// Rests before the trajectory: on the floor, above it, at the first letter, and at its start.
     pub(super) before: [Rest; 4],
     /// Rests after the trajectory: at the end of a hover, and on the floor.
     pub(super) after: [Rest; 2],
@@ -125,8 +124,7 @@ impl Timeline {
         ]
     }
 
-    /// Returns the position at `time_s`, m. `trajectory_m` returns the trajectory's position at a
-    /// time since its start.
+    /// Returns the position at `time_s`, m. `trajectory_m` takes the time since the start.
     pub(super) fn position_m(
         &self,
         time_s: f64,

@@ -59,8 +59,7 @@ impl Augmented {
             starts_m.iter().map(|start| start - origin_m).collect();
         let positions_m = flattened(&positions_m);
         let variance = sigma_m * sigma_m;
-        // Mean and covariance are those of normally distributed positions, with second-order terms
-        // for the products.
+        // Mean and covariance include the second-order terms of normally distributed products.
         let (mut state, jacobian) = (augmented(&positions_m), augmented_jacobian(&positions_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
@@ -154,8 +153,7 @@ impl Augmented {
         Positions::with(anchors_m, Normal::new(positions_m, covariance_m2), gate_sigmas)
     }
 
-    /// Returns the positions reflected through the anchors' center, given the least certain
-    /// direction `along`.
+    /// Returns the positions mirrored at the anchors' plane, whose normal is `along`.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
         let n_anchors = self.anchors_m.len().max(1) as f64;
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
@@ -173,8 +171,7 @@ impl Augmented {
     }
 }
 
-/// Returns a `W` such that `WᵀW` is the inverse of a covariance, from the eigenvectors of the
-/// correlations.
+/// Returns a `W` for which `WᵀW` is a covariance's inverse, from eigenvectors of the correlations.
 fn whitening(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
     let scaled =
@@ -209,8 +206,8 @@ fn augmented(p: &DVector<f64>) -> DVector<f64> {
 fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
     let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
-    // The Jacobian is the identity for positions, 2pᵀ for a square |p|², and the other position for
-    // a product.
+    // The Jacobian is the identity for positions, 2pᵀ for |p|², and the other position for a
+    // product.
     for i in 0..n {
         for axis in 0..3 {
             jacobian[(3 * n + i, 3 * i + axis)] = 2.0 * p[3 * i + axis];
@@ -234,13 +231,11 @@ fn product(n: usize, i: usize, j: usize) -> usize {
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Locates drones with the linear filter for the augmented state, then with an extended Kalman
-/// filter.
+/// Locates drones with the linear augmented filter, then with an extended Kalman filter.
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] for a range that is not a distance, and for an unlisted drone or
-/// anchor.
+/// Returns [`Error::Input`] for an invalid distance, and for an unlisted drone or anchor.
 pub fn locate_augmented(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track],
@@ -252,8 +247,7 @@ pub fn locate_augmented(
     let Some(mut before_s) = samples.first().map(|first| first.time_s) else {
         return Err(Error::input("ranges", "none", "a range", "log the ranges of the flight"));
     };
-    // All drones start at the anchors' center, with a standard deviation equal to the anchors'
-    // extent.
+    // All drones start at the anchors' center, with the anchors' extent as standard deviation.
     let hand_over_s = before_s + HAND_OVER_S;
     let starts_m = vec![(low_m + high_m) * 0.5; tracks.len()];
     let reach_m = (high_m - low_m).norm().max(1.0);
@@ -299,8 +293,7 @@ mod tests {
 
     #[test]
     fn without_noise_the_linear_filter_finds_any_start_to_a_micrometer() {
-        // Two drones fly three-dimensional figures. Their starts have an error of 3 m and are not
-        // trusted.
+        // Two drones fly figures in space. Their starts have an error of 3 m and are not trusted.
         let mut random = Random(5);
         let anchors_m = GEOMETRIES[0].1.map(Vector3::from);
         fn place(drone: usize, time_s: f64) -> Vector3<f64> {

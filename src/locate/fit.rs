@@ -53,8 +53,7 @@ pub(super) fn fit(
 
 /// Minimizes a sum of squares, starting at `solution` (Levenberg 1944, Marquardt 1963). `problem`
 /// returns the Jacobian and the residuals at a state. `unit` scales the damping of each diagonal
-/// element of the normal matrix. Returns the sum of squares, the solution, and the Jacobian at the
-/// solution.
+/// element of the normal matrix. Returns the sum of squares, the solution, and its Jacobian.
 pub(super) fn descend(
     problem: impl Fn(&DVector<f64>) -> (DMatrix<f64>, DVector<f64>),
     unit: impl Fn(f64) -> f64,

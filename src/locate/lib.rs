@@ -3,8 +3,7 @@
 //! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. It only
 //! converges from starts close to the true positions ([`fraction_left`], [`observability`]).
 //! [`Augmented`] converges from any start, and continues as [`Positions`]. Both observers require
-//! the motion ([`locate_shared`], [`locate_augmented`]). [`locate`] only requires the ranges in a
-//! log.
+//! the motion ([`locate_shared`], [`locate_augmented`]). [`locate`] only requires ranges.
 //!
 //! The filter that runs in flight is the estimator `cooperative`.
 
@@ -145,8 +144,7 @@ mod tests {
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{EvenStyle, PlanOptions, Style, fleet};
 
-    /// Anchors in different geometries: the anchors that only one drone receives, then the shared
-    /// one.
+    /// Anchors in different geometries: first those that one drone receives, then the shared one.
     pub(super) const GEOMETRIES: [(&str, [[f64; 3]; 3]); 4] = [
         ("good", [[-2.5, -2.5, 2.4], [2.5, -2.5, 0.2], [0.5, 2.5, 2.4]]),
         ("wall", [[-2.5, 2.5, 0.2], [2.5, 2.5, 0.4], [0.0, 2.5, 2.4]]),

@@ -9,8 +9,7 @@ const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 
 /// Returns the samples with each range between two drones only once. `Link::Drones(i, j)` is a
-/// range in the log of drone i. The copy in the log of drone j is dropped if time and distance
-/// agree.
+/// range in the log of drone i. The copy in drone j's log is dropped if time and distance agree.
 pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     let mut first_logs: BTreeMap<(usize, usize), Vec<(f64, f64)>> = BTreeMap::new();
     for sample in samples {
@@ -39,8 +38,7 @@ pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     kept
 }
 
-/// Removes a pair's ranges before the first range to an anchor in either drone's log, because one
-/// log may start earlier.
+/// Removes a pair's ranges until both logs have a range to an anchor, since one may start earlier.
 pub(super) fn remove_before_both_logs(samples: &mut Vec<RangeSample>) {
     let mut begins_s: BTreeMap<usize, f64> = BTreeMap::new();
     for sample in &*samples {

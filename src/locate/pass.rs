@@ -1,7 +1,6 @@
 //! Runs the filter over a log of ranges.
 //!
-//! The state contains the position and velocity of each drone. The acceleration is modeled as white
-//! noise.
+//! The state contains each drone's position and velocity. The acceleration is white noise.
 
 use std::collections::BTreeMap;
 
@@ -82,8 +81,7 @@ pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
 }
 
 impl<'a> Model<'a> {
-    /// Creates the model of a log. A drone is on the ground until its first range in `heard_s` if
-    /// that is late.
+    /// Creates the model of a log. A drone is on the ground until its first range if that is late.
     pub(super) fn new(
         anchors_m: &'a [Vector3<f64>],
         heard_s: &[[f64; 2]],

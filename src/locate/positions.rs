@@ -8,8 +8,7 @@ use noctograph_sim::kalman::{Gate, Measurement, Normal, Part, product, toward};
 /// Maximum innovation of an accepted range, in standard deviations.
 pub(super) const GATE_SIGMAS: f64 = 4.0;
 
-/// Extended Kalman filter that estimates the positions of N drones and their covariance from
-/// ranges.
+/// Extended Kalman filter for the positions of N drones and their covariance.
 #[derive(Clone, Debug)]
 pub struct Positions {
     anchors_m: Vec<Vector3<f64>>,
@@ -39,8 +38,7 @@ impl Positions {
     }
 
     /// Corrects the positions with a range. Returns its normalized innovation squared, or `None` if
-    /// the gate rejects the range. After five rejections in a row, ranges of a link are accepted
-    /// again.
+    /// the gate rejects the range. After five rejections in a row, a link is accepted again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
         let states = self.normal.mean.as_slice();
         let (jacobian, expected_m) = range_jacobian(link, &self.anchors_m, states, 3);

@@ -1,5 +1,4 @@
-//! Determines the region of convergence of the published observer, and the observability of a
-//! flight.
+//! Determines the published observer's region of convergence, and the observability of a flight.
 //!
 //! Answers two questions before a flight. What fraction of an initial error remains with the
 //! observer? How well do the ranges determine the initial positions if the motion is known exactly?
@@ -49,8 +48,7 @@ pub struct FractionLeft {
 pub struct Observability {
     /// Number of directions, out of six, that are observable.
     pub rank: usize,
-    /// Standard deviations along the principal directions, in ascending order. Infinite along
-    /// unobservable directions.
+    /// Standard deviations along the principal directions, ascending, infinite if unobservable.
     pub sigmas_m: [f64; 6],
     /// Least certain direction: three coordinates of the first drone, then three of the second.
     pub worst: [f64; 6],
@@ -133,8 +131,8 @@ fn final_error_m(
 }
 
 /// Returns how well the measurements of the first `span_s` determine the initial positions. The
-/// five links are measured in turn, at `rate_hz` ranges per second, each with a standard deviation
-/// of `sigma_m`.
+/// five links are measured in turn, at `rate_hz` ranges per second, with a standard deviation of
+/// `sigma_m`.
 pub fn observability(
     observer: &SharedAnchorObserver,
     outputs: Outputs,

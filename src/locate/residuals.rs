@@ -14,8 +14,7 @@ use noctograph_core::statistics::median;
 const SIGMA_PER_MAD: f64 = 1.4826;
 /// Standard error of a median relative to that of a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
-/// Number of standard errors beyond which a median differs from zero (by chance once in two
-/// million).
+/// Number of standard errors beyond which a median is not zero (by chance once in two million).
 const SURE_SIGMAS: f64 = 5.0;
 /// Minimum relevant median, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
@@ -23,8 +22,7 @@ const LEAST_BIAS_SIGMAS: f64 = 0.25;
 const MOST_REFUSED_FRAC: f64 = 0.05;
 const MOST_REFUSED: usize = 5;
 /// Bounds of the mean normalized innovation squared if the assumed noise and motion are correct to
-/// within 15 %, and the number of standard deviations by which the bounds are widened for few
-/// ranges.
+/// within 15 %, and the standard deviations by which few ranges widen the bounds.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 const NIS_SIGMAS: f64 = 3.0;
 
@@ -98,8 +96,8 @@ impl Located {
                 sample.distance_m - away_m.norm()
             }));
         }
-        // A link is suspect if its median is large relative to the median's error, or if too many
-        // ranges are rejected.
+        // A link is suspect because of its median relative to its error, or because of rejected
+        // ranges.
         let links = spread_by_link(samples, &residuals_m).into_iter();
         self.links =
             Vec::from_iter(links.map(|(link, Spread { median_m, scatter_m, n: ranges })| {
@@ -150,8 +148,7 @@ impl Located {
 fn nis_warning(nis: Option<f64>, n: usize, sigma_m: f64) -> Option<String> {
     let (nis, [least, most]) = (nis?, nis_interval(n));
     let cm = 100.0 * sigma_m;
-    // Values above the interval mean that the assumed noise is too small, and values below that it
-    // is too large.
+    // Above the interval the covariance is too small, and below it the assumed noise is too large.
     if nis > most {
         Some(format!(
             "NIS {nis:.2} is above {most:.2}: the errors are larger than the covariance says, because the \

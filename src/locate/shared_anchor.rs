@@ -201,8 +201,7 @@ mod tests {
         }
     }
 
-    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`, split into the quadratic form and other
-    /// terms.
+    /// Returns the rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: its quadratic form, and the other terms.
     fn lyapunov_rate(
         observer: &SharedAnchorObserver,
         positions_m: &[Vector3<f64>; 2],

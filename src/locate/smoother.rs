@@ -102,8 +102,7 @@ pub fn locate(
     Ok(located.with_residuals(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
 }
 
-/// Returns an error for more ranges than [`locate`] accepts. Callers check this while they collect
-/// ranges.
+/// Returns an error for more ranges than [`locate`] accepts, for callers that collect ranges.
 ///
 /// # Errors
 ///
@@ -167,8 +166,7 @@ impl Located {
     /// Returns the indices of the times from a drone's first range to its last.
     pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
         let [from_s, to_s] = self.heard_s[drone];
-        // The time of a step is that of its first range. Other ranges may follow up to `STEP_S`
-        // later.
+        // The time of a step is that of its first range. Others may follow up to `STEP_S` later.
         self.time_s.partition_point(|t| *t + STEP_S <= from_s)
             ..self.time_s.partition_point(|t| *t <= to_s)
     }

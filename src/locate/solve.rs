@@ -74,8 +74,7 @@ impl Solution {
     }
 }
 
-/// Runs passes over a log from `start` until the states converge, or a single forward pass if
-/// `smooth` is false.
+/// Runs passes over a log until the states converge, or one forward pass if `smooth` is false.
 pub(super) fn solve(
     model: &Model<'_>,
     samples: &[RangeSample],
@@ -119,8 +118,7 @@ impl Passes<'_, '_> {
             let forward = self.forward(None, Some(&mut path));
             return Ok(Solution { time_s, path, innovations: forward.innovations });
         }
-        // The reported innovations are those of the first pass, before later ranges improve the
-        // path.
+        // The innovations are those of the first pass, before later ranges improve the path.
         let first = self.forward(None, None);
         let (mut window_starts, mut steps) = (first.window_starts, first.steps);
         // For Gauss–Newton, each pass is linearized about the smoothed path from the previous one.
@@ -177,8 +175,7 @@ impl Passes<'_, '_> {
         let (mut last, mut largest_change) = (Some(last), 0.0_f64);
         let mut next: Option<(Step, Normal)> = None;
         for (index, window_start) in window_starts.iter().enumerate().rev() {
-            // The steps of the last window are still in memory. Those of earlier windows are
-            // recomputed.
+            // The last window's steps are still in memory. Earlier windows are recomputed.
             let about = linearized.then_some(&*path);
             let steps = last.take().unwrap_or_else(|| self.recomputed(index, window_start, about));
             for (k, step) in steps.into_iter().enumerate().rev() {

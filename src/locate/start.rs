@@ -40,8 +40,8 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // If two drones' logs start at different times, the range between the drones does not apply to
-    // both starts.
+    // If two logs start at different times, a range between the drones does not apply to both
+    // starts.
     let mut means = means(heard_s, samples);
     let simultaneous = Vec::from_iter(means.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
@@ -61,8 +61,7 @@ pub(super) fn start(
              that flies with its motion sensors needs fewer",
         ));
     }
-    // A small eigenvalue of the information JᵀJ indicates a direction that the ranges do not
-    // determine.
+    // A small eigenvalue of JᵀJ indicates a direction that the ranges do not determine.
     let positions_m = best_fit(anchors_m, n, &means, room);
     let jacobian = residuals(anchors_m, &means, &positions_m).0;
     let information = jacobian.transpose() * jacobian;
@@ -95,8 +94,7 @@ fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
     Normal::new(state, covariance)
 }
 
-/// Returns the mean range of each link over the first second in which both of its drones have
-/// ranges.
+/// Returns each link's mean range over the first second in which both drones have ranges.
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {

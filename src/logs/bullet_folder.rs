@@ -65,8 +65,7 @@ fn variable(stem: &str) -> Option<(String, usize)> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] if the files belong to several drones, and for a file that is not a
-/// variable.
+/// Returns [`Error::Input`] for files of several drones, and for a file that is not a variable.
 pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].drone;
     if let Some(other) = variables.iter().find(|variable| variable.drone != drone) {

@@ -13,7 +13,7 @@ pub(super) const DAY_S: f64 = 86_400.0;
 const LONGEST_DATE: usize = 48;
 
 /// Reads the rows below a header. Also returns which columns contain dates or times of day, whose
-/// values are in seconds. Texts are an error in a column for which `is_needed` is true, otherwise a
+/// values are in seconds. A text is an error if `is_needed` is true for its column, otherwise a
 /// note.
 pub(super) fn read_rows(
     text: &Text<'_>,
@@ -58,8 +58,7 @@ fn list_of_texts(column: &SheetColumn) -> Option<String> {
     Some(format!("{} (column {}, {count}{first:?})", column.title, column.number))
 }
 
-/// Parses a cell. Returns its number, and true if the number is the seconds of a date or time of
-/// day.
+/// Parses a cell. Returns its number, and true for the seconds of a date or time of day.
 fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
@@ -126,8 +125,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
 }
 
-/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm`, false for `am`, or
-/// `None`.
+/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm` or false for `am`.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
@@ -187,8 +185,7 @@ fn days_from_date(date: &str) -> Option<i64> {
     if !fits {
         return None;
     }
-    // Years are counted from March, so that the leap day is the last day (Howard Hinnant,
-    // days_from_civil).
+    // Years are counted from March, so that the leap day comes last (Hinnant, days_from_civil).
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;

@@ -1,5 +1,4 @@
-//! Reads CSV files from cfclient, one per log block, with a column `Timestamp` in ms and one column
-//! per variable.
+//! Reads cfclient's CSV files, one per log block: `Timestamp` in ms, then a column per variable.
 //!
 //! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
 //! `logdata/<connected>/<block>-<started>.csv`.
@@ -11,8 +10,7 @@ use super::{Job, cells, firmware, unknown};
 use noctograph_core::error::Result;
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
-/// Period after which the times in radio logs restart. They are 24-bit milliseconds (three bytes in
-/// the log packet).
+/// Period after which the times in radio logs, 24-bit milliseconds, restart.
 pub(super) const WRAP_S: f64 = 16_777.216;
 
 /// Returns true for a cfclient header: `Timestamp`, and variables named `group.name`.

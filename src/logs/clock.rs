@@ -16,8 +16,7 @@ const MIN_FALLS: usize = 10;
 /// Latest valid time, about 30,000 years.
 const LATEST_S: f64 = 1e12;
 
-/// Repairs the times of a log, so that they increase in every block and all blocks share one time
-/// axis in true seconds.
+/// Repairs a log's times: they increase in every block, on one time axis in true seconds.
 ///
 /// # Errors
 ///
@@ -164,16 +163,14 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
 }
 
 /// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that
-/// the log's times indicate, or failing that the rate of its firmware, or that of `assumed`. Warns
-/// of guesses.
+/// its times indicate, otherwise that of its firmware or of `assumed`. Warns of guesses.
 fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     if !log.is_on_card {
         return 1.0;
     }
     let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
     let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
-    // A measured rate takes precedence over that of a named firmware, and an assumed rate comes
-    // last.
+    // A measured rate takes precedence over a named firmware's, and an assumed rate comes last.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))
@@ -184,8 +181,7 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
             (rate, is_odd, why)
         }
-        // In version 1 the times are the operating system's milliseconds, unless they indicate
-        // otherwise.
+        // In version 1 the times are the system's milliseconds, unless they indicate otherwise.
         (None, _) if log.wrap_s.is_some() => return 1.0,
         (None, Some((release, firmware))) => {
             (release.clock(), false, format!("as that of firmware {firmware}, which flew"))
@@ -212,11 +208,10 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
 }
 
 /// Returns the clock rate that a block's times indicate, or `None` if the block has no usual
-/// period. The card is written at true ticks of the operating system, but with times from the
-/// drone's clock.
+/// period. The card is written at true ticks of the system, but with the drone's times.
 fn shown_rate(block: &Block) -> Option<f64> {
-    /// Usual periods, and the maximum relative deviation of the mean step from them. Steps close to
-    /// the median are averaged.
+    /// Usual periods, and the maximum relative deviation of the mean step, averaged near the
+    /// median.
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
     const TOLERANCE: f64 = 0.004;
     const SPREAD: f64 = 0.3;

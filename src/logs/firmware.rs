@@ -19,8 +19,7 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     let comments = lines.filter(|line| matches!(line.first(), Some(b'#' | b'%' | b'/')));
     comments.into_iter().find_map(|line| {
         let line = String::from_utf8_lossy(&line[..line.len().min(BYTES)]).into_owned();
-        // The version is the first release after the word firmware, or failing that a word that
-        // looks like a commit.
+        // The version is the first release after the word firmware, otherwise a word like a commit.
         let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
         let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
         let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();

@@ -35,8 +35,7 @@ const FLOOR_M: f64 = 0.05;
 
 /// Converts the plain columns of a log to a world frame with z up.
 pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
-    // An option takes precedence over the format, and the format over axes inferred from the
-    // flight.
+    // An option takes precedence over the format, and the format over the inferred axes.
     let (axes, why) = match (options.axes, log.axes) {
         (Axes::Auto, Axes::Auto) => inferred(&log)?,
         (Axes::Auto, axes) => (axes, log.in_format.map(|format| format!("as {format} writes it"))),
@@ -185,8 +184,7 @@ fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// Returns true if the rows, in the order of `from_end`, begin at the lowest position and climb
-/// vertically.
+/// Returns true if the rows, ordered by `from_end`, begin at the lowest position and climb.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],
@@ -262,8 +260,7 @@ mod tests {
             let log = with_z_up(flight(to), &options).unwrap();
             (log.blocks[0].columns[2].values[40], crate::tests::said(&log))
         }
-        // In this frame, the drone drifts as it takes off and lands along y, and z points to the
-        // viewer.
+        // Here the drone drifts while it takes off and lands along y, and z points to the viewer.
         let drifts = |[x, y, z]: [f64; 3]| [x + z, z, y];
         let shuttles = |[x, _, z]: [f64; 3]| [x, z, 0.8];
         let deep = |[x, y, z]: [f64; 3]| [x, z, -y - 0.09 * x];

@@ -51,8 +51,7 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
 ///
 /// # Errors
 ///
-/// Returns [`Error::Io`] if a folder cannot be read, and [`Error::Input`] if there is no log, or
-/// too many.
+/// Returns [`Error::Io`] for an unreadable folder, and [`Error::Input`] for no log or too many.
 pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let (mut logs, mut others) = (Vec::new(), Vec::new());
     let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());

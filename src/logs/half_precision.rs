@@ -20,8 +20,7 @@ const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
 /// Minimum size of a value in decimal steps. Smaller values are counts rather than measurements.
 const STEPS: f64 = 64.0;
 
-/// Doubles samples that lost their carry, with a warning, unless the log's firmware carries
-/// correctly.
+/// Doubles samples that lost their carry, with a warning, unless the firmware keeps the carry.
 pub(super) fn restored(mut log: Recording) -> Recording {
     let release = log.firmware.as_deref().and_then(Release::parse);
     if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
@@ -101,8 +100,7 @@ mod tests {
     use crate::recording::Block;
     use crate::tests::said;
 
-    /// Returns a value as it is written by `single2half` in firmware up to 2026.04 and read by
-    /// cflib.
+    /// Returns a value as written by `single2half` (firmware up to 2026.04) and read by cflib.
     fn logged(value: f32) -> f64 {
         let bits = value.to_bits();
         let (sign, exponent) = (bits >> 31, bits >> 23 & 0xff);

@@ -27,15 +27,13 @@ use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::timestamps::{SLOWEST_PERIOD_S, unit_of};
 use noctograph_core::statistics::median;
 
-/// Work budget in steps: per byte of text, per value, per name in addition to its bytes, and per
-/// title.
+/// Work budget in steps: per byte of text, per value, per name besides its bytes, and per title.
 const BYTE_STEPS: usize = 3;
 const VALUE_STEPS: usize = 60;
 const NAME_STEPS: usize = 200;
 const TITLE_STEPS: usize = 10_000;
 
-/// Memory in bytes: per name in addition to its text, and per item of a list that grows by
-/// doubling.
+/// Memory in bytes: per name besides its text, and per item of a list that grows by doubling.
 const NAME_BYTES: usize = 160;
 const ITEM_BYTES: usize = 24;
 
@@ -146,8 +144,7 @@ pub(super) fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeU
 }
 
 /// Returns the unit of time, in seconds, that fits a step. Log periods are 10 ms to 2.55 s, so
-/// larger numbers are milliseconds and numbers below 0.5 are seconds. Otherwise the dialect
-/// decides.
+/// larger numbers are milliseconds and numbers below 0.5 are seconds. Others depend on the dialect.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
         step if step.is_infinite() && in_seconds => 1.0,
@@ -239,8 +236,7 @@ fn close(text: &mut Vec<u8>) {
 /// Members of an object by name, as slices of the text.
 type Members<'a> = BTreeMap<String, &'a RawValue>;
 
-/// Items of a list, or of an object whose names are indices, which is how pandas writes a column or
-/// a table.
+/// Items of a list, or of an object whose names are indices, as pandas writes columns and tables.
 struct List<'a> {
     items: Vec<&'a RawValue>,
     /// Indices in increasing order. Empty if they count from zero.
@@ -687,8 +683,7 @@ fn is_time(title: &str) -> bool {
     titles::meaning(title).0 == "t"
 }
 
-/// Returns the title of the column of times, if there is one. Whole seconds take precedence over
-/// fractions.
+/// Returns the title of the column of times, if any. Whole seconds precede fractions.
 fn time_of<'t>(titles: impl Iterator<Item = &'t String>) -> Option<&'t String> {
     titles
         .filter(|title| is_time(title))

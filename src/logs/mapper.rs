@@ -64,8 +64,7 @@ pub(super) fn flight(
     Ok(OnClock { flight, zero_stamp_s, firmware: recording.firmware })
 }
 
-/// Returns an error for a log without any quantity, or without a position from the requested
-/// source.
+/// Returns an error for a log without any quantity, or without the requested position.
 fn check_quantities(
     recording: &Recording,
     quantities: &Quantities,

@@ -1,5 +1,4 @@
-//! Aligns the clock and frame of a motion capture system with the drone's, by comparing the path in
-//! both logs.
+//! Aligns a motion capture system's clock and frame with the drone's, by the path in both logs.
 //!
 //! The clocks of the computer and the drone start at different zeros. The drone logs the positions
 //! that the motion capture system sent (`ae483log.p_x_mocap` …) or its own estimates. The time
@@ -44,8 +43,8 @@ pub(super) fn aligned(mut log: Recording) -> Recording {
         .or_else(|| position(&log, PositionSource::Firmware))
         .or_else(|| position(&log, PositionSource::Custom));
     let shift = moving_channels(&log, "mocap.{x y z}").zip(path).and_then(|(mocap, path)| {
-        // The assumptions, strictest first, are: the same frame, a rotated frame, and a frame with
-        // y up.
+        // The assumptions, strictest first, are: the same frame, a rotated frame, and one with y
+        // up.
         let mut search = Search { mocap, path, may_rotate: false };
         for may_rotate in [false, true] {
             search.may_rotate = may_rotate;
@@ -92,8 +91,7 @@ fn moving_channels(recording: &Recording, pattern: &str) -> Option<Vec<Channel>>
 /// Registration of the motion capture system to the drone's clock and frame.
 #[derive(Debug)]
 struct Shift {
-    /// Fixed point of the relation between the clocks, `drone = pivot_drone + ratio · (mocap −
-    /// pivot_mocap)`.
+    /// Fixed point of `drone = pivot_drone + ratio · (mocap − pivot_mocap)`, on both clocks.
     pivot_drone_s: f64,
     pivot_mocap_s: f64,
     ratio: f64,
@@ -216,8 +214,7 @@ struct Fit {
 }
 
 impl Search {
-    /// Finds the time shift, the ratio of the clock rates, and the transform. Returns `None` if the
-    /// paths do not match.
+    /// Finds time shift, ratio of clock rates, and transform, or `None` if the paths do not match.
     fn shift(&self) -> Option<Shift> {
         let (mocap_start_s, mocap_end_s) = span(&self.mocap);
         let (start_s, end_s) = span(&self.path);
@@ -232,8 +229,7 @@ impl Search {
             self.fit(&stamps, fine_s, self.may_rotate).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
         let reach_s = 0.02 * lasts_s + COARSE_S;
-        // The ratio of the clock rates follows from the difference between the shifts of both
-        // halves.
+        // The ratio of the clock rates follows from the difference between both halves' shifts.
         let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
             let stamps = self::stamps(from_s, to_s);
             let shift_s = self.best_shift(&stamps, fine_s, reach_s, reach_s / 100.0)?;

@@ -3,11 +3,10 @@
 //!
 //! Titles may be the ends of paths (`/cf1/pose/position/x` from `PlotJuggler`,
 //! `field.pose.position.x` from rosbag), with units at the end or in brackets (`x_mm`, `yaw
-//! [deg]`). Times may be split into two columns. Tables from Motive and Vicon
-//! ([`super::mocap_csv`]) are also read. Without a header, columns are t, x, y, z or, if separated
-//! by blanks, t, x, y, z and the quaternion x, y, z, w (TUM). Unknown columns are kept, with a
-//! warning. Unknown units, poses of two bodies, rows of several drones and tables in long form are
-//! refused.
+//! [deg]`). Times may be split into two columns. Motive and Vicon tables ([`super::mocap_csv`]) are
+//! also read. Without a header, columns are t, x, y, z or, if separated by blanks, t, x, y, z and
+//! the quaternion x, y, z, w (TUM). Unknown columns are kept, with a warning. Unknown units, poses
+//! of two bodies, rows of several drones and tables in long form are refused.
 //!
 //! Without a unit, numbers are assumed to be in meters, seconds and radians unless these units are
 //! implausible. Each guess causes a warning, and an option can override it. The flight of a range
@@ -307,8 +306,7 @@ fn times(
         let text = format!("column {title}: its clock restarts {wraps} time(s), which is undone");
         return (values, (wraps > 0).then(|| Diagnostic::warning("clock-wrapped", text)));
     }
-    // An option takes precedence over the title, and the title over the unit inferred from the
-    // steps.
+    // An option takes precedence over the title, and the title over the steps.
     let (named_s, inferred) = (wanted.seconds().or(unit), unit_of(&values));
     let (unit_s, step) = (named_s.unwrap_or(inferred.unit_s), inferred.step);
     values.iter_mut().for_each(|value| *value *= unit_s);
@@ -360,8 +358,7 @@ fn rms(values: &[f64]) -> f64 {
 /// Returns true if angles of unknown unit are in degrees, and the reason, or `None` if radians are
 /// plausible.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
-    /// Root mean square (20°) and maximum (40°) of pitch and roll in an ordinary flight, in
-    /// radians.
+    /// Root mean square (20°) and maximum (40°) of pitch and roll in an ordinary flight, rad.
     const USUAL_RMS: f64 = 0.35;
     const USUAL_MAX: f64 = 0.7;
     let (tilt, angles) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));

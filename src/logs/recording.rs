@@ -124,8 +124,7 @@ impl Recording {
         (!values.is_empty()).then(|| Channel::new(time_s, values))
     }
 
-    /// Returns the variables that match a pattern such as `mocap.{x y z}`, or `None` if one is
-    /// missing.
+    /// Returns the variables of a pattern such as `mocap.{x y z}`, or `None` if one is missing.
     pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
         names(pattern).map(|name| self.channel(&name)).collect()
     }

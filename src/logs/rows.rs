@@ -58,8 +58,7 @@ pub(super) fn long_form_error([time, names, value]: [&str; 3]) -> Error {
     Error::input("rows", form, "a column for each variable", hint)
 }
 
-/// Returns an error if a column of drone names, such as `drone_id`, contains several different
-/// names.
+/// Returns an error if a column of drone names, such as `drone_id`, contains different names.
 pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result<()> {
     let last = title.rsplit(['.', '/']).next().unwrap_or_default();
     let plain = simplified(last);

@@ -224,8 +224,7 @@ impl GrowingLog {
         Self { file, path: path.to_owned(), lines, budget }
     }
 
-    /// Reads what the script has added since. The last line may be incomplete. Returns true if
-    /// anything was added.
+    /// Reads what the script has added, possibly an incomplete line. Returns true if there was any.
     ///
     /// # Errors
     ///
@@ -235,7 +234,7 @@ impl GrowingLog {
         let mut bytes = Vec::new();
         let read = self.file.read_to_end(&mut bytes);
         read.map_err(|source| Error::read(&self.path, source))?;
-        // The limit is that of a complete file, so that any log that can be followed can also be
+        // The limit is that of a complete file, so that any log being followed can also be
         // imported.
         self.budget.bytes(bytes.len())?;
         self.lines.push(&bytes, &self.budget)?;

@@ -139,8 +139,7 @@ const MOTORS: &[Source] = &[
 /// Quantities in a log.
 #[derive(Debug)]
 pub(super) struct Quantities {
-    /// Channels of each quantity, in the order of its columns in a flight file. Yaw and roll are
-    /// unwrapped at ±π.
+    /// Channels of each quantity, in the order of a flight file, with yaw and roll unwrapped.
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
     /// True if the velocity is in the world frame, false if it is in the body frame.
     pub(super) has_world_velocity: bool,
@@ -181,8 +180,7 @@ pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<
     Search::new(recording).position(wanted.kinds())
 }
 
-/// Returns each quantity from its best source. `wanted` is the requested source of position and
-/// attitude.
+/// Returns each quantity from its best source. `wanted` applies to position and attitude.
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut search = Search::new(recording);
     let (any, truth) = (ANY, wanted.kinds());
@@ -239,8 +237,7 @@ impl<'a> Search<'a> {
     }
 
     /// Returns the first plausible and live source in SI units. An observer that did not run logs a
-    /// constant. If no source changes, returns the first nonzero one or, if all are zero, the
-    /// first.
+    /// constant. If no source changes, returns the first nonzero one, otherwise the first.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
@@ -258,8 +255,8 @@ impl<'a> Search<'a> {
         if let Some((source, _)) = diverged.first() {
             self.warn_of_diverged(source, !logged.is_empty());
         }
-        // If the only position in a log diverged, the log is rejected later, at the first number
-        // out of range.
+        // If the only position diverged, the log is rejected later, at the first number out of
+        // range.
         if logged.is_empty() {
             logged = diverged;
             logged.retain(|(source, _)| POSITION.iter().any(|p| p.1 == source.1));
@@ -402,8 +399,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Removes positions (0, 0, 0) that a motion capture system writes for a lost body. They are
-    /// recognized by the jump.
+    /// Removes positions (0, 0, 0) that motion capture writes for a lost body, known by their jump.
     fn without_zeros(&mut self, mut channels: Vec<Channel>) -> Vec<Channel> {
         let [x, y, z] = &channels[..] else { return channels };
         if x.time_s != y.time_s || x.time_s != z.time_s {

@@ -103,8 +103,7 @@ fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     })
 }
 
-/// Returns the unit of a title that consists of a name with or without a unit of length. Returns
-/// `None` for other titles.
+/// Returns the unit of a title that is a name, optionally with a unit of length.
 fn unit_after(name: &str, title: &str) -> Option<Option<f64>> {
     let title = simplified(title);
     let rest = title.strip_prefix(name)?;

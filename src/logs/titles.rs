@@ -3,8 +3,7 @@
 use super::recording::Column;
 use noctograph_core::files::{bracketed, simplified, unit};
 
-/// Letters, standard name and usual names of columns, in lower case and without unit. `*` stands
-/// for each of the letters.
+/// Letters, standard name and usual names of columns, without unit. `*` stands for a letter.
 const NAMES: [(&str, &str, &str); 18] = [
     (
         " ",

@@ -5,11 +5,11 @@
 //!
 //! A flight's score is the fraction of its letters that are read, as an eye chart is scored letter
 //! by letter (Bailey, Bullimore, Raasch, Taylor, Investigative Ophthalmology & Visual Science 32,
-//! 1991). If letters are read above some height and not below it, the mean fraction over the ladder
-//! is the fraction of rungs above that height (method of Spearman 1908 and Kärber 1931). The mean
-//! and its interval therefore give a height and its interval, without a model of how legibility
-//! decreases. The ladder is a study with one stratum per rung, and [`rank`] compares two contenders
-//! flight by flight.
+//! 1991). If letters are read only above some height, the mean fraction over the ladder is the
+//! fraction of rungs above that height (method of Spearman 1908 and Kärber 1931). The mean and its
+//! interval therefore give a height and its interval, without a model of how legibility decreases.
+//! The ladder is a study with one stratum per rung, and [`rank`] compares two contenders flight by
+//! flight.
 //!
 //! A ladder of stroke speeds distinguishes contenders less well, because the distortion of an E at
 //! 1.6 m/s depends on the speed itself and P(read) does not fall monotonically (docs/benchmark.md).

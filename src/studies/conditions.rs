@@ -3,8 +3,8 @@
 //! A controller is designed for the scene, but the actual drone differs from the scene, by amounts
 //! that depend on the seed and the drone. The differences are constant during a flight, except for
 //! gusts and sensor noise. The same seed draws the same differences under every controller (common
-//! random numbers). Each factor has a separate random stream, so that adding a factor does not
-//! change the others.
+//! random numbers). Each factor has its own random stream, so adding one does not change the
+//! others.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -47,8 +47,7 @@ settings! {
         /// allows for tape or a different battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
         /// Center of mass along body x and y: standard deviation, m. A 7 g battery can slide half a
-        /// millimeter in its holder. Unequal motors have the same effect: a difference of 3 %
-        /// corresponds to 0.5 mm.
+        /// millimeter in its holder. Motors that differ by 3 % have the effect of 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
         /// Moments of inertia: standard deviation as a fraction of the scene's values. Published
         /// values for the same drone differ by a fifth.
@@ -220,8 +219,7 @@ impl Conditions {
         Actual { sim, light }
     }
 
-    /// Draws the mass, center of mass, inertia, rotor lag, aerodynamic moment, and one weak
-    /// propeller.
+    /// Draws mass, center of mass, inertia, rotor lag, aerodynamic moment, and a weak propeller.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
         // The mass and each moment of inertia are kept above a tenth of their values.
@@ -242,8 +240,7 @@ impl Conditions {
         let lost_frac = self.motor_loss_frac * propeller.uniform();
         #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
         let motor = (4.0 * propeller.uniform()) as usize;
-        // The remaining fraction of thrust is the product of the scene's fraction and the drawn
-        // one.
+        // The remaining fraction of thrust is the product of the scene's and the drawn one.
         let loss_frac = &mut body.motor_loss_frac[motor];
         *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
     }

@@ -1,5 +1,4 @@
-//! Evening: identifies the drones and the air from logs of one evening's flights, and derives
-//! [`super::Conditions`].
+//! Evening: identifies drones and air from an evening's logs, and derives [`super::Conditions`].
 //!
 //! Product in: a folder of logs, and the drone of a scene, because logs do not contain the mass.
 //! Product out: a row for each log, with its figures and flaws, and the widths of conditions. Each
@@ -7,7 +6,7 @@
 //! the weight, so a heavy drone cannot be told from a weak one.
 //!
 //! Not identified: moments of inertia, the delay of the lamps, the charge and age of the battery,
-//! and the distortion and rotation of the Lighthouse frame, which would require a second source of
+//! and the distortion and rotation of the Lighthouse frame, which require another source of
 //! positions.
 
 use std::collections::HashMap;
@@ -32,22 +31,19 @@ use noctograph_pipeline::preflight::MAX_SATURATED_S;
 use noctograph_pipeline::scene::Scene;
 use noctograph_sim::vehicle::GustOptions;
 
-/// Minimum sample rate to which a log is resampled. A delay of 5 ms in a command makes the lag look
-/// 20 ms shorter.
+/// Minimum sample rate of an import. A command 5 ms late makes the lag look 20 ms shorter.
 const LEAST_RATE_HZ: f64 = 500.0;
 /// Minimum time in the air for a usable flight. The error of the trim decreases with the square
 /// root of this time.
 const LEAST_AIR_S: f64 = 10.0;
 /// Maximum fraction of a flight that may be missing from its log.
 const MAX_MISSING_FRAC: f64 = 0.1;
-/// Minimum strength of the gusts in a log. Even the noise of a real sensor appears as stronger
-/// gusts.
+/// Minimum strength of the gusts in a log. Even sensor noise appears as stronger gusts.
 const LEAST_GUST_M_S: f64 = 1e-6;
 /// Minimum number of flights from which a spread is computed.
 const LEAST_FLIGHTS: usize = 3;
-/// Standard deviation of the error in an evening's mean ratio of thrust to weight that all flights
-/// share. In nine simulated flights with known thrust the error was below three standard
-/// deviations.
+/// Standard deviation of the error that an evening's flights share in their thrust-to-weight ratio.
+/// In nine simulated flights with known thrust the error was below three standard deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
 /// Maximum size of an evening's logs: thirty ten-minute flights with fifty variables at 100 Hz.
 const LOGS_LIMIT: Limit = Limit {
@@ -62,8 +58,8 @@ const AT_ONCE: usize = 3;
 /// The logs in a folder.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evening {
-    /// Rows of the logs, one for each flight, sorted by drone and then by log, with numbers in
-    /// names sorted by value.
+    /// Rows of the logs, one per flight, sorted by drone, then by log, with numbers sorted by
+    /// value.
     pub logs: Vec<EveningLog>,
 }
 
@@ -78,8 +74,7 @@ pub struct EveningLog {
     pub flaws: Vec<Flaw>,
     /// Figures of the drone. `None` if nothing can be identified.
     pub figures: Option<LogFigures>,
-    /// Warnings about guesses, repairs and omissions during import. The JSON output contains them
-    /// as full sentences.
+    /// Warnings about guesses, repairs and omissions, which the JSON contains as full sentences.
     #[serde(serialize_with = "sentences")]
     pub warnings: Vec<Diagnostic>,
 }
@@ -172,8 +167,8 @@ pub struct MeanDrone {
 }
 
 impl Evening {
-    /// Reads and identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of
-    /// logs finished so far.
+    /// Identifies the logs in a folder ([`logs_in`]). Calls `done` with the number of finished
+    /// logs.
     ///
     /// # Errors
     ///
@@ -230,8 +225,7 @@ impl Evening {
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
-            // The standard error of the mean is computed. A flight without a sigma is given the
-            // average variance.
+            // Standard error of the mean, with the average variance for a flight without a sigma.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
@@ -245,13 +239,13 @@ impl Evening {
     }
 
     /// Returns the widths of conditions from the spread of the valid flights, in the order of a
-    /// conditions file. Widths that the flights do not determine are omitted, so those keep the
-    /// values of `room`.
+    /// conditions file. Widths that the flights do not determine are omitted and stay those of
+    /// `room`.
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
         let thrusts: Vec<_> = figures.iter().map(|f| (f.thrust_frac, 0.0)).collect();
-        // Uneven air shifts the mean command of a short flight. The variance of this shift is
+        // Uneven air shifts a short flight's mean command. The variance of this shift is
         // subtracted.
         let trims_m = [0, 1].map(|axis: usize| {
             let sigmas_m = figures.iter().map(|f| f.trim_sigma_m.map_or(0.0, |m| m[axis]));
@@ -284,8 +278,7 @@ impl Evening {
         conditions.collect()
     }
 
-    /// Returns a conditions file (TOML) with the given widths and the figures from which they were
-    /// derived.
+    /// Returns a conditions file (TOML) with the given widths and the figures behind them.
     pub fn conditions_toml(&self, conditions: &[FoundCondition]) -> String {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(

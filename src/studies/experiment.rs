@@ -101,8 +101,8 @@ impl Study {
 
     /// Returns the seed of flight number `index` of a word. If the study's seed is public, the
     /// result is below 2^31, as in every release. If the seed is secret, the result is a keyed hash
-    /// of 63 bits, the most that a scene file can hold, so nobody can find seeds by trial or derive
-    /// one from another.
+    /// of 63 bits, the most that a scene file can hold, so seeds cannot be found by trial or from
+    /// each other.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
         // The word is part of the hashed bytes, so different words are flown in different gusts.
         let bytes = index.to_le_bytes().into_iter().chain(word.bytes());
@@ -135,8 +135,7 @@ impl Study {
 /// order of `trials`. `prepared` is the result of [`Study::prepare`].
 ///
 /// Trials in the store are not flown again, and new ones are stored at once. `done` is called with
-/// the number of finished trials, from any thread. A request through `stop` takes effect between
-/// two flights.
+/// the number of finished trials, from any thread. `stop` takes effect between flights.
 ///
 /// # Errors
 ///
@@ -167,8 +166,7 @@ pub fn evaluate(
     records.collect()
 }
 
-/// Returns a function that may be called from any thread, and passes the number of calls so far to
-/// `done`.
+/// Returns a function, for any thread, that passes the number of its calls to `done`.
 pub(super) fn counter(done: &(dyn Fn(usize) + Sync)) -> impl Fn() + Sync {
     let finished = AtomicUsize::new(0);
     move || done(finished.fetch_add(1, Ordering::Relaxed) + 1)
@@ -218,8 +216,8 @@ mod tests {
             let seeds = drawn(secret);
             for bit in 0..63 {
                 let n_set = seeds.iter().filter(|seed| *seed >> bit & 1 == 1).count();
-                // There are 400 seeds, each flown by both scenes, so six standard deviations are 60
-                // of 400 seeds.
+                // There are 400 seeds, each flown by both scenes. Six standard deviations are 60
+                // seeds.
                 assert!(n_set.abs_diff(400) < 2 * 60, "bit {bit}: {n_set}");
             }
             assert!(seeds.iter().all(|seed| i64::try_from(*seed).is_ok()), "for a scene file");

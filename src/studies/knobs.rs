@@ -98,7 +98,7 @@ impl Knob {
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
                     // The words divide the range into equal parts. A fraction of 1 selects the last
-                    // word.
+                    // one.
                     let index = (fraction * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }
@@ -136,8 +136,7 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Returns the keys of knobs that have no effect under any combination of the scene's choices, and
-/// why.
+/// Returns the keys of knobs without effect under any combination of choices, with reasons.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
     // The scene is set to every combination of the choices.
     let mut scenes = vec![scene.clone()];
@@ -172,8 +171,7 @@ pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::
     keys.map(|key| Ok((key.clone(), find(&mut values, key)?.clone()))).collect()
 }
 
-/// Returns the value of a key such as `controller.lqr.q[0]`. Returns an error if the scene lacks
-/// it.
+/// Returns the value of a key such as `controller.lqr.q[0]`, or an error if it is missing.
 fn find<'a>(scene: &'a mut toml::Table, key: &str) -> Result<&'a mut toml::Value> {
     // For example, `a.b[2]` has the parts a, b and 2.
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
@@ -257,8 +255,7 @@ mod tests {
 
     #[test]
     fn a_usual_knob_has_an_effect_in_its_scene() {
-        // The default drone's filter is an EKF, whereas that of the team's drone has a constant
-        // gain.
+        // The default drone's filter is an EKF, and that of the team's drone has constant gain.
         let [default, team] = [Preset::default(), Preset::Ae4832022].map(|preset| {
             let knobs = Knob::usual(&Scene::preset(preset));
             knobs.into_iter().flat_map(|knob| knob.keys).collect::<Vec<String>>()

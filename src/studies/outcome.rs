@@ -85,8 +85,7 @@ figures! {
     saturated_frac,
     /// Duration of the whole flight.
     duration_s,
-    /// Energy of the whole flight: the current for thrust and electronics, times the open-circuit
-    /// voltage.
+    /// Energy of the whole flight: current for thrust and electronics, times open-circuit voltage.
     energy_j,
 }
 
@@ -155,8 +154,7 @@ impl Outcome {
 }
 
 impl Flown {
-    /// Computes the figures of a photo's flights. `believed` contains the scene's drone and
-    /// battery.
+    /// Computes the figures of a photo's flights. `believed` is the scene's drone and battery.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
         let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
         let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;
@@ -196,8 +194,7 @@ impl Flown {
 /// Returns the fraction of the writing time during which a motor is saturated, or 0 if not logged.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(total_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
-    // The column contains the saturated time since the start. Its increments while letters are
-    // written are summed.
+    // The column accumulates saturated time, whose increments within letters are summed.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, total_s) in flight.samples.windows(2).zip(total_s.windows(2)) {
         if pair[0].letter.is_some() {

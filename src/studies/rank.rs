@@ -39,8 +39,7 @@ pub struct Measures {
     /// Name of the contender.
     pub contender: String,
     /// Rank, 1 for the best. Contenders that cannot be distinguished from the first contender of a
-    /// rank share that rank. `None` if no flight was read, for example because every drone was
-    /// lost.
+    /// rank share that rank. `None` if no flight was read, as when every drone was lost.
     pub place: Option<usize>,
     /// Number of flights.
     pub n_flights: usize,
@@ -128,8 +127,7 @@ pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
 
-/// Returns the confidence level of a single interval for which `n_pairs` intervals are jointly
-/// valid (Bonferroni).
+/// Returns the confidence level at which `n_pairs` intervals are jointly valid (Bonferroni).
 fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
@@ -151,8 +149,8 @@ pub(super) fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
         }
     }
     // Holm's procedure: distinguishable pairs lower the level required of the remaining pairs,
-    // round by round, until a round adds no pair. The first round is Bonferroni's and gives the
-    // reported intervals.
+    // round by round, until a round adds no pair. The first round, Bonferroni's, gives the
+    // intervals.
     let (n_pairs, mut n_before) = (pairs.len(), 0);
     loop {
         let n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
@@ -269,8 +267,7 @@ mod tests {
 
     #[test]
     fn places_follow_the_order_and_ties_share_the_place_of_their_first() {
-        // Contender b is always slightly worse than a. Contender c is worse still, but sometimes
-        // best.
+        // Contender b is always slightly worse than a. Contender c is worse, but sometimes best.
         let a: Vec<f64> = (0..20).map(|k| 0.9 - 0.001 * f64::from(k)).collect();
         let b: Vec<f64> = a.iter().map(|p| p - 0.01).collect();
         let c: Vec<f64> = (0..20).map(|k| if k % 3 == 0 { 0.95 } else { 0.8 }).collect();
@@ -325,8 +322,7 @@ mod tests {
     fn family_wise_error(n_contenders: u32, n_flights: u32, n_studies: u32) -> f64 {
         let wrong = (0..n_studies).into_par_iter().filter(|study| {
             let rng = &mut ChaCha8Rng::seed_from_u64(u64::from(*study));
-            // Probabilities near 0.9 resemble those of flights, which are skewed and correlated by
-            // seed.
+            // Probabilities near 0.9 resemble those of flights, skewed and correlated by seed.
             let seeds: Vec<f64> = (0..n_flights).map(|_| 2.0 + normal(rng)).collect();
             let contenders = (0..n_contenders)
                 .map(|_| seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal(rng)))).collect());

@@ -53,8 +53,7 @@ pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
 ///
 /// # Errors
 ///
-/// Returns the errors of the stages for the unchanged scene. A change that cannot be flown is
-/// ignored.
+/// Returns the errors of the stages for the unchanged scene. A change that fails is ignored.
 pub fn remedies(shoot: &Shoot) -> Result<Vec<Remedy>> {
     let scene = &shoot.scene;
     let before = read_probability(scene, scene.seed)?;
@@ -147,8 +146,7 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
     let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
-    // The shutter stays open for the flight, rounded up to whole seconds. The lens is focused on
-    // the word.
+    // The shutter stays open for the flight, in whole seconds. The lens is focused on the word.
     let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
     let word_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();

@@ -36,8 +36,7 @@ pub struct Spread {
     pub flights: Vec<SpreadFlight>,
     /// Band of these flights, one for each drone.
     pub all: Vec<Band>,
-    /// Band, one for each drone, of equally many flights with the drones and the room of the first
-    /// seed.
+    /// Band, one per drone, of as many flights with the drones and the room of the first seed.
     pub within: Vec<Band>,
 }
 
@@ -104,8 +103,7 @@ impl Band {
     }
 
     /// Returns the fraction of further flights that the band will contain: [`BAND_FRAC`], or with n
-    /// flights, fewer than [`LEAST_FLIGHTS`], the fraction between their extremes, `(n − 1) / (n +
-    /// 1)`.
+    /// flights, fewer than [`LEAST_FLIGHTS`], that between extremes, `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))

@@ -32,8 +32,7 @@ const MAX_ENUMERATED: usize = 14;
 
 /// Weight, in flights, of hypothetical values 0 and 1 that were never observed. At a lower weight,
 /// the intervals from few flights miss rare failures: at 0.25, only 89 % of them contain the mean
-/// of a hundred flights of which 3 % fail. At a higher weight the intervals are wider than
-/// necessary.
+/// of a hundred flights of which 3 % fail. At a higher weight the intervals are too wide.
 const UNSEEN: f64 = 0.5;
 /// Number of bisections on the logarithm of a distance.
 const BISECTIONS: u32 = 40;
@@ -72,7 +71,7 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
 /// The mean of the worst tenth is the maximum over q of the mean of `q + min(x - q, 0) n / k`, for
 /// the k lowest of n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). Each end of the
 /// interval is therefore the maximum of the corresponding ends of such means, by
-/// [`Posterior::ends`]. A percentile bootstrap is not used because it never draws below the lowest
+/// [`Posterior::ends`]. A percentile bootstrap is not used, as it never draws below the lowest
 /// value.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     let mut values = strata.concat();
@@ -101,9 +100,9 @@ pub fn median(values: &mut [f64]) -> f64 {
     if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }
 
-/// Returns the mean of all values with its 95 % interval by Student's t. The variance is taken
-/// within strata, or over all values if a stratum has only one value. The interval of a single
-/// value is unbounded.
+/// Returns the mean of all values with its 95 % interval by Student's t. The variance is that
+/// within strata, or of all values if a stratum has one value. The interval of a single value is
+/// unbounded.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let n = strata.iter().map(Vec::len).sum::<usize>() as f64;
@@ -247,8 +246,7 @@ fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
 
 /// Returns the proportion of true values with its 95 % interval by Agresti and Coull, which is
 /// Wilson's interval with the variance taken at its center. If about one flight in five studies
-/// differs, Wilson's interval contains the true value in 84 % of cases, and the interval used here
-/// in 90 to 99 %.
+/// differs, Wilson's interval contains the true value in 84 % of cases, and this one in 90 to 99 %.
 pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
     // 97.5 % quantile of the normal distribution.
     const Z: f64 = 1.959_964;
@@ -261,9 +259,8 @@ pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
 
 /// Returns the mean of differences, with a confidence interval at `level` for the center of their
 /// distribution, by Hartigan's typical values. Returns `None` if there are too few differences. At
-/// levels that the drawn subsets cannot resolve, for example with more than thirty contenders, a
-/// wider interval is returned: Hoeffding's bound (Journal of the ASA 58, 1963) on the means of all
-/// subsets.
+/// levels that the drawn subsets cannot resolve, for example with more than thirty contenders, the
+/// result is Hoeffding's wider bound (Journal of the ASA 58, 1963) on the means of all subsets.
 pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let (n, value) = (differences.len() as f64, mean(differences));
     let mut means = subset_means(differences);
@@ -290,8 +287,7 @@ pub(super) fn least_for_center(level: f64) -> u32 {
 
 /// Returns the means of all nonempty subsets, or of [`SUBSETS`] random ones.
 fn subset_means(values: &[f64]) -> Vec<f64> {
-    // Each table contains the sums for eight values, so that the mean of a subset takes one look-up
-    // per table.
+    // Each table contains the sums for eight values, so a subset's mean takes a look-up per table.
     let tables: Vec<Vec<(f64, u32)>> = values.chunks(8).map(subset_sums).collect();
     if values.len() <= MAX_ENUMERATED {
         let masks = 0..1_usize << values.len();
@@ -340,8 +336,7 @@ fn student_t(freedom: f64) -> f64 {
     let d = ((94.5 / (b + c) - 3.0) / b + 1.0) * (0.5 * a * std::f64::consts::PI).sqrt() * freedom;
     let mut y = libm::pow(d * BEYOND, 2.0 / freedom);
     if y > 0.05 + a {
-        // For many degrees of freedom, an asymptotic inverse expansion about the normal quantile is
-        // used.
+        // For many degrees of freedom, an asymptotic inverse expansion about the normal quantile.
         let x = NORMAL;
         y = x * x;
         if freedom < 5.0 {
@@ -499,8 +494,7 @@ mod tests {
 
     #[test]
     fn intervals_hold_what_they_promise() {
-        // Of 300 samples of 30 uniform numbers, 95 % should have intervals that contain the true
-        // mean.
+        // Of 300 samples of 30 uniform numbers, 95 % should have intervals with the true mean.
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let samples = (0..300).map(|_| (0..30).map(|_| rng.random()).collect());
         let estimates = samples.map(|values| mean_of_strata(&[values]));

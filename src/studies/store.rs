@@ -3,8 +3,7 @@
 //! `study.json` names the program that wrote the folder. `flights.jsonl` contains one JSON object
 //! per line, which `jq`, `pandas.read_json(lines=True)` and `DuckDB` can read directly. A record is
 //! appended by a single write of one line. If the program is killed, at most a partial line remains
-//! at the end, which the next run removes. Only one program at a time writes to the folder
-//! (`lock`).
+//! at the end, which the next run removes. Only one program at a time can write (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -211,8 +210,7 @@ impl Store {
 impl Drop for Store {
     fn drop(&mut self) {
         if let Ok(log) = self.log.lock() {
-            // The sync protects against a power failure. Written lines survive the end of the
-            // program anyway.
+            // The sync protects against a power failure. Written lines survive the program anyway.
             let _ = log.file.sync_data();
         }
     }

@@ -69,8 +69,7 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     Ok(read)
 }
 
-/// Appends the entries of a folder, or of a student's folder within it. `student` is the name of
-/// the student's folder.
+/// Appends the entries of a folder, or of the folder of `student` within it.
 fn gather(
     folder: &Path,
     student: Option<&str>,
@@ -122,8 +121,7 @@ fn refusal(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// Returns the shortest end of a path that no other submission shares, or the whole path if the
-/// path is given twice.
+/// Returns the shortest unique end of a path, or the whole path if it is given twice.
 fn distinct_name(path: &Path, submitted: &[Submitted]) -> String {
     for n in 1..=path.components().count() {
         // The end without the file's extension is tried first.

@@ -58,8 +58,7 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     table(columns(names), ranked.chain(unranked))
 }
 
-/// Returns CSV with a row for each candidate, in the order of the search, with the value of each
-/// key that a knob varies.
+/// Returns CSV with a row for each candidate in search order, with the values of varied keys.
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     let columns = columns("number flights=n_flights given_up merit legibility")
@@ -79,8 +78,7 @@ fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
 }
 
-/// Returns columns from names separated by spaces. A path that differs from the name follows it
-/// after `=`.
+/// Returns columns from names separated by spaces. A different path follows its name after `=`.
 fn columns(names: &str) -> impl Iterator<Item = Column> {
     names.split(' ').map(|name| {
         let (name, path) = name.split_once('=').unwrap_or((name, name));
@@ -88,8 +86,7 @@ fn columns(names: &str) -> impl Iterator<Item = Column> {
     })
 }
 
-/// Returns the columns of an [`Estimate`](super::statistics::Estimate): its value and the ends of
-/// its interval.
+/// Returns the columns of an [`Estimate`](super::statistics::Estimate): value and interval.
 fn estimate(name: &str, path: &str) -> [Column; 3] {
     [("", "value"), ("_low", "low"), ("_high", "high")]
         .map(|(end, part)| column(&format!("{name}{end}"), &format!("{path}/{part}")))
@@ -114,8 +111,7 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
 
 /// Returns a JSON value as a CSV cell. Students choose the names of submissions, so their text is
 /// made harmless: an apostrophe before `=+-@` prevents a spreadsheet from interpreting it as a
-/// formula (OWASP, CSV injection), and control characters, which a terminal would execute, become
-/// U+FFFD.
+/// formula (OWASP, CSV injection), and control characters, which terminals execute, become U+FFFD.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

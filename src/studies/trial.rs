@@ -38,20 +38,17 @@ pub struct Prepared {
 
 impl Prepared {
     /// Prepares a scene for a word. If the scene cannot be planned, for example because its gain
-    /// loses the drone, every outcome is a lost drone, so that a bad candidate does not end a
-    /// study.
+    /// loses the drone, every outcome is a lost drone, so a bad candidate does not end a study.
     ///
     /// # Errors
     ///
-    /// Returns [`Error::Input`] for a word that the font cannot write, or for a setting out of
-    /// range.
+    /// Returns [`Error::Input`] for a word that the font cannot write or a setting out of range.
     pub fn new(named: &NamedScene, word: &str, conditions: &Conditions) -> Result<Self> {
         conditions.check()?;
         let mut scene = Scene { seed: 0, ..named.scene.clone() };
         scene.set_word(word);
         scene.check()?;
-        // A scene without a plan is given a shoot as well, and all of its seeds have the same
-        // outcome.
+        // A scene without a plan has a shoot as well, and all of its seeds have the same outcome.
         let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
             Err(Error::Infeasible { what, hint, .. }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
@@ -147,8 +144,7 @@ impl Prepared {
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }
     }
 
-    /// Takes the photo for one seed, with capitals `cap_height_px` high, or as high as in the scene
-    /// if that is less.
+    /// Takes the photo for one seed, with capitals `cap_height_px` high, or the scene's if smaller.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();
@@ -191,8 +187,7 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     Ok(())
 }
 
-/// Maximum number of readers kept for further scenes. Preparing a reader takes as long as reading
-/// ten photos.
+/// Maximum number of cached readers. Preparing a reader takes as long as reading ten photos.
 const MAX_READERS: usize = 64;
 
 /// Returns the reader of a word, which is shared by all scenes with the same strokes and options.

@@ -58,11 +58,9 @@ pub struct TuneOptions {
     pub words: Vec<(String, u32)>,
     /// Maximum number of flights in the search and the finals, excluding the test.
     pub budget: usize,
-    /// Number of seeds of each word in the test. The minimum is six, the fewest that can
-    /// distinguish two scenes.
+    /// Number of seeds per word in the test, at least six, the fewest that distinguish two scenes.
     pub test_seeds: u32,
-    /// Maximum duration of a candidate's flight. `None`: the duration of the original scene's
-    /// flight.
+    /// Maximum duration of a candidate's flight. `None` stands for that of the original scene.
     pub longest_s: Option<f64>,
     /// Conditions that determine how flights differ from their scene.
     pub conditions: Conditions,
@@ -81,8 +79,7 @@ impl TuneOptions {
         FINALISTS * self.n_each() * FINAL_TIMES as usize
     }
 
-    /// Returns the smallest budget, enough for the original scene, nine more candidates and the
-    /// finals.
+    /// Returns the smallest budget, for the original scene, nine more candidates and the finals.
     pub fn least_budget(&self) -> usize {
         self.n_final() + LEAST_CANDIDATES * self.n_each()
     }
@@ -302,8 +299,7 @@ impl Tuning<'_> {
         study.check()?;
         let prepared = study.prepare()?;
         let trials: Vec<Trial> = study.trials().collect();
-        // If there are two parts, the first one contains every other flight, so that it includes
-        // all words.
+        // The first of two parts contains every other flight, so that it includes all words.
         let n_parts = if max_cost.is_some() { 2 } else { 1 };
         let (mut records, mut candidate) = (Vec::new(), unflown.clone());
         for part in 0..n_parts {
@@ -444,8 +440,7 @@ mod tests {
 
     #[test]
     fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
-        // Speeds that differ by 2 % are equally legible, so the winner of the finals is not truly
-        // better.
+        // Speeds that differ by 2 % are equally legible, so the finals' winner is not truly better.
         let base = Scene::preset(Preset::Ae4832022);
         let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
         let mut tested = (0..6).map(|seed| {

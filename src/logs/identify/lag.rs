@@ -84,8 +84,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     Some(RotorLag { lag_s, half_width_s, explained: fit.fraction })
 }
 
-/// Returns the standard deviation of an estimate, given the estimates that leave out one stretch
-/// each.
+/// Returns the standard deviation of an estimate, from estimates that leave out one stretch each.
 fn jackknife_sigma(estimates: &[f64]) -> f64 {
     let n = estimates.len() as f64;
     let middle = estimates.iter().sum::<f64>() / n;
@@ -102,8 +101,7 @@ struct Stretch {
     design: DMatrix<f64>,
     turn: [DVector<f64>; 2],
     pushes: Vec<[DVector<f64>; 2]>,
-    /// Products of torque with itself, torque with rotation, and rotation with itself, for each
-    /// lag.
+    /// Squared torque, torque times rotation, and squared rotation, summed for each lag.
     plain: Vec<[[f64; 3]; 2]>,
     rows: usize,
 }
@@ -117,8 +115,8 @@ struct Explained {
 }
 
 impl Stretch {
-    /// Sums the products over one stretch of the flight: instruments (designs), response (turns)
-    /// and regressors (pushes).
+    /// Sums the products over one stretch: instruments (designs), response (turns), regressors
+    /// (pushes).
     fn new(index: usize, designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;
@@ -157,8 +155,7 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
         kept.iter().map(|stretch| stretch.rows).sum::<usize>() as f64,
         square.trace() / columns as f64,
     );
-    // Adding a billionth of the mean keeps the matrix invertible if the columns are nearly
-    // dependent.
+    // A billionth of the mean is added, so that nearly dependent columns remain invertible.
     for k in 0..columns {
         square[(k, k)] += 1e-9 * mean;
     }
@@ -234,8 +231,7 @@ fn changes(
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
 }
 
-/// Returns the integral of the roll and pitch torques up to each sample, for a motor lag of
-/// `lag_s`.
+/// Returns the integral of the roll and pitch torques up to each sample, given the motor lag.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];
     for impulse in impulses(run, lag_s) {
@@ -245,8 +241,7 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     sums
 }
 
-/// Returns the lag at the peak of a curve, interpolated by a parabola through its highest three
-/// points.
+/// Returns the lag at the peak of a curve, by a parabola through its highest three points.
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
     #[expect(clippy::cast_precision_loss, reason = "sixty")]

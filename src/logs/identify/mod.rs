@@ -58,7 +58,7 @@ pub struct Identified {
     pub n_samples: usize,
     /// Mean motor commands m1…m4.
     pub mean_motors: [f64; 4],
-    /// Thrust of one motor per unit of command, N, fitted to the accelerometer or, without one, to
+    /// Thrust of a motor per unit of command, N, from the accelerometer or, without it, from
     /// hovering.
     pub k_f_n: f64,
     /// Mean torque of the motors about body x and y, N m. The opposite torque acts on the body.
@@ -88,8 +88,7 @@ impl Identified {
         self.measurement_sigma_m.map(|sigma| sigma.map(weight))
     }
 
-    /// Returns the observer's R: `1/σ²` for the eight model errors other than that of ψ
-    /// (unobservable).
+    /// Returns the observer's R: `1/σ²` for the eight model errors except ψ (unobservable).
     pub fn observer_r(&self) -> Option<[f64; 8]> {
         let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
         Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
@@ -127,8 +126,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 ///
 /// # Errors
 ///
-/// Returns [`Error::Input`] if the flight contains no motor commands or has too little time in the
-/// air.
+/// Returns [`Error::Input`] if the flight lacks motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified> {
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
     if !flight.has(Quantity::Motors) {
@@ -145,8 +143,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         let commands = "motor commands that never rotate the drone, like those of one repeated row";
         return Err(Error::input("flight", commands, "those of a flight", hint));
     }
-    // Thrust and torque follow from the mean commands, and from the accelerometer if it is
-    // plausible.
+    // Thrust and torque follow from the mean commands and, if plausible, the accelerometer.
     let mut left_out = Vec::new();
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
     let mut accelerations = accelerations(flight, &airborne, &mut left_out);
@@ -185,8 +182,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         mean_motors: mean_motors.into(),
         k_f_n,
         motor_torque_n_m: [torque.x, torque.y],
-        // The torque of the weight about the motors' center, m g (y, −x), is balanced by the
-        // motors.
+        // The motors balance the torque of the weight about their center, m g (y, −x).
         center_of_mass_m: [-torque.y / thrust_n, torque.x / thrust_n],
         center_of_mass_half_width_m: air
             .map(|air| [1, 0].map(|axis: usize| T_95 * air.mean_sigma_n_m[axis] / thrust_n)),
@@ -224,8 +220,7 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Returns true if standard deviations are finite and positive. A constant value would have
-/// infinite weight.
+/// Returns true for finite, positive standard deviations. A constant would have infinite weight.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
@@ -370,8 +365,8 @@ mod tests {
 
     #[test]
     fn a_pendulum_test_gives_the_inertia() {
-        // A rod of 1 kg and 1 m swings about its end. J = m l²/12 about its center, and T = 2π √(2
-        // l / 3 g).
+        // A rod of 1 kg and 1 m swings about its end: J = m l²/12 about its center, T = 2π √(2 l /
+        // 3 g).
         let period_s = std::f64::consts::TAU * (2.0 / (3.0 * GRAVITY_M_S2)).sqrt();
         let inertia = pendulum_inertia_kg_m2(1.0, 0.5, period_s).unwrap();
         assert!((inertia - 1.0 / 12.0).abs() < 1e-12, "{inertia}");

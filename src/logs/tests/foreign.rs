@@ -17,8 +17,7 @@ pub(super) fn place(t: f64) -> [f64; 3] {
 /// Constant yaw of the flight, as a rotation about the vertical axis.
 const YAW_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
-/// Returns a table of the flight's samples at 10 Hz. `row` formats a row from its time and
-/// position.
+/// Returns a table of the flight's samples at 10 Hz, with each row from its time and position.
 fn rows(head: &str, row: impl Fn(f64, [f64; 3]) -> String) -> String {
     let mut text = head.to_owned();
     for i in 0..=120 {

@@ -81,8 +81,7 @@ fn mode_of(kind: SetpointKind) -> Mode {
     kind.name().parse().expect("setpoints have the names of modes")
 }
 
-/// Sets the kind of setpoints that the scene's controller flies. Returns an error if the controller
-/// cannot fly them.
+/// Sets the kind of setpoints that the controller flies, or returns an error if it cannot.
 fn set_setpoint_kind(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     let controller = &mut scene.controller;
     // Only the cascade accepts setpoints of several kinds.
@@ -114,8 +113,7 @@ impl CheckedExport {
         let trajectory = trajectory
             .map(|(form, length)| shoot.as_exported(form, options.tolerance_m, length))
             .transpose()?;
-        // The checks apply to the flight that the file commands: the decoded trajectory, or the
-        // plans.
+        // The checks apply to what the file commands: the decoded trajectory, or the plans.
         let exported = trajectory.as_ref().unwrap_or(&shoot);
         let flights = if options.format.flies() { fly_plans(exported)? } else { Vec::new() };
         let checks = checks(exported, &flights, &options.profile);
@@ -127,8 +125,7 @@ impl CheckedExport {
         Ok(Self { options, shoot, trajectory, checks, findings })
     }
 
-    /// Returns the shoot whose plans are flown: the trajectory if one is exported, otherwise the
-    /// plans.
+    /// Returns the shoot whose plans are flown, with the trajectory if one is exported.
     pub fn flies(&self) -> &Shoot {
         self.trajectory.as_ref().unwrap_or(&self.shoot)
     }
@@ -153,8 +150,7 @@ impl CheckedExport {
         };
         let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
-        // A show contains the light of the design, because a viewer does not simulate the delay of
-        // lamps.
+        // A show contains the design's light, because a viewer does not simulate the lamps' delay.
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
             _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
@@ -206,8 +202,7 @@ impl CheckedExport {
     }
 }
 
-/// Returns an error for a script if the scene's firmware release lacks its controller, lamp or
-/// drone.
+/// Returns an error for a script if the firmware release lacks the controller, lamp or drone.
 fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
     if !matches!(format, Format::Cflib | Format::Crazyswarm2) {
         return Ok(());
@@ -237,8 +232,7 @@ pub(super) fn plans_of(shoot: &Shoot) -> Vec<Plan> {
     shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
 }
 
-/// Returns left, bottom, right and top of the strokes or, without strokes, of the letters in the
-/// plans.
+/// Returns left, bottom, right and top of the strokes or, without strokes, of the plans' letters.
 pub(super) fn bounds_m(shoot: &Shoot) -> [f64; 4] {
     if let Some(strokes) = &shoot.strokes {
         return strokes.bounds_m();

@@ -23,13 +23,12 @@ const DWELL: f64 = 4.0;
 /// Maximum dwell time of a lit lamp that causes no warning.
 const MAX_DWELL_S: f64 = 0.1;
 /// Maximum streak at the end of a stroke, as a fraction of the cap height. A letter with such a
-/// streak has a hook but is readable. The wobble of the drone causes streaks of up to 46 mm in the
-/// default scene.
+/// streak has a hook but is readable. The drone's wobble causes up to 46 mm in the default scene.
 const MAX_STREAK_FRAC: f64 = 0.1;
 /// Maximum exposure range along a trail, in stops. The trail of a Gaussian spot is white over a
 /// width of `2σ √(2 ln 2)` at one stop above saturation, twice that at four stops and 2.2 times
-/// that at five, which looks like two different pens. The headlights in NOOR, a readable photo,
-/// have 4.2 stops.
+/// that at five, which looks like two pens. The headlights in NOOR, which is readable, have 4.2
+/// stops.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
 /// Maximum saturation time of a motor that does not affect the flight. The time constant of a
 /// Crazyflie's motors is at least 0.07 s.
@@ -161,8 +160,7 @@ fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
 fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
-    // A simulated flight counts saturated ticks of the controller, which are shorter than its
-    // samples.
+    // A simulated flight counts saturated controller ticks, which are shorter than its samples.
     let counted_s = flight.at_end(SATURATED_S);
     let duration_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
     let severity = if duration_s > MAX_SATURATED_S {

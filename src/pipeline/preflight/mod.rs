@@ -197,8 +197,7 @@ fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnost
         let checks = check_plan(design, &lamps, is_even, profile);
         findings.extend(numbered(shoot, drone, checks));
     }
-    // Drones with onboard trajectories wait in the air for their turn. Only the plans contain this
-    // wait.
+    // Drones with onboard trajectories wait in the air for their turn, which only the plans show.
     findings.extend(check_separation(&plans_of(shoot)));
     findings.extend(check_people(shoot, paths));
     findings.push(check_obstacles(shoot, profile));
@@ -315,8 +314,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         .iter()
         .map(|flight| Battery::new(&scene.battery, flight.as_ref().ok()?, low_v?))
         .collect();
-    // The scene is copied to the script and from there to its log, so it must not contain local
-    // paths.
+    // The scene is copied to the script and its log, so it must not contain local paths.
     let portable = scene.portable();
     Checks {
         platform,

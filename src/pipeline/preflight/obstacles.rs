@@ -4,7 +4,7 @@
 //! findings `people` and `obstacles`. People must be farther away than a drone can travel without
 //! commands. The distance to objects must be at least the margin of a wall plus the drone's radius.
 //! The distance to an object on the floor is horizontal, because a drone descends vertically in an
-//! emergency landing. Doors, cables and other objects that no key of the scene describes are not
+//! emergency landing. Doors, cables and other objects that the scene does not describe are not
 //! checked.
 
 use std::f64::consts::SQRT_2;
@@ -193,8 +193,7 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
 /// Returns the base stations or anchors as objects.
 fn beacons(scene: &Scene, ceiling_m: f64) -> Vec<Thing> {
     let beacons = stations(scene).into_iter().map(|(name, [x, y, z])| {
-        // Beacons in the lower half of a room are on stands, and those in the upper half are
-        // suspended.
+        // Beacons in the lower half of a room stand on the floor, those in the upper half hang.
         let shape = if z < 0.5 * ceiling_m {
             Solid::pillar([x, y], BEACON_M)
         } else {

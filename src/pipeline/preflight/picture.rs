@@ -88,8 +88,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Dia
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
-    // A camera that points elsewhere also causes the other problems, which are therefore not
-    // reported.
+    // A camera that points elsewhere causes the other problems, which are not reported.
     if picture.is_unseen {
         let (actual, wanted) = ("the camera shows none of the light that writes", "the whole word");
         let advice = "point the camera at the word ({camera.framing=word})";

@@ -26,8 +26,7 @@ use noctograph_picture::photo::PhotoOptions;
 /// the release. A smaller distance would allow larger words in a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
 
-/// Minimum distance from a camera to the word in a sufficiently deep room. A closer camera would
-/// obstruct the flight.
+/// Minimum distance from a camera to the word in a deep room, so as not to obstruct the flight.
 const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
 /// Maximum fraction of the picture's width or height that the word may fill. The rest allows for
@@ -76,8 +75,7 @@ pub struct CameraPlace {
     pub largest_cap_height_m: Option<f64>,
     /// Duration of the exposure.
     pub shutter_s: f64,
-    /// Recommended aperture and sensitivity. `None` if there is no position for the camera, or no
-    /// light.
+    /// Recommended aperture and sensitivity. `None` without a position or without light.
     #[serde(rename = "recommended")]
     pub metered: Option<Metered>,
 }
@@ -360,8 +358,7 @@ impl ShotPlan {
         let from_m = self.audience_from_m;
         let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
         match self.audience_y_m {
-            // Nobody may stand beside a tripod that is closer to the flight than the minimum for
-            // people.
+            // Nobody may stand beside a tripod that is closer to the flight than people may be.
             Some(y_m) => {
                 let beside = match tripod_m {
                     Some([_, tripod_y_m, _]) if tripod_y_m > y_m => {

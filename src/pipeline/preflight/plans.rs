@@ -53,8 +53,7 @@ const ROUNDING_M: f64 = 1e-6;
 /// Checks that the plan stays inside the profile's volume.
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     let setpoints = plan.setpoints.iter();
-    // The reported point is the one farthest outside or, if all points are inside, the one closest
-    // to a side.
+    // The reported point is the one farthest outside or, if all are inside, closest to a side.
     let (outside_m, time_s) =
         largest(setpoints.map(|s| (distance_outside_m(s.position_m, profile.volume_m), s.time_s)));
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
@@ -95,8 +94,7 @@ struct Segment {
     goes_on: bool,
 }
 
-/// Minimum duration over which a speed is computed from positions, because files contain rounded
-/// positions.
+/// Minimum duration over which a speed is computed from positions, which files round.
 const SEGMENT_S: f64 = 0.1;
 
 /// Returns the airborne path as segments of at least [`SEGMENT_S`]. A single jump, for which there
@@ -383,8 +381,7 @@ pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
         let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
-        // The distance to the nearest lit stroke of the letter is measured in the plane of the
-        // word.
+        // The distance to the letter's nearest lit stroke is measured in the plane of the word.
         let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
         let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
         let lit = moves.filter(|step| step.lit);
@@ -522,8 +519,8 @@ mod tests {
         assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
     }
 
-    /// Returns every nth setpoint of a plan, with all times multiplied by a factor. The other
-    /// columns are not changed.
+    /// Returns every nth setpoint of a plan, with times multiplied by a factor and nothing else
+    /// changed.
     fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
         let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
         let mut slowed = Plan::made(PlanData { setpoints: every(plan), ..PlanData::default() });

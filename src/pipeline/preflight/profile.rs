@@ -76,8 +76,7 @@ impl Profile {
 
     /// Returns two base stations in opposite corners of the room, 0.1 m below its ceiling and aimed
     /// at the middle of the volume. According to Bitcraze (tutorial "Getting started with the
-    /// Lighthouse system"), two stations cover about 4 m by 4 m, and are mounted at least 0.4 m
-    /// above the flight.
+    /// Lighthouse system"), two cover about 4 m by 4 m, mounted at least 0.4 m above the flight.
     pub fn stations(&self) -> [Station; 2] {
         let [low, high] = self.volume_m;
         let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
@@ -108,10 +107,9 @@ impl Profile {
     }
 
     /// Returns the profile for a Crazyflie indoors. 1 m/s on each axis and 20° are the limits of
-    /// the firmware's controller (`platform_defaults_cf2.h`), and 2 m/s² comes from issue 882 of
-    /// the firmware. A battery rated for 7 minutes lasts 4 minutes with decks (crazyswarm issue
-    /// 148: 3 to 5). ±0.2 m is the reference team's corridor. A Lighthouse system covers 5 m by 5
-    /// m.
+    /// the firmware's controller (`platform_defaults_cf2.h`), and 2 m/s² comes from firmware issue
+    /// 882. A battery rated for 7 minutes lasts 4 minutes with decks (crazyswarm issue 148: 3 to
+    /// 5). ±0.2 m is the reference team's corridor. A Lighthouse system covers 5 m by 5 m.
     pub fn indoor() -> Self {
         Self {
             name: "indoor",
@@ -122,8 +120,8 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
-            // Assumptions: the weight of three heavy Crazyflies, and a draft including the gusts of
-            // a fan.
+            // Assumptions: the weight of three heavy Crazyflies, and a draft with the gusts of a
+            // fan.
             mass_kg: 0.15,
             wind_m_s: 1.5,
             is_outdoors: false,

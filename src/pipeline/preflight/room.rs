@@ -9,13 +9,11 @@ const FROM_SIDES_M: f64 = 0.3;
 /// volume then sees the top of the word at 6 m, its maximum range.
 const FROM_TOP_M: f64 = 0.5;
 
-/// Width covered by two base stations (Bitcraze, "Getting started with the Lighthouse system":
-/// about 4 m by 4 m).
+/// Width covered by two base stations (Bitcraze, "Getting started with the Lighthouse system").
 const SERVED_M: f64 = 4.0;
 
-/// Width, depth and height of the smallest room, which has space for a flight and its margins, and
-/// of the largest room, which exceeds a sports hall (three playing fields are 27 m by 45 m, DIN
-/// 18032).
+/// Width, depth and height of the smallest room, just enough for a flight and its margins, and of
+/// the largest room, which exceeds a sports hall (three fields are 27 m by 45 m, DIN 18032).
 const LEAST_ROOM_M: [f64; 3] = [1.5, 1.5, 1.0];
 const GREATEST_ROOM_M: [f64; 3] = [60.0, 60.0, 20.0];
 

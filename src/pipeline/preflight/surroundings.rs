@@ -78,12 +78,10 @@ fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64>
     }
 }
 
-/// Maximum total outage of a station during a flight that the other station and the gyroscope can
-/// bridge (an assumption).
+/// Maximum total outage of a station that the other one and the gyroscope bridge (an assumption).
 const MAX_SILENT_S: f64 = 1.0;
 
-/// Returns the indices of the stations that are silent for too long during a plan's time in the
-/// air.
+/// Returns the indices of the stations that are silent for too long while a plan is airborne.
 fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
     let mut in_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
     let start_s = in_air.clone().next().map_or(0.0, |setpoint| setpoint.time_s);
@@ -131,8 +129,7 @@ fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Checks the steady wind plus two standard deviations of the gusts. Light drones have a lower
-/// limit.
+/// Checks the steady wind plus two standard deviations of gusts. Light drones have a lower limit.
 fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {

@@ -215,8 +215,7 @@ impl CarriedScene {
     ///
     /// # Errors
     ///
-    /// Returns the errors of [`Self::scene`], and [`Error::Input`] that states the key with a file
-    /// name.
+    /// Returns the errors of [`Self::scene`], and [`Error::Input`] with the key that names a file.
     pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let scene = self.scene(settings)?;
         // These keys name a file and are not overridden by the user's settings.
@@ -324,8 +323,7 @@ mod tests {
         let error = CarriedScene::read(&path("plan-2.csv")).unwrap_err().to_string();
         assert!(error.contains(&sha256(b"3")) && error.contains("flight.csv, plan.csv"), "{error}");
         assert!(Scene::read(&path("plan-2.csv")).is_err(), "named as the scene, too");
-        // Another program rewrites both files between the reading of the scene and that of its
-        // plan.
+        // Another program rewrites both files after the scene was read, but before its plan is.
         let carried = CarriedScene::read(&path("plan.csv")).unwrap().unwrap();
         std::fs::write(path("plan.csv"), "4").unwrap();
         let digests = [("plan.csv".to_owned(), sha256(b"4"))];

@@ -9,8 +9,7 @@ use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_picture::light::{Deck, RING, RingColor, RingEffect};
 use noctograph_plan::PlanOptions;
 
-/// Conditions on a scene's keys, and the values that they imply. The header of a printed scene
-/// lists them.
+/// Conditions on a scene's keys, and the values that they imply, as printed above a scene.
 pub(super) const RULES: [(&str, &str); 4] = [
     ("plan.style", "every other key of [plan] is that style's default"),
     ("light.deck = \"color-led\"", "plan.lights = [\"color-led\"], because it has no headlights"),
@@ -63,8 +62,7 @@ pub(super) fn value_at<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
     keys.fold(first, |value, key| value?.get(key))
 }
 
-/// Returns the name of a choice from the highest layer that contains the key. The name is a text or
-/// the `kind` of a table.
+/// Returns the name of a choice, a text or a `kind`, from the highest layer with the key.
 pub(super) fn last_name<'a>(layers: &'a [Table], key: &str) -> Option<&'a str> {
     layers.iter().rev().find_map(|layer| {
         let value = value_at(layer, key)?;

@@ -42,8 +42,7 @@ impl Scene {
     /// two-drones-three-anchors and the same with -and-floor), a preset, a scene file, or a folder
     /// with `scene.toml`.
     ///
-    /// Scene names take precedence over files, so a folder called `tuned` must be given as
-    /// `./tuned`.
+    /// Scene names take precedence over files, so a folder `tuned` must be given as `./tuned`.
     ///
     /// # Errors
     ///
@@ -87,8 +86,7 @@ impl Scene {
     }
 }
 
-/// Returns the text of a shipped scene, or of a scene that only names a preset. Returns `None` for
-/// a file name.
+/// Returns the text of a shipped scene or of a preset's name, or `None` for a file name.
 fn text_of_name(name: &str) -> Option<String> {
     if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
         return Some((*toml).to_owned());

@@ -1,5 +1,4 @@
-//! Presets: named sets of values for a complete scene, in scene files that cite the source of each
-//! number.
+//! Presets: named sets of values for a scene, in files that cite the source of each number.
 //!
 //! Published values differ by large factors between models (motor lag 0.02 to 0.25 s, yaw moment
 //! 0.005 to 0.034 m), so a preset is taken from a single source if possible.
@@ -63,8 +62,7 @@ mod tests {
     use noctograph_sim::vehicle::{AirOptions, Gusts};
     use noctograph_sim::{ControllerKind, Drone, EstimatorKind, MotorLag, SimOptions, fly};
 
-    /// Returns a preset's drone in still air, with the reference team's regulator, observer and
-    /// sensors.
+    /// Returns a preset's drone in still air, with the team's regulator, observer and sensors.
     fn with_regulator(preset: Preset) -> SimOptions {
         let mut sim = preset.scene().sim();
         sim.controller.kind = ControllerKind::default();
@@ -176,8 +174,7 @@ mod tests {
         let apart_m = coarse.samples.iter().zip(&fine.samples).filter(|(a, _)| a.letter.is_some());
         let apart_m =
             apart_m.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
-        // Most of the difference comes from the lift-off time, which is known only to one time
-        // step.
+        // Most of the difference comes from the lift-off time, known only to one time step.
         assert!(apart_m < 2e-5, "{apart_m} m apart");
     }
 }

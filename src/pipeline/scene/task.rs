@@ -1,5 +1,4 @@
-//! Task: a scene in which submissions may change some keys, such as the controller's keys in a
-//! course.
+//! Task: a scene in which submissions may change some keys, such as the controller's.
 //!
 //! Product in: the text of a submission, either a complete scene or a few keys. Product out: the
 //! task's scene with the submission's values for the allowed keys.
@@ -101,8 +100,7 @@ fn covers(named: &str, key: &str) -> bool {
     key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Returns a sentence that lists the keys that differ, with both values for the first
-/// [`MAX_NAMED`].
+/// Returns a sentence that lists the keys that differ, with values for the first [`MAX_NAMED`].
 fn sentence(changes: &[[String; 3]]) -> String {
     let mut parts = Vec::new();
     for [key, value, task] in changes.iter().take(MAX_NAMED) {

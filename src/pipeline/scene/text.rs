@@ -313,8 +313,7 @@ pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
         let setting = settings.iter().find(|setting| setting.key == key);
         let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
-        // A plain name in `base` is first replaced by a table, so that only tables need to be
-        // merged.
+        // A plain name in `base` is first replaced by a table, so only tables have to be merged.
         if let (Shape::Tagged(_) | Shape::Group(_), Some(name @ Value::String(_))) =
             (shape, base.get_mut(&key))
         {
@@ -379,8 +378,7 @@ pub(super) fn single_setting(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Returns the keys whose values differ from another scene's, with both values, or `-` for a
-/// missing value.
+/// Returns the keys whose values differ from another scene's, with both values, or `-` for none.
 pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     let mut changes = Vec::new();
     compare(&mut changes, "", &scene.to_table(), &other.to_table());

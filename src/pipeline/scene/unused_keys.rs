@@ -240,8 +240,7 @@ fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     })
 }
 
-/// Returns the names at a dotted key: texts, the `kind` of tables, and integers as text, including
-/// the items in a list.
+/// Returns the names at a dotted key: texts, the `kind` of tables, integers, and items of lists.
 fn names_at(values: &Value, key: &str) -> Vec<String> {
     let items = values_at(values, key).into_iter().flat_map(|value| match value {
         Value::Array(items) => items.iter().collect(),
@@ -269,8 +268,7 @@ impl Scene {
     }
 }
 
-/// Collects the keys whose values differ between two tables. If a choice has different kinds, only
-/// its own key is added.
+/// Collects the keys that differ between two tables. A choice of another kind is one key.
 fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);

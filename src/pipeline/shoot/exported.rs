@@ -27,8 +27,8 @@ impl Shoot {
         Ok(Self { plans, designs, ..self.clone() })
     }
 
-    /// Returns the shoot with plans paced by the clock of the scene's firmware, which also times a
-    /// script's lights.
+    /// Returns the shoot with plans paced by the firmware's clock, which also times a script's
+    /// lights.
     #[must_use]
     pub fn by_firmware_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();

@@ -25,8 +25,7 @@ settings! {
 }
 
 impl Format {
-    /// Returns the format for a file name: OpenEXR for `*.exr`, and PNG for `*.png` and names
-    /// without an extension.
+    /// Returns the format for a file name: OpenEXR for `*.exr`, PNG for `*.png` and no extension.
     ///
     /// # Errors
     ///
@@ -66,8 +65,7 @@ impl Format {
 /// which takes 0.9 GB.
 const MAX_READ_OUT: u64 = 24_000_000;
 
-/// Encodes a photo as a file. An 8-bit PNG contains the photo's pixels. The other formats are read
-/// out from the film.
+/// Encodes a photo. An 8-bit PNG contains its pixels. Other formats are read out from the film.
 pub(super) fn encode(
     format: Format,
     scene: &Scene,

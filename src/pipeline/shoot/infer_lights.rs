@@ -12,8 +12,7 @@ use noctograph_plan::infer_lights;
 
 impl Shoot {
     /// Prepares the photograph of a flight, a log or a light trace, and returns it with the log's
-    /// warnings. A log without lights is given those of the scene's word, or light from take-off to
-    /// landing.
+    /// warnings. A log without lights is lit by the scene's word, or from take-off to landing.
     ///
     /// # Errors
     ///
@@ -43,9 +42,9 @@ impl Shoot {
 }
 
 /// Adds the letters of the scene's word, if it has one, and their lights to a flight without
-/// lights. If the setpoints do not follow the scene's letters, and these belong to a preset, the
-/// letters of the other presets are tried. The scene is given the letters that fit, and their
-/// preset is returned.
+/// lights. If the setpoints do not follow the scene's letters, and these are a preset's, those of
+/// the other presets are tried. The scene is given the letters that fit, and their preset is
+/// returned.
 pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
     // Lights can only be inferred from setpoints.
     let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);

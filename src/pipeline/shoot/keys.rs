@@ -88,8 +88,7 @@ fn is_changed<T>(
     }
 }
 
-/// Returns alternative values of a key, as TOML. The value that is most likely to have an effect
-/// comes first.
+/// Returns alternative values of a key, as TOML, with the one most likely to have an effect first.
 fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
     let number = |v: f64| {
         let [min, max] = setting.range.unwrap_or([v - v.abs() - 1.0, v + v.abs() + 1.0]);

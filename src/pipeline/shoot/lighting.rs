@@ -42,8 +42,7 @@ impl Lighting {
     }
 }
 
-/// Returns the lamps of a scene. Unless the scene defines colors of letters, the lamps write in the
-/// colors of the drawing.
+/// Returns the lamps in the colors of the drawing, unless the scene defines colors of letters.
 pub(super) fn in_drawing_colors(
     lamps: &LightOptions,
     scene: &Scene,
@@ -57,8 +56,7 @@ pub(super) fn in_drawing_colors(
     }
     let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
     let colors = strokes.colors.iter().map(|rgb| match *rgb {
-        // Black strokes are written in the lamp's default color, because a black lamp would be
-        // dark.
+        // Black strokes are written in the lamp's default color, since a black lamp would be dark.
         [0, 0, 0] => lamps.color_led_wrgb,
         rgb if by_ring => {
             let [r, g, b] = ring_rgb(rgb);
@@ -71,8 +69,7 @@ pub(super) fn in_drawing_colors(
 }
 
 impl Shoot {
-    /// Returns the scene's lamps, which write in the colors of the drawing unless the scene defines
-    /// colors of letters.
+    /// Returns the scene's lamps, in the drawing's colors unless the scene defines letter colors.
     pub fn lamps(&self) -> LightOptions {
         in_drawing_colors(&self.scene.light, &self.scene, self.strokes.as_ref())
     }
@@ -140,8 +137,7 @@ impl Shoot {
         Ok(Lighting { flights, trace, writing, camera, metered, problems })
     }
 
-    /// Returns the warnings of a simulated flight, the gaps in a log, and the channels without a
-    /// lamp.
+    /// Returns a simulated flight's warnings, a log's gaps, and the channels without a lamp.
     fn problems_of_flight(&self, flight: &Flight, number: Option<DroneIndex>) -> Vec<Diagnostic> {
         let is_simulated = !self.plans.is_empty();
         let warnings = flight.warnings.iter().filter(|_| is_simulated);
@@ -157,8 +153,7 @@ impl Shoot {
         light(flight, &lamps, self.scene.seed, drone as u64)
     }
 
-    /// Returns warnings about strokes missing from a typeface's center lines, and about parts
-    /// missing from a drawing.
+    /// Returns warnings about strokes missing from a typeface, and parts missing from a drawing.
     fn problems_of_strokes(&self) -> Vec<Diagnostic> {
         let Some(strokes) = &self.strokes else { return Vec::new() };
         let lost: String = strokes.lost.keys().collect();

@@ -137,8 +137,7 @@ fn correction_stops(
     trail_stops: f64,
     room_stops: Option<f64>,
 ) -> (f64, bool) {
-    // A clipped channel shifts a color toward white, so the strongest channel decides. White may
-    // clip.
+    // A clipped channel shifts a color toward white, so the strongest decides. White may clip.
     let (target_stops, metered_stops) = match channel_stops {
         [None, _] => (targets.trail_stops, trail_stops),
         [Some(color), Some(white)] if targets.trail_stops - white < targets.color_stops - color => {
@@ -243,8 +242,7 @@ mod tests {
 
     #[test]
     fn a_colored_trail_is_metered_by_its_strongest_channel() {
-        // At luminance 1, the strongest channel of red is 4.7 times as strong, a difference of 2.2
-        // stops.
+        // At luminance 1, the strongest channel of red is 4.7 times as strong, or 2.2 stops.
         fn of_color(rgb: [f64; 3]) -> f64 {
             let trace = trail(rgb);
             let options = CameraOptions {

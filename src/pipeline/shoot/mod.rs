@@ -7,8 +7,7 @@
 //! 2. [`Shoot::take`] flies every plan, exposes the light of all drones on one film, develops it
 //!    and reads the word.
 //!
-//! [`Shoot::fly`] and [`Shoot::lighting`] stop after earlier stages. A study varies the public
-//! fields.
+//! [`Shoot::fly`] and [`Shoot::lighting`] end earlier. A study varies the public fields.
 //!
 //! Independent work runs in parallel: the graphics device and the reader are prepared during the
 //! flight, and the photo is encoded while it is read.
@@ -65,8 +64,7 @@ pub use shot::{Shot, WriteFile, flight_sha256, known};
 /// Maximum total duration of all plans, enough for sixteen drones for 22 minutes. All pairs of
 /// plans are compared, and simulating an hour of flight takes seconds.
 const MAX_TOTAL_S: f64 = 21_600.0;
-/// Maximum total number of samples in recordings, each of 250 bytes. It corresponds to over two
-/// hours at 100 Hz.
+/// Maximum total number of samples in recordings, 250 bytes each, or two hours at 100 Hz.
 const MAX_SAMPLES: usize = 800_000;
 
 /// A checked scene with its strokes and plans, ready to be flown and photographed.
@@ -80,8 +78,7 @@ pub struct Shoot {
     pub plans: Vec<Planned>,
     /// True if the plans were computed from the scene, and are recomputed when the scene changes.
     pub is_planned: bool,
-    /// Designs of plans that are exported trajectories ([`Self::as_exported`]). Empty if the plans
-    /// are themselves designs.
+    /// Designs of exported trajectories ([`Self::as_exported`]). Empty if the plans are designs.
     pub designs: Vec<Plan>,
     /// Recordings that replace simulated flights, one for each drone. Empty if the plans are flown.
     pub recordings: Vec<Recording>,
@@ -302,8 +299,7 @@ impl Shoot {
                 watch(Stage::Flying, mean_frac);
             })
         });
-        // All flights are collected first, so that the error reported is always that of the first
-        // drone.
+        // All flights are collected first, so that the first drone's error is always reported.
         let flights: Vec<Result<Flight>> = flights.collect();
         flights.into_iter().collect()
     }
@@ -333,8 +329,7 @@ impl Shoot {
         pairs.collect()
     }
 
-    /// Returns the simulated drone with the given index. `believed` is the drone that its
-    /// controller assumes.
+    /// Returns a simulated drone by index. `believed` is the drone that its controller assumes.
     fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
         let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
         let seed = self.scene.seed;
@@ -406,8 +401,8 @@ impl Shoot {
     }
 
     /// Exposes recordings that may have grown since the last photograph on the same film. Only
-    /// their new light is drawn, on the processor. The photo equals that of [`Self::take`], except
-    /// that it is not read.
+    /// their new light is drawn, on the processor. The photo equals that of [`Self::take`], but is
+    /// not read.
     ///
     /// # Errors
     ///
@@ -423,8 +418,7 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// Returns a reader for the strokes, or `None` if the photo is not read or the word cannot be
-    /// judged.
+    /// Returns a reader for the strokes, or `None` if the photo is not read or cannot be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
         let word = word.filter(|_| self.judging != Judging::Skipped);

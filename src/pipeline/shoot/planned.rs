@@ -33,8 +33,7 @@ pub struct Planned {
     pub ends: Vec<StrokeEnd>,
 }
 
-/// Plans the flights for a drawing, one for each drone, by the scene's `[plan]`. The designs must
-/// pass `check`.
+/// Plans the flights for a drawing, one per drone, by `[plan]`. The designs must pass `check`.
 pub(super) fn plan(
     scene: &Scene,
     strokes: &Strokes,
@@ -144,7 +143,7 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
 }
 
 /// Simulates an undisturbed flight of a plan. The controller uses the drone's own filter if the
-/// stations see the whole flight. Otherwise it uses the true state, because the estimate would be
+/// stations see the whole flight. Otherwise it uses the true state, as the estimate would be
 /// unpredictable.
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
     // The seed, which selects the sweeps that the Lighthouse deck drops, is fixed.
@@ -234,8 +233,7 @@ mod tests {
         }
     }
 
-    /// Checks that a run of lit commands, which begins before its stroke and ends after it, has one
-    /// color.
+    /// Checks that a run of lit commands, which encloses its stroke, has one color.
     #[test]
     fn no_stroke_ends_in_the_color_of_the_next() {
         for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
@@ -282,8 +280,7 @@ mod tests {
         }
     }
 
-    /// Checks that the filter's error due to the drone's drag, the same in every flight, is
-    /// compensated.
+    /// Checks that the filter's error due to drag, the same in every flight, is compensated.
     #[test]
     fn a_rehearsal_by_the_drones_own_filter_leads_its_bias_away() {
         let [by_truth_m, by_filter_m] =
@@ -302,8 +299,7 @@ mod tests {
         assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
     }
 
-    /// In still air, the remaining error comes from the drone's settling and from varying sensor
-    /// errors.
+    /// In still air, the remaining error comes from settling and from varying sensor errors.
     #[test]
     fn curves_close_within_a_centimeter() {
         for word in ["pool", "Quartz", "2027"] {

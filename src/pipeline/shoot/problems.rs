@@ -54,13 +54,12 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";
 
-/// Maximum fraction of a lamp's light that may face away from the camera, enough for the end of a
-/// stroke.
+/// Maximum fraction of a lamp's light that may face away, enough for the end of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
 /// Maximum length, in cap heights, of a continuous path along which a lamp may face away. The check
-/// `lit transit` allows strokes to be too short by the same length, as those of the ring low in
-/// tall letters are.
+/// `lit transit` lets strokes be too short by the same length, as those of a ring low in tall
+/// letters.
 const LONGEST_AWAY_H: f64 = 0.1;
 
 /// Minimum intensity toward the camera that counts as light, as a fraction of the axial intensity.
@@ -88,8 +87,7 @@ pub(crate) fn is_exposed(sample: &LightSample, camera: &Camera) -> bool {
     sample.level > 0.0 && (camera.shutter_open_s..=camera.shutter_close_s).contains(&sample.time_s)
 }
 
-/// Returns the writing lamps: those that a channel of the flights drives or, if the flights have no
-/// channels, all lamps.
+/// Returns the writing lamps: those that the flights' channels drive, or all without channels.
 pub fn writing<'a>(
     flights: &[Flight],
     trace: &'a LightTrace,
@@ -242,8 +240,7 @@ pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnost
     })
 }
 
-/// Returns a warning about log gaps that are bridged by a smooth path, and one about gaps that
-/// interrupt trails.
+/// Returns warnings about log gaps bridged by a smooth path, and about gaps that break trails.
 pub(super) fn log_gaps(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);

@@ -29,8 +29,7 @@ const MAX_ERROR_FRAC: f64 = 0.05;
 ///
 /// # Errors
 ///
-/// Returns the errors of [`fly`], and [`Error::Infeasible`] if the loop does not reach the setpoint
-/// within six seconds.
+/// Returns the errors of [`fly`], and [`Error::Infeasible`] if the loop does not settle in 6 s.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
     let (still, stepped) = rayon::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));

@@ -70,8 +70,7 @@ impl Shot {
 
     /// Calls `put` with the name and the contents of each file: the photo (PNG), and each drone's
     /// flight and plan, numbered if there are several drones. `put` writes a file and returns its
-    /// SHA-256. Returns the names and digests of flights and plans, which belong in the scene next
-    /// to them.
+    /// SHA-256. Returns the names and digests of flights and plans, for the scene next to them.
     ///
     /// # Errors
     ///
@@ -83,8 +82,7 @@ impl Shot {
         if let Some(png) = &self.file {
             put("photo.png", &|out| out.write_all(png))?;
         }
-        // The scene next to the files contains these digests. The photo contains a scene of its
-        // own.
+        // The scene next to the files contains these digests. The photo contains its own scene.
         let mut digests = Vec::new();
         for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
             let number = match self.shoot.plans.len() {
@@ -190,8 +188,7 @@ impl Shoot {
         known_digests: &OnceLock<Vec<String>>,
     ) -> Result<Option<Vec<u8>>> {
         let Some(format) = self.format else { return Ok(None) };
-        // The scene does not contain the strokes of a user's file, so the photo states their
-        // digest.
+        // The scene does not contain the strokes of a user's file, so the photo has their digest.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         let shown = Shown {

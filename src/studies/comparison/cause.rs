@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 use super::{FlightSample, mean};
 use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 
-/// Averaging time for noise. It preserves an error of the path, because a 0.1 m stroke takes this
-/// long.
+/// Averaging time for noise. A path error remains, because a 0.1 m stroke takes this long.
 const SMOOTH_S: f64 = 0.5;
 
 /// Maximum scale error of a positioning system. A larger value means that B flies a different path.
@@ -44,8 +43,7 @@ pub(super) fn main_cause(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f6
     let (lag_s, moved) = lag(pairs);
     let scale =
         Some(fit(&centered, &from_middle)).filter(|by| by.abs() <= MAX_SCALE).unwrap_or(0.0);
-    // The residual after offset, lag and scale is split into a slow part, the path error, and a
-    // fast part, the noise.
+    // After offset, lag and scale, the slow residual is the path error, and the fast one is noise.
     let mean_moved = mean(moved.iter().copied());
     let parts = centered.iter().zip(moved.iter().zip(&from_middle));
     let residuals: Vec<_> =
@@ -89,8 +87,7 @@ fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     }
     let range_s = [-MAX_LAG_S, MAX_LAG_S];
     let lag_s = minimize(range_s, |s| cost(&a, pairs, s));
-    // Flights at rest have the same cost for every shift. A shift at an end of the search range is
-    // not a minimum.
+    // At rest, every shift has the same cost. A shift at an end of the range is not a minimum.
     let is_best = lag_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, lag_s) < cost(&a, pairs, 0.0);
     let lag_s = if is_best { lag_s } else { 0.0 };
     let moved = pairs.iter().zip(shifted(&a, pairs, lag_s));
@@ -143,8 +140,7 @@ mod tests {
 
     #[test]
     fn each_cause_is_found_with_its_amount() {
-        // The longer lags span whole strokes, during which a delay differs from a shift in
-        // position.
+        // The longer lags span whole strokes, for which a delay differs from a displacement.
         for (late_s, within_s, least) in [
             (0.1, 1e-3, 0.99),
             (0.3, 2e-3, 0.97),

@@ -12,8 +12,7 @@ use noctograph_core::input_error;
 const TWO_FRAMES_M: f64 = 0.15;
 /// Maximum root mean square distance between two logs of the same flight after alignment.
 const MAX_RESIDUAL_M: f64 = 0.05;
-/// Maximum fraction of the distance that may remain after alignment if the flights are assumed to
-/// be in different frames.
+/// Maximum fraction of the distance that remains after alignment if the frames differ.
 const RESIDUAL_FRAC: f64 = 0.3;
 /// Number of rotations that are tried.
 const TURNS: u32 = 24;
@@ -73,8 +72,7 @@ pub(super) fn place(
         return Ok((offset_s, None));
     };
     let mut best_s = offset_s;
-    // The clock cannot be aligned well in a different frame, so it is aligned again for each
-    // rotation.
+    // The clock cannot be aligned well in another frame, and is aligned again per rotation.
     for step in 1..TURNS {
         if best.left_m <= 0.5 * MAX_RESIDUAL_M {
             break;

@@ -1,5 +1,4 @@
-//! Flies altitude hold with many seeds, and compares the figures of each scenario with their
-//! limits.
+//! Flies altitude hold with many seeds, and compares each scenario's figures with limits.
 
 use rayon::prelude::*;
 
@@ -20,8 +19,7 @@ const MAX_RUNS: f64 = 1e4;
 /// Range of the mean ratio of squared error to variance if a state's σ is wrong by at most 20 %.
 pub const CONSISTENT: [f64; 2] = [0.7, 1.4];
 
-/// Figures of a scenario over all of its flights. Root mean squares are taken over time and
-/// flights.
+/// Figures of a scenario. Root mean squares are taken over time and over all flights.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct HoldFigures {
     /// Name of the scenario.
@@ -40,11 +38,9 @@ pub struct HoldFigures {
     pub hover_throttle: f64,
     /// Mean ratio of squared error to variance for each state, away from events.
     pub states: Vec<Consistency>,
-    /// Mean normalized innovation squared (NIS) of satellites, ranger and barometer, away from
-    /// events.
+    /// Mean normalized innovation squared of satellites, ranger and barometer, away from events.
     pub nis: [Option<f64>; 3],
-    /// Mean numbers of floor steps per flight: detected by the filter, and flown over by the
-    /// ranger.
+    /// Mean numbers of floor steps per flight that the filter detected and the ranger flew over.
     pub steps: [f64; 2],
     /// Limits of the figures. `None` for a scenario without limits.
     pub bounds: Option<Bounds>,
@@ -191,8 +187,8 @@ impl FlightMeans {
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
-        // Consistency is evaluated away from events, because the filter's model deliberately
-        // excludes them.
+        // Consistency is evaluated away from events, which the filter's model deliberately
+        // excludes.
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
@@ -247,8 +243,7 @@ impl HoldFigures {
             let throttle = self.hover_throttle;
             missed.push(format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"));
         }
-        // The innovations have limits in both directions, the states only against a σ that is too
-        // small.
+        // Innovations have limits in both directions, states only against a σ that is too small.
         let [low, high] = nis;
         let beyond = self.nis.iter().flatten().filter(|nis| !(low..=high).contains(*nis));
         missed.extend(beyond.map(|nis| format!("NIS {nis:.2}, not {low} to {high}")));
@@ -288,7 +283,7 @@ mod tests {
         for (index, Consistency { state, error, .. }) in figures.states.iter().enumerate() {
             let what = format!("{}, {}, {state}: {error:?}", figures.model, figures.scenario);
             assert!(error.low <= most, "{what}");
-            // The filter assumes an uneven floor and a drifting barometer, but neither is simulated
+            // The filter assumes an uneven floor and a drifting barometer, which are not simulated
             // here.
             assert!(index >= 4 || error.high >= least, "{what}");
         }
@@ -297,8 +292,7 @@ mod tests {
     #[test]
     fn the_full_simulator_keeps_to_the_limits_too() {
         for scenario in HoldScenario::ALL {
-            // With only eight flights, a single flight with an unusual gain would decide the
-            // result.
+            // With only eight flights, a single one with an unusual gain would decide the result.
             let figures = figures(HoldModel::Full, *scenario, 12);
             assert_consistent(&figures);
             let Some(bounds) = figures.bounds else { continue };

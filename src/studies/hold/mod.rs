@@ -4,8 +4,8 @@
 //! drifting barometer. The relation between throttle τ and lift is unknown and changes with the
 //! battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates
 //! altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] uses these estimates to keep the
-//! altitude constant in several [`HoldScenario`]s. There are two [`HoldModel`]s: a scalar one and
-//! the full simulator.
+//! altitude in several [`HoldScenario`]s. There are two [`HoldModel`]s: a scalar one and the full
+//! simulator.
 //!
 //! Limits of the filter: while the throttle is constant, α⁰ and α¹ are not separately observable
 //! (rank 5 of 6, and 4 during a satellite outage). Only the hover throttle −α⁰/α¹ is observable.
@@ -131,8 +131,7 @@ impl Hold {
             .flat_map(|kind| STATE_COLUMNS.iter().map(move |state| format!("{state}_{kind}")));
         let header = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
         out.write_record(header.map(str::to_owned).into_iter().chain(columns))?;
-        // A cell contains the sensor's last reading since the previous sample. It is empty without
-        // one.
+        // A cell contains the sensor's last reading since the previous sample, or is empty.
         for s in &self.samples {
             let numbers = [s.time_s, s.throttle].map(Some);
             let readings = AltitudeSensor::ALL.map(|sensor| {
@@ -147,8 +146,7 @@ impl Hold {
         out.flush()
     }
 
-    /// Returns the times at which the floor below the sensor changed abruptly. At least two samples
-    /// are needed.
+    /// Returns the times at which the floor below the sensor stepped, for at least two samples.
     pub fn events_s(&self) -> Vec<f64> {
         // State 4 is the ranger's bias, the negative of the floor's height.
         let (mut events_s, mut last_m) = (Vec::new(), None);
@@ -214,8 +212,7 @@ mod tests {
             let flight =
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
-            // The error grows at once to the bound that the ranger over a known floor implies, and
-            // stays there.
+            // The error grows at once to the ranger's bound over a known floor, and stays there.
             let [before_m, first_m, later_m @ .., after_m] =
                 [19.9, 20.1, 20.5, 22.0, 25.0, 29.9, 31.1].map(|time_s| {
                     let mut samples = flight.samples.iter();

@@ -100,8 +100,7 @@ impl HoldScenario {
         if self == Self::Drain {
             drain(&mut actual);
         }
-        // Gusts and the draft are modeled as wind whose drag causes the same acceleration of the
-        // body.
+        // Gusts and the draft are modeled as wind with a drag that causes the same acceleration.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
@@ -129,8 +128,7 @@ fn drain(options: &mut SimOptions) {
     let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
     let full_v = battery.open_circuit_v(battery.charge_frac);
     let wanted_n = (1.0 - DRAIN_FRAC) * lift_n(battery, full_v, current_a);
-    // The final voltage is found by bisection, so that the lift reaches the intended value at the
-    // end.
+    // The final voltage is found by bisection, so that the lift ends at the intended value.
     let (mut low_v, mut high_v) = (0.0, full_v);
     for _ in 0..BISECTIONS {
         let middle_v = 0.5 * (low_v + high_v);

@@ -1,5 +1,4 @@
-//! Draws the bound on position errors as SVG: strokes colored by the bound, and the room from
-//! above.
+//! Draws the bound on position errors as SVG: colored strokes, and the room from above.
 
 use std::ops::Range;
 

@@ -76,8 +76,7 @@ pub(super) trait Surface {
     }
 }
 
-/// Maps a vertical or horizontal plane of the world, in m, to pixels, given a scale and the upper
-/// left corner in both.
+/// Maps a plane of the world, m, to pixels, given a scale and both upper left corners.
 pub(super) struct Window {
     pub(super) corner_px: Point,
     pub(super) corner_m: Point,

@@ -96,8 +96,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    /// Returns the color of a point: gray for fewer than two stations, otherwise the color of its
-    /// error.
+    /// Returns the color of a point: gray for fewer than two stations, otherwise that of its error.
     fn color(&self, place: &CoveredPoint) -> Rgb {
         match (place.n_stations, place.error_m) {
             (0, _) => NO_STATION,
@@ -156,8 +155,7 @@ impl<'a> Map<'a> {
     }
 }
 
-/// Returns the outer edges of the cells from `first` to `last`, which lie midway between
-/// neighboring points.
+/// Returns the outer edges of the cells from `first` to `last`, midway between neighbors.
 fn edges_m(places_m: &[f64], first: usize, last: usize) -> [f64; 2] {
     [(first.saturating_sub(1), first), (last, (last + 1).min(places_m.len() - 1))]
         .map(|(i, j)| 0.5 * (places_m[i] + places_m[j]))

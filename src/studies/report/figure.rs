@@ -19,8 +19,7 @@ const HEAD_PX: f64 = 72.0;
 /// Height of a legend row, and width of its line samples.
 const LEGEND_ROW_PX: f64 = 18.0;
 const LEGEND_LINE_PX: f64 = 28.0;
-/// Height of the space below each panel, and of the additional space below the last one for the
-/// axis name.
+/// Height of the space below each panel, and of that below the last one for the axis name.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
 /// Font sizes of numbers, names, titles and marks, and the height reserved for a mark.
 const NUMBER_EM_PX: f64 = 11.3;
@@ -229,8 +228,8 @@ impl Panel {
         for mark in &self.marks {
             let point = self.px(mark.place);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
-            // Candidate positions are in rows above and below the point: to its right, to its left,
-            // and centered.
+            // Candidate positions are above and below the point: to its right, to its left, and
+            // centered.
             let mut places = Vec::new();
             for row in 1..=6 {
                 let row_px = f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX;
@@ -290,8 +289,7 @@ fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f6
     canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
-/// Returns the range from the smallest to the largest value. Without values its start exceeds its
-/// end.
+/// Returns the range from smallest to largest value. Without values its start exceeds its end.
 pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     let empty = f64::INFINITY..f64::NEG_INFINITY;
     values.into_iter().fold(empty, |range, x| range.start.min(x)..range.end.max(x))

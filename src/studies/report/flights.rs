@@ -90,8 +90,7 @@ const LOAD_SAMPLES: usize = 12;
 /// Motor command at full power.
 const FULL_COMMAND: f64 = 65_535.0;
 
-/// Returns an SVG of the drones' load over time: the largest motor command, and the voltage of each
-/// battery.
+/// Returns an SVG of the load over time: each drone's largest motor command and battery voltage.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
     let [power, volts]: [Vec<Curve>; 2] = [power_percent, battery_v].map(|value| {
         let curves = flights.iter().enumerate().map(|(index, flight)| {

@@ -15,8 +15,7 @@ const SET: Pen = Pen::new([230, 159, 0], 1.0);
 const REJECTED: Pen = Pen::new([204, 121, 167], 2.0);
 const BAND: Pen = Pen::new(GRAY, 1.0);
 
-/// Innovation at the edge of the panel, in standard deviations. Larger innovations are drawn at the
-/// edge.
+/// Innovation at the edge of the panel, in standard deviations. Larger ones are drawn there.
 const EDGE_SIGMAS: f64 = 5.0;
 
 /// Returns an SVG with five panels over time: altitude, vertical velocity, thrust map, biases, and

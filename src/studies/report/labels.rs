@@ -29,8 +29,8 @@ pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
         let [corner, center] = [text_px, named_px].map(|[x, y]| Point::new(*x, *y));
         pixels.write(text, corner, CAP_PX, PEN.color);
         let (_, right) = pixels.letters(text, corner, CAP_PX);
-        // The line begins at the point of the text's box that is nearest to the object. `up` is a
-        // multiple of the cap height.
+        // The line begins to the left or right of the text or, if the object is within its width,
+        // above or below it. `up` is a multiple of the cap height.
         let (from_x, up) = match center.x {
             x if x < corner.x => (corner.x - 0.5 * CAP_PX, 0.5),
             x if x > right => (right + 0.5 * CAP_PX, 0.5),

@@ -86,8 +86,7 @@ impl Page {
         self.with(&format!("<div class=\"drawings\">\n{figures}</div>\n"))
     }
 
-    /// Appends a photo (JPEG) with alternative text, and an SVG of the same size that the viewer
-    /// can show on top.
+    /// Appends a photo (JPEG) with alternative text, and an optional SVG overlay of the same size.
     pub fn photo(self, jpeg: &[u8], alt: &str, overlay: Option<&str>) -> Self {
         let image = image("jpeg", jpeg, alt);
         self.with(&match overlay {

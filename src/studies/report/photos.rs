@@ -57,8 +57,7 @@ impl Similarity {
 }
 
 /// Shrinks a photo so that its longer side has at most `longest_px` pixels. Each pixel is set to
-/// the mean light of the pixels that it replaces. A photo that is small enough is returned
-/// unchanged.
+/// the mean light of the pixels that it replaces. A small photo is returned unchanged.
 pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     let longest = photo.width_px.max(photo.height_px);
     if longest <= longest_px {
@@ -146,8 +145,7 @@ pub fn placed(
     (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
-/// Returns the two pixels around a coordinate on a side of `n` pixels, and the weight of the second
-/// one.
+/// Returns the two pixels around a coordinate on a side of `n` pixels, and the second's weight.
 fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
     let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
     let first = place.floor();

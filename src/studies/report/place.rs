@@ -1,5 +1,4 @@
-//! Draws the shot plan to scale, from above and from the side, with camera, drones, stations and
-//! word.
+//! Draws the shot plan to scale from above and from the side.
 
 use kurbo::{Point, Rect, Vec2};
 
@@ -132,8 +131,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws numbered grid lines every meter, or every 10 or 100 m for a large room. Lines at 0 are
-/// solid.
+/// Draws numbered grid lines every meter, or 10 or 100 m for a large room, solid at 0.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {

@@ -36,7 +36,7 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
     for (fraction, color) in SPEEDS {
         let range_m_s = low_m_s..fraction * fastest_m_s;
         low_m_s = range_m_s.end;
-        // The factor includes the upper end in the last range.
+        // The factor makes each range include its upper end.
         let in_range = lines
             .iter()
             .filter(|line| line.lit && range_m_s.contains(&(line.speed_m_s * (1.0 - 1e-9))));
@@ -142,7 +142,7 @@ fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
     pieces
 }
 
-/// Returns marks with the start times of strokes, and with those of take-off and landing.
+/// Returns marks with the start times of strokes, and marks at the start and end of the flight.
 fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
     let lit = plan.lit();
     let drone = if n_plans > 1 { format!("{}: ", index + 1) } else { String::new() };

@@ -58,8 +58,7 @@ pub fn study_sheet(
     Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
-/// Returns a sheet with one row per contender, which shows a photo of the first word at each rung
-/// of a [`Study::ladder`].
+/// Returns a sheet with a row per contender: the first word at each rung of a [`Study::ladder`].
 pub fn acuity_sheet(
     ladder: &[Study],
     prepared: &[Vec<Prepared>],
@@ -101,8 +100,7 @@ pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
 
 /// Lays out rows of photos, with a title above each row and a caption below each photo.
 fn contact_sheet(rows: &[Row]) -> Photo {
-    // The width is that of the widest row. The height allows two lines of text for each row of
-    // photos.
+    // The width is that of the widest row. Each row is a photo and two lines of text high.
     let widths = rows.iter().map(|(_, photos)| {
         photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
     });
@@ -140,8 +138,7 @@ fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     }
 }
 
-/// Writes one line of text with its upper left corner at the given position. Text that does not fit
-/// is cut off.
+/// Writes a line of text below and to the right of a position, cut off at the sheet's edges.
 fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
     let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
     let scaled = font.as_scaled(TEXT_PX);

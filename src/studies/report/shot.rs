@@ -154,8 +154,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-/// Returns all drones' paths in millimeters. A point is lit if one of its drone's writing lamps is
-/// lit.
+/// Returns all drones' paths in millimeters. A point is lit if a writing lamp is lit there.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
     // Samples are skipped to keep the page small.

@@ -11,8 +11,7 @@ const FLIGHT: Pen = Pen::new(BLUE, 0.6);
 const ALL: Pen = Pen { filled: true, ..Pen::new(BLUE, 1.75) };
 const WITHIN: Pen = Pen { filled: true, ..Pen::new(VERMILION, 1.75) };
 
-/// Returns an SVG of the lit strokes of a spread's flights from the front, over the design. Panics
-/// if every flight is lost.
+/// Returns an SVG of a spread's lit strokes over their design. Panics if every flight is lost.
 pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();

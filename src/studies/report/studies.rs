@@ -54,8 +54,7 @@ pub fn pareto(
     .svg()
 }
 
-/// Returns a cross at each point. The half width and half height of a cross are `size` times `x`
-/// and `y`.
+/// Returns a cross at each point, with half sides of `size` times `x` and `y`.
 fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Curve {
     let (dx, dy) = (x * size, y * size);
     let strokes = points.iter().flat_map(|&(s, p)| {

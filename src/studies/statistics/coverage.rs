@@ -87,8 +87,7 @@ const FEWER_STUDIES: u32 = 500;
 
 const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
 
-/// Returns the cells of a row: how often, in percent, an interval of n values contains the true
-/// value.
+/// Returns the cells of a row: how often, in percent, an interval contains the true value.
 fn cells(values: &[f64], truth: f64, n_studies: u32, interval: Interval<'_>) -> String {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let law = |u: f64| values[(u * values.len() as f64) as usize];
@@ -139,8 +138,7 @@ fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
     center(&strata.concat(), LEVEL).unwrap()
 }
 
-/// Returns the mean of the lowest tenth of many values, even if their number is not divisible by
-/// 10.
+/// Returns the mean of the lowest tenth of many values, whose number need not be divisible by 10.
 fn tail(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
