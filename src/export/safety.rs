@@ -83,11 +83,11 @@ impl Platform {
 
 /// Returns the maximum variance of an estimated coordinate that counts as settled, m².
 ///
-/// The square root for Lighthouse is 3 cm, the limit in Bitcraze's examples (cflib,
-/// `autonomous_sequence.py`). The filter settles at 1 mm. For ultra-wideband it is 10 cm. With
-/// two-way ranges of 0.25 m standard deviation (`lpsTwrTag.c`), 150 per second, and the filter's
-/// process noise of 0.5 m/s² in a millisecond, the filter settles at 3.4 cm inside the anchors, and
-/// at two to three times as much beside them, so it would never settle within 3 cm.
+/// For Lighthouse, the standard deviation is 3 cm, the limit in Bitcraze's examples (cflib,
+/// `autonomous_sequence.py`). The filter settles at 1 mm. For ultra-wideband it is 10 cm, because
+/// the filter would never settle within 3 cm. With 150 two-way ranges of σ = 0.25 m per second
+/// (`lpsTwrTag.c`) and its process noise of 0.5 m/s² in a millisecond, the filter settles at 3.4 cm
+/// inside the anchors, and at two to three times as much beside them.
 pub fn variance_m2(positioning: Positioning) -> f64 {
     match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => 1e-3,

@@ -64,7 +64,8 @@ pub(super) struct Rest {
 pub(super) struct Timeline {
     /// Time of the take-off command by the plan's clock, s.
     pub(super) zero_s: f64,
-    /// Rests before the trajectory: on the floor, above it, at the first letter, and at its start.
+    /// Positions of rest before the trajectory: floor, hover above it, first letter, trajectory's
+    /// start.
     pub(super) before: [Rest; 4],
     /// Rests after the trajectory: at the end of a hover, and on the floor.
     pub(super) after: [Rest; 2],

@@ -2,7 +2,7 @@
 //!
 //! Products in: anchors and ranges. Product out: a state of positions and velocities, with its
 //! covariance. The mean range of each link is fitted by the method of Levenberg and Marquardt from
-//! 27 starting points around the anchors, because a few ranges allow mirror images.
+//! 27 starting points around the anchors, because mirror images fit a few ranges as well.
 
 use std::collections::BTreeMap;
 

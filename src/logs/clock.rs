@@ -151,7 +151,7 @@ fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     wraps
 }
 
-/// Adds a wrap to blocks that began just after one, so that all blocks share one clock.
+/// Adds a wrap to blocks that began just after one, so that all blocks have the same clock.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     let mut drone = Vec::from_iter(blocks.iter_mut().filter(|block| block.clock == Clock::Drone));
     let latest_s = drone.iter().map(|block| block.time_s[0]).fold(f64::NEG_INFINITY, f64::max);

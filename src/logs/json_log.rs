@@ -515,7 +515,7 @@ impl<'a> Reader<'a> {
     /// Returns the numbers of a list. Any other value is an error.
     fn numbers(&self, name: &str, value: &'a RawValue) -> Result<Vec<f64>> {
         const WANTED: &str = "a list of numbers";
-        // Only the numbers remain in memory, so the slices' share of the budget is released.
+        // Only the numbers remain in memory, so the budget for the slices is released.
         let left = self.budget.bytes_left();
         let Some(List { items, .. }) = self.list(value)? else {
             let error = Error::input(name, self.cell(value)?, WANTED, HINT);

@@ -26,7 +26,7 @@
 //!   warnings with the reason, and can be overridden by [`ImportOptions`]. If two alternatives fit,
 //!   there is an error.
 //!
-//! Not done: positions from ranges, more than one drone in a file, and rotations of Vicon.
+//! Not done: positions from ranges, more than one drone in a file, and Vicon rotations.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -74,7 +74,7 @@ fn check_quantities(
     {
         return Err(nothing_known(recording));
     }
-    // Ranges alone are sufficient, unless a specific position source was requested.
+    // Ranges are sufficient, unless a specific position source was requested.
     if quantities.channels.contains_key(&Quantity::Position) || wanted == PositionSource::Best {
         return Ok(());
     }

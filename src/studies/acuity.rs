@@ -1,7 +1,7 @@
 //! Acuity: the smallest letters of a contender that are still read, measured as on an eye chart.
 //!
 //! Product in: a study. Every contender flies the words with a narrow lamp at each cap height of a
-//! ladder. Each rung has seeds of its own, which all contenders share. Product out: [`Acuity`].
+//! ladder. Each rung has seeds of its own, the same for all contenders. Product out: [`Acuity`].
 //!
 //! A flight's score is the fraction of its letters that are read, as an eye chart is scored letter
 //! by letter (Bailey, Bullimore, Raasch, Taylor, Investigative Ophthalmology & Visual Science 32,

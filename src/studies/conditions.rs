@@ -222,7 +222,7 @@ impl Conditions {
     /// Draws mass, center of mass, inertia, rotor lag, aerodynamic moment, and a weak propeller.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &FlightDraw) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
-        // The mass and each moment of inertia are kept above a tenth of their values.
+        // The mass and each moment of inertia are kept above a tenth of the scene's values.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();
@@ -250,7 +250,7 @@ impl Conditions {
         for error_m in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *error_m = libm::hypot(*error_m, self.lighthouse_distortion_m);
         }
-        // All drones in a room share one frame, so it is drawn as for drone 0.
+        // All drones in a room have a common frame, so it is drawn as for drone 0.
         let mut frame = FlightDraw { drone: 0, ..*chance }.factor("lighthouse frame");
         for turn_rad in &mut sensors.frame_turn_rad {
             *turn_rad += self.lighthouse_frame_frac * frame.normal();

@@ -42,7 +42,7 @@ const MAX_MISSING_FRAC: f64 = 0.1;
 const LEAST_GUST_M_S: f64 = 1e-6;
 /// Minimum number of flights from which a spread is computed.
 const LEAST_FLIGHTS: usize = 3;
-/// Standard deviation of the error that an evening's flights share in their thrust-to-weight ratio.
+/// Standard deviation of the common error in the thrust-to-weight ratios of an evening's flights.
 /// In nine simulated flights with known thrust the error was below three standard deviations.
 const THRUST_SIGMA_FRAC: f64 = 0.0023;
 /// Maximum size of an evening's logs: thirty ten-minute flights with fifty variables at 100 Hz.
@@ -253,7 +253,7 @@ impl Evening {
         });
         let trim_m = libm::hypot(trims_m[0], trims_m[1]) / std::f64::consts::SQRT_2;
         // The width of a uniform distribution is √12 times its standard deviation. The mean lag is
-        // not used, because all logs of a session share some of its errors.
+        // not used, because some of its errors are common to all logs of a session.
         let lags_s: Vec<(f64, f64)> =
             figures.iter().filter_map(|f| Some((f.lag_s?, f.lag_sigma_s?))).collect();
         let lag_s = 12_f64.sqrt() * spread(&lags_s);

@@ -1,4 +1,4 @@
-//! Study design: which contender flies which word with which seed. [`evaluate`] flies the design.
+//! Study design: which contender flies which word with which seed. [`evaluate`] flies its trials.
 
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};

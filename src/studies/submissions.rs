@@ -51,7 +51,7 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     }
     let mut read = Submissions { passed_over, ..Submissions::default() };
     for Submitted { path, name, refused } in &submitted {
-        // The longer name is used only if two files share a name, so that names stay short.
+        // The longer name is used only if two files have the same name, so that names stay short.
         let is_shared = submitted.iter().filter(|other| other.name == *name).count() > 1;
         let name = if is_shared { distinct_name(path, &submitted) } else { name.clone() };
         let scene = match refused {

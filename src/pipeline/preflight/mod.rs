@@ -2,7 +2,7 @@
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room if its size is known.
 //! Product out: a [`Diagnostic`] for each check of letters, plans, simulated flights, lamps, base
-//! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Things
+//! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Objects
 //! that no key of the scene describes, such as doors, are not checked.
 
 use crate::scene::{Preset, Scene};

@@ -102,7 +102,7 @@ pub struct Shoot {
     pub stop: Stop,
 }
 
-/// A switch by which another thread stops the work. All clones share their state.
+/// A switch by which another thread stops the work. All clones have the same state.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 

@@ -121,7 +121,7 @@ pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan 
     plan
 }
 
-/// Maximum number of multiplications for inverting a loop, which take some seconds.
+/// Maximum number of multiplications for inverting a loop, which take a few seconds.
 const MAX_INVERSE: f64 = 4e9;
 
 /// Returns an error if inverting the loop for a plan's setpoints would take minutes.

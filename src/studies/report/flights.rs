@@ -65,8 +65,8 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     .svg()
 }
 
-/// Returns one panel per axis with curves of errors over time. All panels share a scale that is
-/// centered at zero and extends to at least `least_m`.
+/// Returns one panel per axis with curves of errors over time. All panels have the same scale,
+/// which is centered at zero and extends to at least `least_m`.
 pub(super) fn error_panels(
     time_s: &Range<f64>,
     least_m: f64,
