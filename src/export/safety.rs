@@ -20,7 +20,8 @@ pub const START_RADIUS_M: f64 = 0.2;
 /// Minimum distance between people and any flight, m: an arm's length plus a step (an assumption).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
 /// Maximum difference in heading from the plan before take-off, rad: 10°. The light of headlights
-/// shifts sideways by the sine of this difference. A drone along another axis is off by 90°.
+/// shifts sideways by the sine of this difference. A drone that points along another axis is off by
+/// 90°.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
 /// Maximum roll and pitch before take-off, rad: 5°, exceeded by a drone on an edge or a cable.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;

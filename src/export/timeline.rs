@@ -67,7 +67,7 @@ pub(super) struct Timeline {
     /// Positions of rest before the trajectory: floor, hover above it, first letter, trajectory's
     /// start.
     pub(super) before: [Rest; 4],
-    /// Rests after the trajectory: at the end of a hover, and on the floor.
+    /// Positions of rest after the trajectory: the end of a hover, and the floor.
     pub(super) after: [Rest; 2],
 }
 

@@ -18,7 +18,8 @@ const MEDIAN_ERROR: f64 = 1.2533;
 const SURE_SIGMAS: f64 = 5.0;
 /// Minimum relevant median, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
-/// Maximum fraction and number of outliers on a link. Ultra-wideband has about 2 %.
+/// Maximum fraction and number of outliers on a link. Ultra-wideband ranging has about 2 %
+/// outliers.
 const MOST_REFUSED_FRAC: f64 = 0.05;
 const MOST_REFUSED: usize = 5;
 /// Bounds of the mean normalized innovation squared if the assumed noise and motion are correct to

@@ -84,7 +84,7 @@ impl SharedAnchorObserver {
         [one, two, common_m2[0] + common_m2[1] - between_m2 - 2.0 * shared_sq]
     }
 
-    /// Returns the outputs `y_11`, `y_12` and `y_2`.
+    /// Returns the correction of each estimate's rate, m/s, which is added to the drone's velocity.
     pub fn corrections(
         &self,
         estimates_m: &[Vector3<f64>; 2],

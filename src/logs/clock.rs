@@ -208,7 +208,7 @@ fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
 }
 
 /// Returns the clock rate that a block's times indicate, or `None` if the block has no usual
-/// period. The card is written at true ticks of the system, but with the drone's times.
+/// period. The card is written at true ticks of the system, but with times of the drone's clock.
 fn shown_rate(block: &Block) -> Option<f64> {
     /// Usual periods, and the maximum relative deviation of the mean step, averaged near the
     /// median.

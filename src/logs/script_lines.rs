@@ -224,7 +224,8 @@ impl GrowingLog {
         Self { file, path: path.to_owned(), lines, budget }
     }
 
-    /// Reads what the script has added, possibly an incomplete line. Returns true if there was any.
+    /// Reads what the script has added, possibly an incomplete line. Returns true if it added
+    /// anything.
     ///
     /// # Errors
     ///

@@ -39,7 +39,8 @@ pub struct Measures {
     /// Name of the contender.
     pub contender: String,
     /// Rank, 1 for the best. Contenders that cannot be distinguished from the first contender of a
-    /// rank have the same rank. `None` if no flight was read, as when every drone was lost.
+    /// rank have the same rank. `None` if no flight was read, for example because every drone was
+    /// lost.
     pub place: Option<usize>,
     /// Number of flights.
     pub n_flights: usize,

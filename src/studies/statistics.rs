@@ -71,7 +71,7 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
 /// The mean of the worst tenth is the maximum over q of the mean of `q + min(x - q, 0) n / k`, for
 /// the k lowest of n values x (Rockafellar, Uryasev, Journal of Risk 2, 2000). Each end of the
 /// interval is therefore the maximum of the corresponding ends of such means, by
-/// [`Posterior::ends`]. A percentile bootstrap is not used, as it never draws below the lowest
+/// [`Posterior::ends`]. A percentile bootstrap is not used, because it never draws below the lowest
 /// value.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
     let mut values = strata.concat();

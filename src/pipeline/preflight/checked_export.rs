@@ -125,7 +125,7 @@ impl CheckedExport {
         Ok(Self { options, shoot, trajectory, checks, findings })
     }
 
-    /// Returns the shoot whose plans are flown, with the trajectory if one is exported.
+    /// Returns the shoot whose plans are flown: the exported trajectory or, without one, the plans.
     pub fn flies(&self) -> &Shoot {
         self.trajectory.as_ref().unwrap_or(&self.shoot)
     }

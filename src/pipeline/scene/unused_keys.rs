@@ -268,7 +268,8 @@ impl Scene {
     }
 }
 
-/// Collects the keys that differ between two tables. A choice of another kind is one key.
+/// Collects the keys that differ between two tables. If the kinds of a choice differ, only the key
+/// of the choice is added.
 fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);

@@ -143,7 +143,7 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
 }
 
 /// Simulates an undisturbed flight of a plan. The controller uses the drone's own filter if the
-/// stations see the whole flight. Otherwise it uses the true state, as the estimate would be
+/// stations see the whole flight. Otherwise it uses the true state, because the estimate would be
 /// unpredictable.
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
     // The seed, which selects the sweeps that the Lighthouse deck drops, is fixed.

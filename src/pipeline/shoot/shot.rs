@@ -188,7 +188,8 @@ impl Shoot {
         known_digests: &OnceLock<Vec<String>>,
     ) -> Result<Option<Vec<u8>>> {
         let Some(format) = self.format else { return Ok(None) };
-        // The scene does not contain the strokes of a user's file, so the photo has their digest.
+        // The scene does not contain the strokes of a user's file, so the photo states their
+        // digest.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         let shown = Shown {

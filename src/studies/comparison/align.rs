@@ -8,7 +8,8 @@ use noctograph_plan::tracking::{DesignPath, minimize, spread_m2};
 const STEP_S: f64 = 0.02;
 /// Maximum time between the designs' first moves after alignment, due to lost packets and waiting.
 const MAX_APART_S: f64 = 3.0;
-/// Mean square difference (m² per axis) of designs with equal clocks, as files round to 1e-6 m.
+/// Mean square difference (m² per axis) below which the designs' clocks count as equal. Files are
+/// rounded to 1e-6 m.
 const EQUAL_M2: f64 = 1e-11;
 
 /// Returns the time to add to B's timestamps at which its design best matches A's, except for a

@@ -131,7 +131,8 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     canvas.svg()
 }
 
-/// Draws numbered grid lines every meter, or 10 or 100 m for a large room, solid at 0.
+/// Draws numbered grid lines every meter, or every 10 or 100 m for a large room. Lines at 0 are
+/// solid.
 fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     let mut grid_m = 1.0;
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {
